@@ -1,0 +1,46 @@
+"""The engine: graph files, ports, planning passes, back ends, running.  Knows no optics.
+
+>>> from tactograph.graph import load
+>>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP
+>>> height = pipeline(frames=stack)["height"]  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tactograph.graph.errors import GraphError, InputError, NodeError, TactographError, warn
+from tactograph.graph.node import Node, SizeLimit, node
+from tactograph.graph.ports import Port
+from tactograph.graph.provenance import Provenance
+from tactograph.graph.tolerance import Close, Exact, Flips
+
+if TYPE_CHECKING:
+    from tactograph.graph.run import Pipeline, load
+
+__all__ = [
+    "Close",
+    "Exact",
+    "Flips",
+    "GraphError",
+    "InputError",
+    "Node",
+    "NodeError",
+    "Pipeline",
+    "Port",
+    "Provenance",
+    "SizeLimit",
+    "TactographError",
+    "load",
+    "node",
+    "warn",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # The planner pulls in networkx and pydantic; a node file needs neither.
+    if name in ("load", "Pipeline"):
+        from tactograph.graph import run
+
+        return getattr(run, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

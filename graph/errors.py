@@ -1,0 +1,58 @@
+"""What goes wrong, said in one line: what, where, and what to do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+
+class TactographError(Exception):
+    """Base of every error this package raises on purpose.  Exit code 1."""
+
+    exit_code = 1
+
+
+class InputError(TactographError):
+    """The user's graph, file or value is wrong.  One clear line; exit code 2."""
+
+    exit_code = 2
+
+
+class GraphError(InputError):
+    """A graph file that cannot be run, with its place as ``file:line:column``."""
+
+
+class NodeError(TactographError):
+    """A node broke its own declaration, or failed for a reason that is not the user's."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the closest known word, else an empty string."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+_notes: ContextVar[list[str] | None] = ContextVar("tactograph_notes", default=None)
+
+
+def warn(message: str) -> None:
+    """Tell the user something that does not stop the run.
+
+    The engine prints it once and writes it into ``result.json``.  Outside a run
+    (a node called as a plain function) it does nothing.
+    """
+    notes = _notes.get()
+    if notes is not None and message not in notes:
+        notes.append(message)
+
+
+@contextmanager
+def collect_warnings(notes: list[str]) -> Iterator[None]:
+    """Let `warn` append to `notes` inside the block."""
+    token = _notes.set(notes)
+    try:
+        yield
+    finally:
+        _notes.reset(token)

@@ -1,0 +1,239 @@
+"""Nodes: a function's signature is its declaration.
+
+Positional arguments are input ports, keyword-only arguments are parameters, the return
+annotation gives the output port, or a record of ports.  A function that returns an iterator
+is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
+`Node.opencl` declares that ``kernels/<name>.cl`` holds the same algorithm.
+"""
+
+from __future__ import annotations
+
+import collections.abc
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tactograph.graph.ports import PortType, is_record, read_port, record_ports
+from tactograph.graph.provenance import Provenance
+from tactograph.graph.tolerance import Exact, Tolerance
+
+if typing.TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+
+@dataclass(frozen=True)
+class SizeLimit:
+    """The sizes a node accepts for one symbol, and why not others."""
+
+    low: int
+    high: int | None
+    why: str
+
+    def refuses(self, size: int) -> bool:
+        return size < self.low or (self.high is not None and size > self.high)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A keyword-only argument: a setting in the graph file."""
+
+    name: str
+    annotation: Any
+    default: Any = inspect.Parameter.empty
+
+    @property
+    def required(self) -> bool:
+        return self.default is inspect.Parameter.empty
+
+
+@dataclass
+class Node:
+    """The declaration of a node, callable as the plain NumPy function it wraps."""
+
+    name: str
+    function: Callable[..., Any]
+    inputs: dict[str, PortType]
+    input_records: dict[str, type]
+    parameters: dict[str, Parameter]
+    outputs: dict[str, PortType]
+    output_record: type | None
+    stream: bool
+    neutral: float | str | None
+    tolerance: Tolerance
+    sizes: Mapping[str, SizeLimit]
+    package: str = "tactograph"
+    provenance: str | None = None
+    grid: tuple[str, ...] | None = None
+    launch: Callable[[Launch], None] | None = None
+    requires: tuple[str, str] | None = None
+    make_example: Callable[..., dict[str, Any]] | None = None
+    kernel_package: str = "tactograph.kernels"
+    optional_inputs: frozenset[str] = field(default_factory=frozenset)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.function(*args, **kwargs)
+
+    @property
+    def source(self) -> bool:
+        return not self.inputs
+
+    @property
+    def sink(self) -> bool:
+        return not self.outputs
+
+    @property
+    def doc(self) -> str:
+        return inspect.getdoc(self.function) or ""
+
+    @property
+    def summary(self) -> str:
+        return self.doc.partition("\n\n")[0].replace("\n", " ")
+
+    @property
+    def has_kernel(self) -> bool:
+        return self.grid is not None or self.launch is not None
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """The size symbols in the order in which they first appear: the kernel's order."""
+        seen: dict[str, None] = {}
+        for port in (*self.inputs.values(), *self.outputs.values()):
+            seen.update(dict.fromkeys(d for d in port.dims if isinstance(d, str)))
+        return tuple(seen)
+
+    def opencl(
+        self,
+        launch: Callable[[Launch], None] | None = None,
+        *,
+        grid: str | None = None,
+        requires: tuple[str, str] | None = None,
+    ) -> Any:
+        """Declare the OpenCL implementation in ``kernels/<name>.cl``.
+
+        Parameters
+        ----------
+        launch
+            For nodes of several launches: a function that is handed a `Launch`.  Used as a
+            decorator.  Without it the engine launches the kernel of the node's own name.
+        grid
+            The size symbols that one work-item each is started for, slowest first.
+        requires
+            A module that the launch function needs, and what to install to get it.
+        """
+        self.requires = requires
+        if grid is not None:
+            self.grid = tuple(grid.split())
+            return self
+        if launch is None:
+            return lambda function: self.opencl(function, requires=requires)
+        self.launch = launch
+        return launch
+
+    def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
+        """Register a maker of test inputs, for nodes whose inputs depend on one another.
+
+        It is called with a random generator and the sizes, and returns inputs by port name;
+        what it leaves out is drawn from the port's own range.
+        """
+        self.make_example = function
+        return function
+
+
+def node(
+    function: Callable[..., Any] | None = None,
+    *,
+    neutral: float | str | None = None,
+    tolerance: Tolerance | None = None,
+    sizes: Mapping[str, SizeLimit] | None = None,
+) -> Any:
+    """Declare a function as a node.
+
+    Parameters
+    ----------
+    neutral
+        What stands in when a variant takes the node out: a constant for the output, or the
+        name of the input that is passed on.  None: the node cannot be taken out.
+    tolerance
+        How far the OpenCL output may differ from the NumPy one, and why.
+    sizes
+        Limits on size symbols, with the sentence a user reads when they are not met.
+
+    Raises
+    ------
+    TypeError
+        If the signature is not a declaration: a port without a type, a parameter that is
+        not keyword-only, a neutral input whose type is not the output's.
+    """
+    if function is None:
+        return lambda f: node(f, neutral=neutral, tolerance=tolerance, sizes=sizes)
+    hints = typing.get_type_hints(function, include_extras=True)
+    inputs: dict[str, PortType] = {}
+    records: dict[str, type] = {}
+    optional: set[str] = set()
+    parameters: dict[str, Parameter] = {}
+    provenance: str | None = None
+    for name, argument in inspect.signature(function).parameters.items():
+        annotation = hints.get(name)
+        if annotation is None:
+            raise TypeError(f"{function.__name__}: argument '{name}' has no type")
+        if argument.kind is argument.KEYWORD_ONLY:
+            if annotation is Provenance:
+                provenance = name
+            else:
+                parameters[name] = Parameter(name, annotation, argument.default)
+        elif is_record(annotation):
+            records[name] = annotation
+            ports = record_ports(annotation, f"{name}.")
+            inputs.update({port.name: port for port in ports.values()})
+        else:
+            inputs[name] = read_port(name, annotation)
+            if argument.default is not argument.empty:
+                optional.add(name)
+    outputs, record, stream = _read_outputs(function.__name__, hints.get("return"))
+    declared = Node(
+        name=function.__name__,
+        function=function,
+        inputs=inputs,
+        input_records=records,
+        parameters=parameters,
+        outputs=outputs,
+        output_record=record,
+        stream=stream,
+        neutral=neutral,
+        tolerance=tolerance or Exact(),
+        sizes=sizes or {},
+        provenance=provenance,
+        optional_inputs=frozenset(optional),
+    )
+    declared.__doc__ = function.__doc__
+    _check_neutral(declared)
+    return declared
+
+
+def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:
+    if annotation is None or annotation is type(None):
+        return {}, None, False
+    stream = typing.get_origin(annotation) in (
+        collections.abc.Iterator,
+        collections.abc.Generator,
+    )
+    if stream:
+        annotation = typing.get_args(annotation)[0]
+    if is_record(annotation):
+        return record_ports(annotation), annotation, stream
+    return {name: read_port(name, annotation)}, None, stream
+
+
+def _check_neutral(declared: Node) -> None:
+    neutral = declared.neutral
+    if neutral is None:
+        return
+    if len(declared.outputs) != 1:
+        raise TypeError(f"{declared.name}: only a node with one output can have a neutral")
+    if isinstance(neutral, str):
+        output = next(iter(declared.outputs.values()))
+        port = declared.inputs.get(neutral)
+        if port is None or (port.dims, port.dtype) != (output.dims, output.dtype):
+            raise TypeError(f"{declared.name}: neutral '{neutral}' is no input of the output's type")

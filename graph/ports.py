@@ -1,0 +1,112 @@
+"""Ports: what may flow along an edge of the graph.
+
+A port is declared by an annotation.  ``Annotated[NDArray[np.float32], Port("K H W")]``
+is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any other plain
+type (``str``, ``dict[str, float]``) is an object that stays on the host.  ``X | None``
+makes the port optional.  A ``NamedTuple`` of ports is a record: one edge, several values.
+"""
+
+from __future__ import annotations
+
+import types
+import typing
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+Dim = str | int
+
+
+@dataclass(frozen=True)
+class Port:
+    """The metadata of an array or number port.
+
+    Parameters
+    ----------
+    dims
+        Sizes separated by blanks: symbols (``K H W``) bind across the graph, numbers are
+        fixed.  Empty for a number.
+    unit
+        Physical unit; two connected ports must state the same one.  "1" is dimensionless.
+    nan
+        Whether NaN is a legal value ("not known here").
+    low, high
+        The values a test may draw from; not enforced at run time.
+    """
+
+    dims: str = ""
+    unit: str = "1"
+    nan: bool = False
+    low: float = 0.0
+    high: float = 1.0
+
+
+@dataclass(frozen=True)
+class PortType:
+    """A port as the engine sees it, read from an annotation."""
+
+    name: str
+    kind: Literal["array", "number", "object"]
+    dims: tuple[Dim, ...] = ()
+    dtype: np.dtype[Any] | None = None
+    python: Any = None
+    port: Port = Port()
+    optional: bool = False
+
+    @property
+    def unit(self) -> str:
+        return self.port.unit
+
+    def __str__(self) -> str:
+        if self.kind == "object":
+            return str(getattr(self.python, "__name__", self.python))
+        if self.kind == "number":
+            return f"number [{self.unit}]"
+        assert self.dtype is not None
+        return f"{self.dtype.name} {' x '.join(map(str, self.dims))} [{self.unit}]"
+
+    def renamed(self, name: str) -> PortType:
+        return replace(self, name=name)
+
+
+def is_record(annotation: Any) -> bool:
+    """Whether `annotation` is a NamedTuple class, that is, a record of ports."""
+    return isinstance(annotation, type) and hasattr(annotation, "_fields")
+
+
+def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
+    """Return the ports of a record by field name, each named ``prefix.field``."""
+    hints = typing.get_type_hints(record, include_extras=True)
+    fields: tuple[str, ...] = record._fields  # type: ignore[attr-defined]
+    return {field: read_port(f"{prefix}{field}", hints[field]) for field in fields}
+
+
+def read_port(name: str, annotation: Any) -> PortType:
+    """Turn one annotation into a `PortType`.
+
+    Raises
+    ------
+    TypeError
+        If an array or number annotation carries no `Port`.
+    """
+    optional = False
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        members = [a for a in typing.get_args(annotation) if a is not type(None)]
+        optional = len(members) < len(typing.get_args(annotation))
+        if len(members) != 1:
+            raise TypeError(f"port '{name}': a union of types cannot be a port")
+        annotation = members[0]
+    port: Port | None = None
+    if typing.get_origin(annotation) is Annotated:
+        annotation, *extras = typing.get_args(annotation)
+        port = next((e for e in extras if isinstance(e, Port)), None)
+    if typing.get_origin(annotation) is np.ndarray:
+        if port is None:
+            raise TypeError(f"port '{name}': an array needs Annotated[..., Port('H W')]")
+        scalar = typing.get_args(typing.get_args(annotation)[1])[0]
+        dims = tuple(int(d) if d.isdigit() else d for d in port.dims.split())
+        return PortType(name, "array", dims, np.dtype(scalar), port=port, optional=optional)
+    if annotation is float:
+        return PortType(name, "number", port=port or Port(), python=float, optional=optional)
+    return PortType(name, "object", python=annotation, optional=optional)

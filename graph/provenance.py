@@ -1,0 +1,35 @@
+"""Where a result comes from: what the engine tells a sink that asks for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """The graph, the back ends, the times and the warnings behind the values of one item.
+
+    A sink with a keyword-only argument of this type is handed one by the engine.
+    `as_dict` is what ``result.json`` holds.
+    """
+
+    graph: dict[str, Any]
+    device: str | None
+    nodes: list[dict[str, Any]]
+    sizes: dict[str, int]
+    versions: dict[str, str]
+    warnings: list[str]
+    fallbacks: list[str]
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "format": 1,
+            "graph": self.graph,
+            "device": self.device,
+            "nodes": self.nodes,
+            "sizes": self.sizes,
+            "versions": self.versions,
+            "warnings": self.warnings,
+            "fallbacks": self.fallbacks,
+        }

@@ -1,0 +1,75 @@
+"""How far two back ends may differ, and why: the measure of every parity test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Tolerance(Protocol):
+    """Judges the same output computed by two back ends."""
+
+    why: str
+
+    def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
+        """Return None if `other` is close enough to `reference`, else what is wrong."""
+
+
+@dataclass(frozen=True)
+class Exact:
+    """Every element equal, NaN equal to NaN."""
+
+    why: str = "the same operations in the same order"
+
+    def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
+        differs = _differs(reference, other, 0.0, 0.0)
+        return _first(differs, reference, other) if differs.any() else None
+
+
+@dataclass(frozen=True)
+class Close:
+    """Every element within ``absolute + relative * |reference|``."""
+
+    absolute: float
+    relative: float = 0.0
+    why: str = "rounding"
+
+    def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
+        differs = _differs(reference, other, self.absolute, self.relative)
+        return _first(differs, reference, other) if differs.any() else None
+
+
+@dataclass(frozen=True)
+class Flips:
+    """All but a `share` of the elements close; a decision may fall the other way there.
+
+    At least one flip is allowed whatever the size, so that tiny arrays can be judged.
+    """
+
+    share: float
+    absolute: float = 0.0
+    relative: float = 0.0
+    why: str = "a decision on a rounded value"
+
+    def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
+        differs = _differs(reference, other, self.absolute, self.relative)
+        if differs.sum() <= max(1.0, self.share * differs.size):
+            return None
+        return f"{differs.mean():.2%} flipped; " + _first(differs, reference, other)
+
+
+def _differs(a: NDArray[Any], b: NDArray[Any], absolute: float, relative: float) -> NDArray[Any]:
+    if a.dtype.kind != "f":
+        return np.asarray(a != b)
+    return ~np.isclose(b, a, rtol=relative, atol=absolute, equal_nan=True)
+
+
+def _first(differs: NDArray[Any], a: NDArray[Any], b: NDArray[Any]) -> str:
+    where = tuple(int(i) for i in np.argwhere(differs)[0])
+    return (
+        f"{int(differs.sum())} of {differs.size} elements differ, "
+        f"first at {where}: {a[where]!r} against {b[where]!r}"
+    )

@@ -1,0 +1,42 @@
+"""The optics, one file a node, and here the quantities that flow between them.
+
+Axes: x right, y down, z towards the camera.  Height is in mm above the film at rest, slope
+is dimensionless (mm per mm), light is the irradiance one LED causes, 0 to 1 of full scale as
+captured, 1 on the film at rest once divided by the flat field.  LEDs are numbered from 1;
+the letter K counts them.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.ports import Port
+
+F4 = NDArray[np.float32]
+U1 = NDArray[np.uint8]
+
+Light = Annotated[F4, Port("K H W", "1")]
+"""Irradiance per LED (the paper's I_k)."""
+Dark = Annotated[F4, Port("H W", "1", high=0.05)]
+"""What the camera sees with all LEDs off."""
+Slope = Annotated[F4, Port("2 H W", "mm/mm", low=-2, high=2)]
+"""Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2."""
+Height = Annotated[F4, Port("H W", "mm", low=-1, high=5)]
+"""Height z above the film at rest."""
+Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
+"""A bit per LED: bit k-1 stands for LED k."""
+Mask = Annotated[U1, Port("H W", "flag", high=1)]
+"""1 where a pixel counts, else 0."""
+PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]
+"""Side of a pixel on the film."""
+NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
+"""The vector a of equation 11, of unit length."""
+Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
+"""Standard deviation of a light, or of a.I, on lit pixels."""
+Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
+"""Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
+Metrics = dict[str, float]
+"""Named figures, as result.json holds them."""

@@ -1,0 +1,43 @@
+"""Divide every image by the untouched film under the same LED."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import node
+from tactograph.nodes import Dark, Light
+
+
+@node(neutral="image")
+def flat_field(
+    image: Light,
+    flat: Light,
+    dark: Dark,
+    *,
+    floor: Annotated[float, Gt(0)] = 0.02,
+) -> Light:
+    """Return the light relative to the film at rest: 1 where nothing touches.
+
+    Takes out each LED's uneven light, the lens's vignetting and the film's albedo, so that
+    one look-up table holds for all pixels (section 3 assumes a constant albedo).
+
+    Parameters
+    ----------
+    image
+        K x H x W, as captured.
+    flat
+        K x H x W, the untouched film, dark level already taken off.
+    dark
+        H x W, all LEDs off.
+    floor
+        Smallest value of the flat image that is divided by; darker pixels carry no
+        information and would only blow up noise.
+    """
+    top = image - dark
+    return np.asarray(top / np.maximum(flat, np.float32(floor)), np.float32)
+
+
+flat_field.opencl(grid="K H W")
