@@ -236,4 +236,6 @@ def _check_neutral(declared: Node) -> None:
         output = next(iter(declared.outputs.values()))
         port = declared.inputs.get(neutral)
         if port is None or (port.dims, port.dtype) != (output.dims, output.dtype):
-            raise TypeError(f"{declared.name}: neutral '{neutral}' is no input of the output's type")
+            raise TypeError(
+                f"{declared.name}: neutral '{neutral}' is no input of the output's type"
+            )

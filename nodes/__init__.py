@@ -8,7 +8,7 @@ the letter K counts them.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,3 +40,16 @@ Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
 """Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
 Metrics = dict[str, float]
 """Named figures, as result.json holds them."""
+LutLight = Annotated[F4, Port("N K", "1")]
+"""Light of the calibration pixels: the tables' keys."""
+LutSlope = Annotated[F4, Port("N 2", "mm/mm", low=-2, high=2)]
+"""Slope of the calibration pixels: the tables' values."""
+LutLit = Annotated[U1, Port("N", "LED bits", high=255)]
+"""The LEDs that reach each calibration pixel; says to which tables it belongs."""
+
+
+class KnownSlopes(NamedTuple):
+    """The slopes of an object of known shape, and the pixels where they hold."""
+
+    slope: Slope
+    mask: Mask

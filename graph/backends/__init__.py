@@ -1,0 +1,1 @@
+"""Where nodes run.  NumPy needs nothing; `opencl` drives one device through pyopencl."""

@@ -1,0 +1,1 @@
+"""The planning passes, in order: names, ports, sizes, backends, transfers, order."""

@@ -1,0 +1,149 @@
+"""OpenCL devices: every one listed, none trusted before it has run a real kernel.
+
+A listed device is no proof: runtimes exist that enumerate a CPU and then cannot compile for
+it.  Each candidate compiles and runs a small kernel, and the verdict says why one was passed
+over.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tactograph.graph.errors import InputError, did_you_mean
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+_PROBE = """
+__kernel void probe(__global const float *a, __global float *out, const float b)
+{
+    const int i = get_global_id(0);
+    __local float shared_[64];
+    shared_[get_local_id(0)] = a[i];
+    barrier(CLK_LOCAL_MEM_FENCE);
+    out[i] = sqrt(shared_[63 - get_local_id(0)]) + b;
+}
+"""
+
+
+@dataclass(frozen=True)
+class Device:
+    """An OpenCL device with the probe's verdict."""
+
+    name: str
+    kind: str
+    handle: cl.Device
+    works: bool
+    verdict: str
+    simulator: bool
+
+
+def find_devices() -> list[Device]:
+    """List and probe every device; empty, with no error, where there is no OpenCL at all."""
+    return [_probed(handle) for handle in _handles()]
+
+
+def choose_device(text: str | None = None) -> tuple[Device | None, str]:
+    """Return the device to use, or None and the reason.
+
+    Parameters
+    ----------
+    text
+        A part of the device's or platform's name; None takes the first that works, GPUs
+        first.  Simulators are taken only by name: they are made for tests, not for speed.
+
+    Raises
+    ------
+    InputError
+        If `text` matches no device, or only devices that do not work.
+    """
+    handles = list(_handles())
+    if text is not None:
+        named = [h for h in handles if text.lower() in _name(h).lower()]
+        if not named:
+            names = [_name(h) for h in handles]
+            raise InputError(
+                f"no OpenCL device's name contains '{text}'{did_you_mean(text, names)} "
+                f"Devices: {'; '.join(names) or 'none'}"
+            )
+        probed = [_probed(h) for h in named]
+        working = [d for d in probed if d.works]
+        if not working:
+            raise InputError(f"device {probed[0].name}: {probed[0].verdict}")
+        return working[0], ""
+    reasons = []
+    for handle in handles:
+        if _is_simulator(handle):
+            continue
+        device = _probed(handle)
+        if device.works:
+            return device, ""
+        reasons.append(f"{device.name}: {device.verdict}")
+    return None, "no OpenCL device works" + (f" ({'; '.join(reasons)})" if reasons else " here")
+
+
+def _handles() -> Iterator[cl.Device]:
+    try:
+        import pyopencl as cl
+    except ImportError:
+        return
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        return
+    handles = []
+    for platform in platforms:
+        try:
+            handles += platform.get_devices()
+        except cl.Error:
+            continue
+    gpu = cl.device_type.GPU
+    yield from sorted(handles, key=lambda handle: not handle.type & gpu)
+
+
+def _name(handle: cl.Device) -> str:
+    return f"{handle.platform.name.strip()} / {handle.name.strip()}"
+
+
+def _is_simulator(handle: cl.Device) -> bool:
+    return "oclgrind" in handle.platform.name.lower()
+
+
+def _probed(handle: cl.Device) -> Device:
+    import pyopencl as cl
+
+    kind = cl.device_type.to_string(handle.type).replace("DEFAULT | ", "")
+    simulator = _is_simulator(handle)
+    try:
+        trouble = _run_probe(handle)
+    except (cl.Error, RuntimeError) as error:
+        trouble = (str(error).strip() or type(error).__name__).splitlines()[0]
+    verdict = trouble or ("works; a simulator, taken only by name" if simulator else "works")
+    return Device(_name(handle), kind, handle, trouble is None, verdict, simulator)
+
+
+def _run_probe(handle: cl.Device) -> str | None:
+    """Compile and run a small kernel; return what is wrong, or None."""
+    import pyopencl as cl
+
+    context = cl.Context([handle])
+    queue = cl.CommandQueue(context)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        kernel = cl.Kernel(cl.Program(context, _PROBE).build(), "probe")
+    a = np.arange(128, dtype=np.float32)
+    flags = cl.mem_flags
+    source = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=a)
+    target = cl.Buffer(context, flags.WRITE_ONLY, a.nbytes)
+    kernel(queue, (128,), (64,), source, target, np.float32(1))
+    found = np.empty_like(a)
+    cl.enqueue_copy(queue, found, target)
+    expected = np.sqrt(a.reshape(2, 64)[:, ::-1].ravel()) + np.float32(1)
+    if not np.allclose(found, expected, rtol=1e-6):
+        return "a test kernel ran but gave wrong numbers"
+    return None

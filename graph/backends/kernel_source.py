@@ -1,0 +1,132 @@
+"""Kernel sources: headers expanded, and the signature compared with the declaration."""
+
+from __future__ import annotations
+
+import re
+import typing
+from importlib import resources
+from typing import Any, Literal
+
+from tactograph.graph.errors import NodeError
+from tactograph.graph.node import Node, Parameter
+
+_C_TYPES = {
+    "float32": "float",
+    "uint8": "uchar",
+    "uint16": "ushort",
+    "int32": "int",
+    "uint32": "uint",
+}
+_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
+
+Argument = tuple[str, str]
+"""(C type with a star for a buffer, name without the underscore that avoids a built-in)"""
+
+
+def kernel_source(node: Node) -> str:
+    """The text of the node's ``.cl`` file with its headers written in.
+
+    Raises
+    ------
+    NodeError
+        If there is no such file, or its kernel does not match the node's declaration.
+    """
+    text = _read(node, f"{node.name}.cl")
+    if node.grid is not None:
+        _check(node, text)
+    return _INCLUDE.sub(lambda match: _read(node, match[1]), text)
+
+
+def _read(node: Node, file: str) -> str:
+    for package in (node.kernel_package, "tactograph.kernels"):
+        found = resources.files(package) / file
+        if found.is_file():
+            return found.read_text(encoding="utf-8")
+    raise NodeError(f"node '{node.name}': there is no {file} in {node.kernel_package}")
+
+
+def expected_arguments(node: Node) -> list[Argument]:
+    """What the kernel must take: inputs, outputs, sizes, parameters, in declared order."""
+    arguments: list[Argument] = []
+    for port in node.inputs.values():
+        name = port.name.replace(".", "_")
+        if port.kind == "array":
+            arguments.append((f"{_c_type(port.dtype)}*", name))
+        elif port.kind == "number":
+            arguments.append(("float", name))
+    for port in node.outputs.values():
+        name = "out" if node.output_record is None else port.name
+        arguments.append((f"{_c_type(port.dtype)}*", name))
+    arguments += [("int", symbol) for symbol in node.symbols]
+    for parameter in node.parameters.values():
+        arguments += _parameter_arguments(node, parameter)
+    return arguments
+
+
+def scalar_type(annotation: Any) -> tuple[str, int, tuple[Any, ...]] | None:
+    """(C type, how many, choices) of a parameter that a kernel can take, else None."""
+    if typing.get_origin(annotation) is typing.Annotated:
+        annotation = typing.get_args(annotation)[0]
+    if annotation is float:
+        return "float", 1, ()
+    if annotation in (int, bool):
+        return "int", 1, ()
+    if typing.get_origin(annotation) is Literal:
+        return "int", 1, typing.get_args(annotation)
+    if typing.get_origin(annotation) is tuple:
+        members = [scalar_type(a) for a in typing.get_args(annotation)]
+        if members and members[0] is not None and all(m == members[0] for m in members):
+            return members[0][0], len(members), ()
+    return None
+
+
+def _parameter_arguments(node: Node, parameter: Parameter) -> list[Argument]:
+    found = scalar_type(parameter.annotation)
+    if found is None:
+        raise NodeError(
+            f"node '{node.name}' has a kernel, but no kernel can take its parameter "
+            f"'{parameter.name}'"
+        )
+    c_type, count, _ = found
+    if count == 1:
+        return [(c_type, parameter.name)]
+    return [(c_type, f"{parameter.name}_{i}") for i in range(count)]
+
+
+def _c_type(dtype: Any) -> str:
+    return _C_TYPES[str(dtype)]
+
+
+def kernel_arguments(text: str, name: str) -> list[Argument] | None:
+    """Read the arguments of kernel `name` from its source; None if there is no such kernel."""
+    plain = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL)
+    head = re.search(rf"(?:__)?kernel\s+void\s+{name}\s*\(([^)]*)\)", plain)
+    if head is None:
+        return None
+    return [_argument(piece) for piece in head[1].split(",")]
+
+
+def _argument(piece: str) -> Argument:
+    words = re.sub(r"\b(__)?(global|constant|local|const|restrict)\b", " ", piece)
+    star = "*" if "*" in words else ""
+    c_type, _, name = " ".join(words.replace("*", " ").split()).rpartition(" ")
+    return c_type + star, name.rstrip("_")
+
+
+def _check(node: Node, text: str) -> None:
+    found = kernel_arguments(text, node.name)
+    if found is None:
+        raise NodeError(f"kernels/{node.name}.cl holds no kernel '{node.name}'")
+    expected = [(c_type, name.rstrip("_")) for c_type, name in expected_arguments(node)]
+    for index, (wanted, there) in enumerate(zip(expected, found, strict=False), start=1):
+        if wanted != there:
+            raise NodeError(
+                f"kernels/{node.name}.cl: argument {index} is '{' '.join(there)}', "
+                f"but the declaration says '{' '.join(wanted)}'"
+            )
+    if len(expected) != len(found):
+        raise NodeError(
+            f"kernels/{node.name}.cl: the kernel takes {len(found)} arguments, "
+            f"but the declaration says {len(expected)}: "
+            f"{', '.join(name for _, name in expected)}"
+        )

@@ -1,0 +1,117 @@
+"""What a node's launch function is handed: its arrays on the device, and how to run kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.array
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.opencl import Compiled, OpenCL
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class DeviceArray:
+    """A buffer on the device with the shape and type of the array in it."""
+
+    buffer: Any
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def nbytes(self) -> int:
+        return int(np.prod(self.shape, dtype=np.int64)) * self.dtype.itemsize
+
+
+def local_size(axes: int) -> tuple[int, ...]:
+    """Work-group size: a run of 64 along the fastest axis, which vectorises on CPUs too."""
+    return (64, *(1,) * (axes - 1))
+
+
+def global_size(grid: tuple[int, ...], local: tuple[int, ...]) -> tuple[int, ...]:
+    """Grid, slowest axis first, to work-items, fastest axis first, in whole groups."""
+    return tuple(-(-n // m) * m for n, m in zip(reversed(grid), local, strict=True))
+
+
+class Launch:
+    """One launch of a node that needs more than one kernel, or a library."""
+
+    def __init__(
+        self,
+        device: OpenCL,
+        compiled: Compiled,
+        inputs: Mapping[str, Any],
+        outputs: Mapping[str, DeviceArray],
+        settings: Mapping[str, Any],
+        sizes: Mapping[str, int],
+    ) -> None:
+        self._device = device
+        self._compiled = compiled
+        self.inputs = inputs
+        self.outputs = outputs
+        self.settings = settings
+        self.sizes = sizes
+
+    @property
+    def queue(self) -> cl.CommandQueue:
+        return self._device.queue
+
+    def kernel(
+        self,
+        name: str,
+        grid: tuple[int, ...],
+        *arguments: Any,
+        local: tuple[int, ...] | None = None,
+    ) -> None:
+        """Enqueue one kernel of the node's ``.cl`` file.
+
+        Parameters
+        ----------
+        name
+            The kernel.
+        grid
+            Work-items needed, slowest axis first; rounded up to whole work-groups.
+        arguments
+            Device arrays, ints (as C int), floats (as C float) or pyopencl local memory.
+        local
+            Work-group size, fastest axis first, where the kernel relies on it.
+        """
+        local = local or local_size(len(grid))
+        kernel = self._compiled.kernels[name]
+        kernel.set_args(*map(_argument, arguments))
+        cl.enqueue_nd_range_kernel(self.queue, kernel, global_size(grid, local), local)
+
+    def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
+        """A buffer for this launch alone, from the pool."""
+        return self._device.empty(shape, np.dtype(dtype))
+
+    def upload(self, array: Any) -> DeviceArray:
+        """Copy a host array to the device; for constants, inside `keep`."""
+        return self._device.upload(array)
+
+    def keep(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what `make` made for `key`, made once for this node on this device."""
+        if key not in self._compiled.kept:
+            self._compiled.kept[key] = make()
+        found: T = self._compiled.kept[key]
+        return found
+
+    def array(self, found: DeviceArray) -> pyopencl.array.Array:
+        """Look at a device array as pyopencl's own array class, which libraries take."""
+        return pyopencl.array.Array(self.queue, found.shape, found.dtype, data=found.buffer)
+
+
+def _argument(value: Any) -> Any:
+    if isinstance(value, DeviceArray):
+        return value.buffer
+    if isinstance(value, int):
+        return np.int32(value)
+    if isinstance(value, float):
+        return np.float32(value)
+    return value

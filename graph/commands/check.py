@@ -1,0 +1,27 @@
+"""``tactograph check``: verify a graph without running it."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("check", short_help="Verify a graph without running it.")
+@click.argument("graph")
+@click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
+def command(graph: str, settings: tuple[str, ...]) -> None:
+    """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
+    from tactograph.graph.given import read_settings
+    from tactograph.graph.plan import make_plan
+    from tactograph.graph.read import read_graph
+    from tactograph.graph.run import placeholders, with_changes
+
+    read = with_changes(read_graph(graph), read_settings(settings))
+    plan = make_plan(read, placeholders(read), device=None, no_device="not looked for")
+    click.echo(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
+    click.echo(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
+    for unused in plan.unused:
+        click.echo(f"not used by any output: {unused}")
+    width = max((len(name) for name in read.params), default=0)
+    for name, param in read.params.items():
+        state = "needed" if param.required else f"default {param.default}"
+        click.echo(f"  {name:<{width}}  {param.kind:<8} {state}; {param.help}")

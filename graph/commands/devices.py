@@ -1,0 +1,26 @@
+"""``tactograph devices``: every OpenCL device, and whether it can be trusted."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("devices", short_help="List OpenCL devices and say which work.")
+@click.option("--require", is_flag=True, help="Fail if no device works (simulators aside).")
+def command(require: bool) -> None:
+    """Compile and run a small kernel on every device, and print the verdict."""
+    from tactograph.graph.backends.devices import choose_device, find_devices
+    from tactograph.graph.errors import InputError
+
+    devices = find_devices()
+    for device in devices:
+        click.echo(
+            f"{'ok ' if device.works else 'bad'}  {device.name} [{device.kind}]: {device.verdict}"
+        )
+    chosen, reason = choose_device()
+    if chosen is not None:
+        click.echo(f"in use by default: {chosen.name}")
+        return
+    if require:
+        raise InputError(f"{reason}; on Debian or Ubuntu: apt-get install pocl-opencl-icd")
+    click.echo(f"{reason}; graphs run on numpy")

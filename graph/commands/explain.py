@@ -1,0 +1,51 @@
+"""``tactograph explain``: what will run where, and why."""
+
+from __future__ import annotations
+
+import click
+
+from tactograph.graph.commands import run_options
+
+
+@click.command("explain", short_help="Say where each node would run, and why.")
+@click.argument("graph")
+@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@run_options
+def command(
+    graph: str,
+    values: tuple[str, ...],
+    settings: tuple[str, ...],
+    backend: str | None,
+    device: str | None,
+    strict: bool,
+) -> None:
+    """Print the plan of GRAPH.  Params that are not given do not matter to the plan."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from tactograph.graph.given import read_settings, read_words
+    from tactograph.graph.read import read_graph
+    from tactograph.graph.run import open_pipeline, placeholders, with_changes
+
+    read = with_changes(read_graph(graph), read_settings(settings))
+    given = {**placeholders(read), **read_words(read, values)}
+    plan = open_pipeline(read, given, backend=backend, device=device, strict=strict).plan
+    table = Table(title=f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}")
+    for heading in ("step", "op", "back end", "when", "why"):
+        table.add_column(heading, overflow="fold")
+    for step in plan.steps:
+        task = plan.tasks.get(step.name)
+        table.add_row(
+            step.name,
+            task.node.name if task else step.kind,
+            step.backend,
+            "every item" if step.stream else "once",
+            step.why,
+        )
+    Console(width=120 if not click.get_text_stream("stdout").isatty() else None).print(table)
+    for node_id, value in plan.passed.items():
+        click.echo(f"{node_id}: taken out; its readers read {value}")
+    for node_id in plan.unused:
+        click.echo(f"{node_id}: not run; nothing reads it")
+    for line in plan.fallbacks:
+        click.echo(f"fallback: {line}")

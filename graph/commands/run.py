@@ -1,0 +1,66 @@
+"""``tactograph run``: plan a graph and run it over all its items."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from tactograph.graph.commands import run_options
+
+
+@click.command("run", short_help="Run a graph.")
+@click.argument("graph")
+@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@run_options
+@click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
+def command(
+    graph: str,
+    values: tuple[str, ...],
+    settings: tuple[str, ...],
+    backend: str | None,
+    device: str | None,
+    strict: bool,
+    quiet: bool,
+) -> None:
+    """Run GRAPH, a graph file or the name of a pipeline that ships.
+
+    Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
+    """
+    from tactograph.graph.given import read_settings, read_words
+    from tactograph.graph.read import read_graph
+    from tactograph.graph.run import open_pipeline, with_changes
+
+    read = with_changes(read_graph(graph), read_settings(settings))
+    pipeline = open_pipeline(
+        read, read_words(read, values), backend=backend, device=device, strict=strict
+    )
+    for line in pipeline.plan.fallbacks:
+        click.echo(f"fallback: {line}", err=True)
+    told: set[str] = set()
+    count = 0
+    for result in pipeline.items():
+        count += 1
+        for warning in result.warnings:
+            if warning not in told:
+                click.echo(f"warning: {warning}", err=True)
+        told.update(result.warnings)
+        if not quiet:
+            click.echo(_summary(count, result))
+
+
+def _summary(number: int, result: Any) -> str:
+    """One line per item: the figures among the outputs, and where and how long it ran."""
+    figures: list[str] = []
+    for value in result.outputs.values():
+        if isinstance(value, dict):
+            figures += [f"{name} {figure:.4g}" for name, figure in value.items()]
+    stream = [step for step in result.plan.steps if step.stream and step.name in result.times]
+    steps = stream or [step for step in result.plan.steps if step.name in result.times]
+    by_backend: dict[str, float] = {}
+    for step in steps:
+        task = result.plan.tasks.get(step.name)
+        if task is None or not (task.node.sink or task.node.source):
+            by_backend[step.backend] = by_backend.get(step.backend, 0) + result.times[step.name]
+    times = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
+    return f"{number}: {'; '.join(filter(None, [', '.join(figures), times]))}"

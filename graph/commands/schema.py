@@ -1,0 +1,15 @@
+"""``tactograph schema``: the JSON schema of graph files."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+
+@click.command("schema", short_help="Print the JSON schema of graph files.")
+def command() -> None:
+    """Print the schema; editors use it for completion and red lines."""
+    from tactograph.graph.schema import make_schema
+
+    click.echo(json.dumps(make_schema(), indent=1))

@@ -1,0 +1,233 @@
+"""Pass 1: find every node, resolve every reference and parameter, refuse cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import networkx as nx
+
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.find import find_node
+from tactograph.graph.model import Entry, Graph, split_reference
+from tactograph.graph.node import Node
+from tactograph.graph.plan import Draft, Task, Value
+from tactograph.graph.settings import check_settings
+
+
+def bind(
+    graph: Graph, given: Mapping[str, Any], *, sinks: bool, stand_ins: frozenset[str]
+) -> Draft:
+    """Turn the names in a graph into nodes, values and checked parameters.
+
+    Raises
+    ------
+    GraphError
+        For an unknown op, a missing or extra input, a reference to nothing, a parameter
+        that is unknown or out of range, an output nobody makes, or a cycle.
+    InputError
+        For a value given to a param that the graph does not have, or one that is needed
+        and missing.
+    """
+    for name in given:
+        if name not in graph.params:
+            raise InputError(
+                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
+                f" It takes: {', '.join(graph.params) or 'none'}"
+            )
+    found = {node_id: _find(entry) for node_id, entry in graph.nodes.items()}
+    for name in stand_ins:
+        if name not in found or not found[name].source:
+            sources = [n for n, node in found.items() if node.source]
+            raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
+    passed = _passed_through(graph, found)
+    reads = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
+    _refuse_cycles(graph, reads)
+    outputs = {
+        name: _resolve(reference, graph, found, passed, f"{graph.name}: outputs.{name}")
+        for name, reference in graph.outputs.items()
+    }
+    wanted = {value.node for value in outputs.values()}
+    if sinks:
+        wanted |= {n for n in reads if found[n].sink}
+    if not wanted:
+        raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
+    live = _with_ancestors(wanted, reads)
+    tasks = {
+        n: Task(
+            id=n,
+            node=found[n],
+            entry=graph.nodes[n],
+            settings={} if n in stand_ins else _settings(n, graph, found[n], given),
+            reads=reads[n],
+            stand_in=n in stand_ins,
+        )
+        for n in graph.nodes
+        if n in live
+    }
+    _mark_streams(tasks)
+    unused = [n for n in reads if n not in live]
+    return Draft(graph, tasks, outputs, passed, unused)
+
+
+def _find(entry: Entry) -> Node:
+    try:
+        return find_node(entry.op)
+    except GraphError as error:
+        raise GraphError(f"{entry.where('op')}: {error}") from None
+
+
+def _passed_through(graph: Graph, found: Mapping[str, Node]) -> dict[str, Value]:
+    """Nodes taken out by a neutral that is one of their inputs, with what they pass on."""
+    passed: dict[str, Value] = {}
+    for node_id, entry in graph.nodes.items():
+        node = found[node_id]
+        if not entry.neutral:
+            continue
+        if node.neutral is None:
+            raise GraphError(
+                f"{entry.where('neutral')}: node '{node.name}' has no neutral value; "
+                "replace or remove it instead"
+            )
+        if isinstance(node.neutral, str):
+            reference = entry.inputs.get(node.neutral, "")
+            source, port = split_reference(reference)
+            graph.entry(source)
+            passed[node_id] = Value(source, port or next(iter(found[source].outputs)))
+    return passed
+
+
+def _reads(
+    node_id: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
+) -> dict[str, Value]:
+    entry, node = graph.nodes[node_id], found[node_id]
+    known = [*node.input_records, *(p for p in node.inputs if "." not in p)]
+    reads: dict[str, Value] = {}
+    for name, reference in entry.inputs.items():
+        where = entry.where(f"in.{name}")
+        if name not in known:
+            raise GraphError(
+                f"{where}: node '{node.name}' has no input '{name}'{did_you_mean(name, known)}"
+            )
+        if name in node.input_records:
+            reads |= _record(name, reference, graph, found, node, where)
+        else:
+            reads[name] = _resolve(reference, graph, found, passed, where)
+    for name in known:
+        if name not in entry.inputs and name not in node.optional_inputs:
+            raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
+    return reads
+
+
+def _record(
+    name: str, reference: str, graph: Graph, found: Mapping[str, Node], node: Node, where: str
+) -> dict[str, Value]:
+    source, port = split_reference(reference)
+    _known_node(source, graph, where)
+    record = node.input_records[name]
+    if port is not None or found[source].output_record is not record:
+        raise GraphError(
+            f"{where}: '{name}' takes all outputs of a node that gives a {record.__name__}; "
+            f"'{reference}' is not one"
+        )
+    return {f"{name}.{field}": Value(source, field) for field in found[source].outputs}
+
+
+def _known_node(name: str, graph: Graph, where: str) -> None:
+    if name not in graph.nodes:
+        raise GraphError(f"{where}: there is no node '{name}'{did_you_mean(name, graph.nodes)}")
+
+
+def _resolve(
+    reference: str,
+    graph: Graph,
+    found: Mapping[str, Node],
+    passed: Mapping[str, Value],
+    where: str,
+) -> Value:
+    source, port = split_reference(reference)
+    _known_node(source, graph, where)
+    outputs = found[source].outputs
+    if not outputs:
+        raise GraphError(f"{where}: node '{source}' only writes; nothing can be read from it")
+    if port is None and len(outputs) > 1:
+        raise GraphError(
+            f"{where}: node '{source}' has several outputs; say which: "
+            f"{', '.join(f'{source}.{o}' for o in outputs)}"
+        )
+    if port is not None and port not in outputs:
+        raise GraphError(
+            f"{where}: node '{source}' makes no '{port}'{did_you_mean(port, outputs)} "
+            f"It makes: {', '.join(outputs)}"
+        )
+    value = Value(source, port or next(iter(outputs)))
+    hops = 0
+    while value.node in passed:
+        value, hops = passed[value.node], hops + 1
+        if hops > len(passed):
+            raise GraphError(f"{where}: the neutral nodes pass on one another in a cycle")
+    return value
+
+
+def _refuse_cycles(graph: Graph, reads: Mapping[str, Mapping[str, Value]]) -> None:
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    dag.add_edges_from((v.node, node_id) for node_id, vs in reads.items() for v in vs.values())
+    try:
+        cycle = nx.find_cycle(dag)
+    except nx.NetworkXNoCycle:
+        return
+    walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
+    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph runs in a circle: {walk}")
+
+
+def _with_ancestors(wanted: set[str], reads: Mapping[str, Mapping[str, Value]]) -> set[str]:
+    live: set[str] = set()
+    todo = list(wanted)
+    while todo:
+        node_id = todo.pop()
+        if node_id not in live:
+            live.add(node_id)
+            todo.extend(value.node for value in reads[node_id].values())
+    return live
+
+
+def _settings(node_id: str, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
+    entry = graph.nodes[node_id]
+    settings: dict[str, Any] = {}
+    for name, value in entry.settings.items():
+        if isinstance(value, str) and value.startswith("$"):
+            settings[name] = _param(value[1:], graph, given, entry.where(f"with.{name}"))
+        else:
+            settings[name] = value
+    return check_settings(node, settings, entry)
+
+
+def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any:
+    if name not in graph.params:
+        raise GraphError(
+            f"{where}: the graph has no param '{name}'{did_you_mean(name, graph.params)}"
+        )
+    param = graph.params[name]
+    if name in given:
+        return given[name]
+    if param.required:
+        about = f" ({param.help})" if param.help else ""
+        raise InputError(f"{graph.name} needs {name}=...{about}")
+    return param.default
+
+
+def _mark_streams(tasks: Mapping[str, Task]) -> None:
+    """A task is part of the stream if it, or anything it reads, yields items."""
+    changed = True
+    while changed:
+        changed = False
+        for task in tasks.values():
+            upstream = any(tasks[value.node].stream for value in task.reads.values())
+            if not task.stream and (task.node.stream or upstream):
+                task.stream = changed = True
+    streams = [task for task in tasks.values() if task.node.stream]
+    if len(streams) > 1:
+        first, second = streams[:2]
+        raise GraphError(
+            f"{second.entry.where('op')}: a graph has one stream; '{first.id}' is one already"
+        )

@@ -1,0 +1,46 @@
+"""Pass 6: put the steps in order, and say when a value on the device is last read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import networkx as nx
+
+from tactograph.graph.plan import Draft, Step, Value
+
+
+def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
+    """Sort the steps: sources first, so that sizes clash before anything is computed.
+
+    Writers come last within what the edges allow, so that nothing is written if a later
+    computation fails.
+    """
+    file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
+
+    def rank(name: str) -> tuple[int, int, str]:
+        task = draft.tasks.get(name)
+        group = 1
+        if task is not None and task.node.source:
+            group = 0
+        elif task is not None and task.node.sink:
+            group = 2
+        return group, file_order.get(name, len(file_order)), name
+
+    names = list(nx.lexicographical_topological_sort(dag, key=rank))
+    return _with_releases([dag.nodes[name]["step"] for name in names])
+
+
+def _with_releases(steps: list[Step]) -> list[Step]:
+    """Mark, per item, the last step that reads each value on the device."""
+    last: dict[Value, int] = {}
+    for index, step in enumerate(steps):
+        if not step.stream:
+            continue
+        if step.backend == "opencl":
+            for value in (*step.reads, *step.writes):
+                last[value] = index
+    made = {v for s in steps if s.stream for v in s.writes}
+    return [
+        replace(step, release=tuple(v for v, at in last.items() if at == index and v in made))
+        for index, step in enumerate(steps)
+    ]

@@ -1,0 +1,75 @@
+"""Pass 5: bring every array to where it is read: one upload per value, shared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import networkx as nx
+
+from tactograph.graph.plan import Draft, Placement, Step, Task, Value
+
+
+def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]:
+    """Return the graph of steps: the tasks, and the transfers between them.
+
+    Each node of the result carries its `Step` as the attribute ``step``.
+    """
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    for task in draft.tasks.values():
+        placement = placements[task.id]
+        dag.add_node(
+            task.id,
+            step=Step(
+                kind="fill" if task.filled else "run",
+                name=task.id,
+                backend=placement.backend,
+                reads=tuple(dict.fromkeys(task.reads.values())),
+                writes=tuple(Value(task.id, port) for port in task.node.outputs),
+                stream=task.stream,
+                why=placement.why,
+            ),
+        )
+    for task in draft.tasks.values():
+        for name, value in task.reads.items():
+            is_array = task.node.inputs[name].kind == "array"
+            backend = placements[task.id].backend
+            _connect(dag, draft, placements, value, backend if is_array else None, task.id)
+    for value in draft.outputs.values():
+        if draft.tasks[value.node].node.outputs[value.port].kind == "array":
+            _connect(dag, draft, placements, value, "numpy", None)
+    return dag
+
+
+def _connect(
+    dag: nx.DiGraph[str],
+    draft: Draft,
+    placements: Mapping[str, Placement],
+    value: Value,
+    wanted: str | None,
+    reader: str | None,
+) -> None:
+    """Connect the maker of `value` to `reader`, through a transfer if they are apart."""
+    made_on = placements[value.node].backend
+    origin = value.node
+    if wanted is not None and wanted != made_on:
+        origin = _transfer(dag, draft.tasks[value.node], value, wanted)
+    if reader is not None:
+        dag.add_edge(origin, reader)
+
+
+def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, wanted: str) -> str:
+    kind = "upload" if wanted == "opencl" else "download"
+    name = f"{kind} {value}"
+    if name not in dag:
+        step = Step(
+            kind="upload" if wanted == "opencl" else "download",
+            name=name,
+            backend="opencl",
+            reads=(value,),
+            writes=(value,),
+            stream=maker.stream,
+            why="shared by all readers",
+        )
+        dag.add_node(name, step=step)
+        dag.add_edge(value.node, name)
+    return name

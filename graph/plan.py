@@ -1,0 +1,160 @@
+"""A plan: the steps of a run, made from a graph by the passes, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import networkx as nx
+
+from tactograph.graph.model import Entry, Graph
+from tactograph.graph.node import Node
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.opencl import OpenCL
+    from tactograph.graph.passes.sizes import SizeClasses
+
+
+@dataclass(frozen=True, order=True)
+class Value:
+    """What one output port of one node produces."""
+
+    node: str
+    port: str
+
+    def __str__(self) -> str:
+        return f"{self.node}.{self.port}"
+
+
+@dataclass
+class Task:
+    """A node of the graph with its references and settings resolved."""
+
+    id: str
+    node: Node
+    entry: Entry
+    settings: dict[str, Any]
+    reads: dict[str, Value]
+    stream: bool = False
+    stand_in: bool = False
+
+    @property
+    def filled(self) -> bool:
+        """Whether a constant stands in for the node."""
+        return self.entry.neutral
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a node runs and why; `fallback` if it was wanted elsewhere."""
+
+    backend: str
+    why: str
+    fallback: bool = False
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the plan."""
+
+    kind: Literal["run", "fill", "upload", "download"]
+    name: str
+    backend: str
+    reads: tuple[Value, ...]
+    writes: tuple[Value, ...]
+    stream: bool
+    why: str = ""
+    release: tuple[Value, ...] = ()
+
+
+@dataclass
+class Draft:
+    """What the passes hand on: the graph with all that is known of it so far."""
+
+    graph: Graph
+    tasks: dict[str, Task]
+    outputs: dict[str, Value]
+    passed: dict[str, Value] = field(default_factory=dict)
+    unused: list[str] = field(default_factory=list)
+
+    @property
+    def dag(self) -> nx.DiGraph[str]:
+        dag: nx.DiGraph[str] = nx.DiGraph()
+        dag.add_nodes_from(self.tasks)
+        for task in self.tasks.values():
+            dag.add_edges_from((value.node, task.id) for value in task.reads.values())
+        return dag
+
+    def readers(self, value: Value) -> list[Task]:
+        return [t for t in self.tasks.values() if value in t.reads.values()]
+
+
+@dataclass
+class Plan:
+    """The steps in order, and why each runs where it does."""
+
+    graph: Graph
+    tasks: dict[str, Task]
+    outputs: dict[str, Value]
+    placements: dict[str, Placement]
+    sizes: SizeClasses
+    steps: list[Step]
+    device: str | None
+    passed: dict[str, Value]
+    unused: list[str]
+
+    @property
+    def fallbacks(self) -> list[str]:
+        return [
+            f"{node_id} runs on {placement.backend}: {placement.why}"
+            for node_id, placement in self.placements.items()
+            if placement.fallback
+        ]
+
+
+def make_plan(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    device: OpenCL | None,
+    no_device: str = "",
+    sinks: bool = True,
+    stand_ins: frozenset[str] = frozenset(),
+) -> Plan:
+    """Verify `graph` and plan its run; nothing is run or written.
+
+    Parameters
+    ----------
+    given
+        Values of the graph's params.
+    device
+        The OpenCL device in use, or None with the reason in `no_device`.
+    sinks
+        Whether nodes that only write (files, pictures) are part of the run.
+    stand_ins
+        Source nodes whose items the caller will hand in as arrays.
+
+    Raises
+    ------
+    GraphError
+        If the graph does not verify; the message says where.
+    """
+    from tactograph.graph.passes import backends, names, order, ports, sizes, transfers
+
+    draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins)
+    ports.check(draft)
+    classes = sizes.unify(draft)
+    placements = backends.place(draft, device, no_device)
+    steps = order.order(transfers.insert(draft, placements), draft)
+    return Plan(
+        graph=graph,
+        tasks=draft.tasks,
+        outputs=draft.outputs,
+        placements=placements,
+        sizes=classes,
+        steps=steps,
+        device=device.name if device else None,
+        passed=draft.passed,
+        unused=draft.unused,
+    )

@@ -1,0 +1,474 @@
+"""Run a plan: item by item, host and device, with the time of every step."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.backends.devices import choose_device
+from tactograph.graph.backends.launch import DeviceArray
+from tactograph.graph.backends.opencl import OpenCL, Timer, milliseconds
+from tactograph.graph.errors import InputError, NodeError, TactographError, collect_warnings
+from tactograph.graph.find import find_node
+from tactograph.graph.model import BACKENDS, Graph
+from tactograph.graph.passes.sizes import Bound, Symbol, output_shape
+from tactograph.graph.patch import apply_patch
+from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
+from tactograph.graph.provenance import Provenance
+from tactograph.graph.read import read_graph
+from tactograph.graph.strict_yaml import Place
+
+_VERSIONS = (
+    "tactograph",
+    "numpy",
+    "scipy",
+    "pyopencl",
+    "pyvkfft",
+    "opencv-contrib-python-headless",
+)
+
+
+@dataclass
+class Result:
+    """What one item gave: the graph's outputs, and how long each step took.
+
+    ``result["height"]`` is the output of that name.  `times` is in milliseconds, by step.
+    """
+
+    outputs: dict[str, Any]
+    times: dict[str, float]
+    plan: Plan
+    warnings: list[str] = field(default_factory=list)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.outputs[name]
+
+
+class Pipeline:
+    """A verified, planned and compiled graph that keeps its buffers from call to call.
+
+    One pipeline belongs to one thread; several threads use one each.
+    """
+
+    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+        self.plan = plan
+        self._device = device
+        self._host: dict[Value, Any] = {}
+        self._remote: dict[Value, DeviceArray] = {}
+        self._known: dict[Symbol, Bound] = {}
+        self._times: dict[str, float] = {}
+        self._notes: list[str] = []
+        self._prepared = False
+        for task in plan.tasks.values():
+            if device is not None and plan.placements[task.id].backend == "opencl":
+                if not task.filled:
+                    device.compile(task.node)
+
+    def __call__(self, **stand_ins: NDArray[Any]) -> Result:
+        """Run one item, arrays standing in for source nodes, and return its outputs.
+
+        Parameters
+        ----------
+        **stand_ins
+            By source node: a K x H x W stack of images.  Unsigned integers count as
+            fractions of their full scale, floats as they are.
+
+        Raises
+        ------
+        InputError
+            If a source that the pipeline was planned without is missing, or sizes clash.
+        """
+        wanted = {task.id for task in self.plan.tasks.values() if task.stand_in}
+        if wanted != set(stand_ins):
+            raise InputError(
+                f"{self.plan.graph.name}: arrays are needed for {sorted(wanted)}, "
+                f"and were given for {sorted(stand_ins)}"
+            )
+        self._prepare()
+        return self._item({name: self._stand_in(name, array) for name, array in stand_ins.items()})
+
+    def items(self) -> Iterator[Result]:
+        """Run every item of the graph's stream, sinks included."""
+        self._prepare()
+        source = next((t for t in self.plan.tasks.values() if t.node.stream), None)
+        if source is None:
+            yield self._item({})
+            return
+        with collect_warnings(self._notes), blaming(source):
+            iterator = iter(source.node(**source.settings))
+        while True:
+            start = time.perf_counter()
+            with collect_warnings(self._notes), blaming(source):
+                item = next(iterator, None)
+            if item is None:
+                return
+            self._times[source.id] = 1e3 * (time.perf_counter() - start)
+            yield self._item({source.id: item})
+
+    def _prepare(self) -> None:
+        """Run, once, what does not depend on the stream."""
+        if not self._prepared:
+            steps = [step for step in self.plan.steps if not step.stream]
+            self._steps(steps, self._known, {})
+            self._prepared = True
+
+    def _item(self, given: Mapping[str, Any]) -> Result:
+        steps = [step for step in self.plan.steps if step.stream]
+        self._steps(steps, dict(self._known), given)
+        outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
+        return Result(outputs, dict(self._times), self.plan, list(self._notes))
+
+    def _steps(
+        self, steps: list[Step], known: dict[Symbol, Bound], given: Mapping[str, Any]
+    ) -> None:
+        """Run steps in order; sinks last, when every time is known."""
+        timers: dict[str, Timer] = {}
+        sinks = [step for step in steps if self._is_sink(step)]
+        for step in steps:
+            if step not in sinks:
+                self._execute(step, known, timers, given)
+        if timers and self._device is not None:
+            self._device.finish()
+            self._times |= {name: milliseconds(timer) for name, timer in timers.items()}
+        for step in sinks:
+            self._execute(step, known, timers, given)
+
+    def _is_sink(self, step: Step) -> bool:
+        return step.kind == "run" and self.plan.tasks[step.name].node.sink
+
+    def _stand_in(self, name: str, array: NDArray[Any]) -> Any:
+        record = self.plan.tasks[name].node.output_record
+        stack = _as_stack(array)
+        return stack if record is None else record(stack)
+
+    def _execute(
+        self,
+        step: Step,
+        known: dict[Symbol, Bound],
+        timers: dict[str, Timer],
+        given: Mapping[str, Any],
+    ) -> None:
+        if step.kind in ("upload", "download"):
+            self._transfer(step)
+        else:
+            task = self.plan.tasks[step.name]
+            sizes = self.plan.sizes.sizes_of(task, known)
+            if step.kind == "fill":
+                self._fill(task, step, sizes)
+            elif step.backend == "opencl":
+                self._launch(task, sizes, timers)
+            else:
+                self._run(task, known, given)
+        for value in step.release:
+            self._remote.pop(value, None)
+
+    def _transfer(self, step: Step) -> None:
+        assert self._device is not None
+        start = time.perf_counter()
+        (value,) = step.reads
+        if step.kind == "download":
+            self._host[value] = self._device.download(self._remote[value])
+        elif self._host[value] is not None:
+            self._remote[value] = self._device.upload(self._host[value])
+        self._times[step.name] = 1e3 * (time.perf_counter() - start)
+
+    def _fill(self, task: Task, step: Step, sizes: Mapping[str, int]) -> None:
+        (port,) = task.node.outputs
+        shape = output_shape(task.node, port, sizes)
+        dtype = task.node.outputs[port].dtype
+        assert dtype is not None
+        assert isinstance(task.node.neutral, int | float)
+        value = Value(task.id, port)
+        if step.backend == "opencl":
+            assert self._device is not None
+            self._remote[value] = self._device.fill(shape, dtype, task.node.neutral)
+        else:
+            self._host[value] = np.full(shape, task.node.neutral, dtype)
+        self._times[task.id] = 0.0
+
+    def _launch(self, task: Task, sizes: Mapping[str, int], timers: dict[str, Timer]) -> None:
+        assert self._device is not None
+        inputs = {
+            name: self._remote.get(value) if port.kind == "array" else self._host[value]
+            for name, port in task.node.inputs.items()
+            if (value := task.reads.get(name)) is not None and port.kind != "object"
+        }
+        with blaming(task):
+            outputs, timer = self._device.run(task.node, inputs, task.settings, sizes)
+        timers[task.id] = timer
+        for name, array in outputs.items():
+            self._remote[Value(task.id, name)] = array
+
+    def _run(
+        self,
+        task: Task,
+        known: dict[Symbol, Bound],
+        given: Mapping[str, Any],
+    ) -> None:
+        if task.id in given:
+            made = given[task.id]
+        else:
+            keywords = dict(task.settings)
+            if task.node.provenance is not None:
+                keywords[task.node.provenance] = self._provenance(known)
+            start = time.perf_counter()
+            with collect_warnings(self._notes), blaming(task):
+                made = task.node(*_positional(task, self._host), **keywords)
+            self._times[task.id] = 1e3 * (time.perf_counter() - start)
+        for name, result in _by_port(task, made).items():
+            port = task.node.outputs[name]
+            if port.kind == "array" and result is not None:
+                result = _as_declared(task, name, result)
+                self.plan.sizes.bind(known, task, name, result.shape)
+            self._host[Value(task.id, name)] = result
+
+    def _provenance(self, known: Mapping[Symbol, Bound]) -> Provenance:
+        """What is known at this moment of the run, for a sink that writes it down."""
+        sizes: dict[str, int] = {}
+        for (_, symbol), bound in known.items():
+            sizes.setdefault(symbol, bound.size)
+        return Provenance(
+            graph={
+                "name": self.plan.graph.name,
+                "title": self.plan.graph.title,
+                "hash": self.plan.graph.hash,
+            },
+            device=self.plan.device,
+            nodes=[self._timed(step) for step in self.plan.steps if step.name in self._times],
+            sizes=sizes,
+            versions=versions(),
+            warnings=list(self._notes),
+            fallbacks=self.plan.fallbacks,
+        )
+
+    def _timed(self, step: Step) -> dict[str, Any]:
+        task = self.plan.tasks.get(step.name)
+        return {
+            "node": step.name,
+            "op": task.node.name if task else step.kind,
+            "backend": step.backend,
+            "once": not step.stream,
+            "ms": round(self._times[step.name], 4),
+            "why": step.why,
+        }
+
+
+def load(
+    name: str,
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+    changes: Mapping[str, Any] | None = None,
+    **given: Any,
+) -> Pipeline:
+    """Read, verify, plan and compile a graph, to be called with arrays.
+
+    Parameters
+    ----------
+    name
+        A graph file, or the bare name of a pipeline that ships.
+    backend
+        "numpy" or "opencl" in place of what the graph prefers.
+    device
+        A part of the name of the OpenCL device to use.
+    strict
+        Refuse to run anything elsewhere than it was wanted.
+    changes
+        ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
+    **given
+        The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
+        params are not given is left to the caller: ``pipeline(frames=stack)``.
+
+    Returns
+    -------
+    Pipeline
+
+    Raises
+    ------
+    InputError
+        If the graph, a value or a file is wrong; the message says what and where.
+
+    Examples
+    --------
+    >>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP
+    >>> pipeline(frames=stack)["height"].shape  # doctest: +SKIP
+    (480, 640)
+    """
+    graph = with_changes(read_graph(name), changes or {})
+    return open_pipeline(
+        graph,
+        given,
+        backend=backend,
+        device=device,
+        strict=strict,
+        sinks=False,
+        stand_ins=_ungiven_streams(graph, given),
+    )
+
+
+def open_pipeline(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+    sinks: bool = True,
+    stand_ins: frozenset[str] = frozenset(),
+) -> Pipeline:
+    """Plan and compile a graph that has been read; see `load`.
+
+    Raises
+    ------
+    InputError
+        Also if `strict` and a node would run elsewhere than it was wanted.
+    """
+    if backend is not None:
+        if backend not in BACKENDS:
+            raise InputError(f"there is no back end '{backend}'; there are numpy and opencl")
+        graph = replace(graph, prefer=(backend,))
+    opencl, reason = _open_device(graph, device)
+    if opencl is None and backend == "opencl":
+        raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
+    plan = make_plan(
+        graph, given, device=opencl, no_device=reason, sinks=sinks, stand_ins=stand_ins
+    )
+    if strict and plan.fallbacks:
+        raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
+    return Pipeline(plan, opencl)
+
+
+def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
+    """Apply ``node.param=value`` changes, as a patch file's `set` would.
+
+    Raises
+    ------
+    GraphError
+        If a change names no node of the graph.
+    """
+    for target, value in changes.items():
+        node_id, dot, setting = target.partition(".")
+        if not dot or not setting:
+            raise InputError(f"--set {target}: write it as node.param=value")
+        places = {"": Place("--set", 1, 1, target)}
+        graph = apply_patch(graph, {"set": node_id, "settings": {setting: value}}, places)
+    return graph
+
+
+def placeholders(graph: Graph) -> dict[str, Any]:
+    """Values that stand for needed params where only the plan matters, not the data."""
+    dummies = {"path": "PATH", "text": "TEXT", "number": 1.0, "integer": 1, "flag": False}
+    return {
+        name: dummies.get(param.kind, [1.0, 1.0])
+        for name, param in graph.params.items()
+        if param.required
+    }
+
+
+def _open_device(graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
+    bound = any(entry.backend == "opencl" for entry in graph.nodes.values())
+    if "opencl" not in graph.prefer and not bound and text is None:
+        return None, "opencl is not among the preferred back ends"
+    device, reason = choose_device(text)
+    return (OpenCL(device) if device is not None else None), reason
+
+
+def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
+    """The stream sources that refer to a required param which was not given."""
+
+    def is_missing(setting: Any) -> bool:
+        if not isinstance(setting, str) or not setting.startswith("$"):
+            return False
+        param = graph.params.get(setting[1:])
+        return param is not None and param.required and setting[1:] not in given
+
+    return frozenset(
+        node_id
+        for node_id, entry in graph.nodes.items()
+        if any(map(is_missing, entry.settings.values())) and find_node(entry.op).stream
+    )
+
+
+@contextmanager
+def blaming(task: Task) -> Iterator[None]:
+    """Turn an unexpected exception of a node into one line that names the node."""
+    try:
+        yield
+    except TactographError:
+        raise
+    except Exception as error:
+        raise NodeError(
+            f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _positional(task: Task, host: Mapping[Value, Any]) -> list[Any]:
+    """The node's positional arguments; records put together again."""
+    arguments: dict[str, Any] = {}
+    for name, port in task.node.inputs.items():
+        value = task.reads.get(name)
+        found = None if value is None else host[value]
+        record, dot, fieldname = name.partition(".")
+        if dot:
+            arguments.setdefault(record, {})[fieldname] = found
+        else:
+            arguments[port.name] = found
+    return [
+        task.node.input_records[name](**found) if name in task.node.input_records else found
+        for name, found in arguments.items()
+    ]
+
+
+def _by_port(task: Task, made: Any) -> dict[str, Any]:
+    node = task.node
+    if node.sink:
+        return {}
+    if node.output_record is not None:
+        return dict(zip(node.outputs, made, strict=True))
+    return {next(iter(node.outputs)): made}
+
+
+def _as_declared(task: Task, name: str, array: NDArray[Any]) -> NDArray[Any]:
+    port = task.node.outputs[name]
+    if array.dtype != port.dtype or array.ndim != len(port.dims):
+        raise NodeError(
+            f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
+            f"but made {array.dtype} of shape {array.shape}"
+        )
+    for dim, size in zip(port.dims, array.shape, strict=True):
+        if isinstance(dim, int) and dim != size:
+            raise NodeError(f"node '{task.id}' declares {port} but made shape {array.shape}")
+    return np.ascontiguousarray(array)
+
+
+def _as_stack(array: NDArray[Any]) -> NDArray[np.float32]:
+    found = np.asarray(array)
+    if found.ndim != 3:
+        raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
+    if found.dtype.kind == "u":
+        return np.asarray(found / np.float32(np.iinfo(found.dtype).max), np.float32)
+    if found.dtype.kind != "f":
+        raise InputError(f"a stack of images is of unsigned integers or floats, not {found.dtype}")
+    if not np.isfinite(found).all():
+        raise InputError("the stack of images holds NaN or infinite values")
+    return np.asarray(found, np.float32)
+
+
+def versions() -> dict[str, str]:
+    """The versions a result depends on."""
+    found = {"python": platform.python_version()}
+    for name in _VERSIONS:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found

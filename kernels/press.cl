@@ -1,0 +1,62 @@
+#include "common.clh"
+
+// The object in front of the film at rest; the film starts on it.
+__kernel void rise(
+    __global const float *restrict height,
+    __global float *restrict obstacle,
+    __global float *restrict film,
+    const int H, const int W, const float stand_off)
+{
+    GRID_2(y, x, H, W)
+    const int i = y * W + x;
+    const float above = fmax(height[i] - stand_off, 0.0f);
+    obstacle[i] = above;
+    film[i] = above;
+}
+
+// Half a sweep of projected successive over-relaxation: the pixels of one colour of a
+// chessboard, whose neighbours have the other.  A work-item for every two pixels of a row.
+__kernel void settle(
+    __global const float *restrict obstacle,
+    __global float *film,
+    const int H, const int W, const int colour, const float share, const float relax)
+{
+    GRID_2(y, pair, H, (W + 1) / 2)
+    const int x = 2 * pair + ((y + colour) & 1);
+    if (x >= W)
+        return;
+    const int i = y * W + x;
+    const float here = film[i];
+    const float pull = film[max(y - 1, 0) * W + x] + film[min(y + 1, H - 1) * W + x]
+                       + film[y * W + max(x - 1, 0)] + film[y * W + min(x + 1, W - 1)];
+    film[i] = fmax(here + relax * (pull * share - here), obstacle[i]);
+}
+
+// 1 where the object holds the film.
+__kernel void touch(
+    __global const float *restrict obstacle,
+    __global const float *restrict film,
+    __global uchar *restrict contact,
+    const int H, const int W)
+{
+    GRID_2(y, x, H, W)
+    const int i = y * W + x;
+    contact[i] = obstacle[i] > 0.0f && film[i] <= obstacle[i];
+}
+
+// Weighted mean along one axis (1: x); beyond the border the film goes on level.
+__kernel void smooth(
+    __global const float *restrict film,
+    __global const float *restrict weights,
+    __global float *restrict out,
+    const int H, const int W, const int radius, const int axis)
+{
+    GRID_2(y, x, H, W)
+    float total = 0.0f;
+    for (int i = -radius; i <= radius; i++) {
+        const int row = axis ? y : clamp(y + i, 0, H - 1);
+        const int column = axis ? clamp(x + i, 0, W - 1) : x;
+        total += weights[i + radius] * film[row * W + column];
+    }
+    out[y * W + x] = total;
+}

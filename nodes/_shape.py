@@ -1,0 +1,56 @@
+"""What the shape nodes share: the record they return and the grid they fill."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, Height, PixelSize
+
+F8 = NDArray[np.float64]
+
+Side = Annotated[int, Interval(ge=1, le=16384)]
+"""Width or height of an image in pixels."""
+Length = Annotated[float, Gt(0)]
+"""A length in mm."""
+Offset = tuple[float, float]
+"""(x, y) in mm from the centre of the image, x right, y down."""
+
+PAPER_PIXEL_MM = 1 / 14
+"""The paper's simulation: a ball of radius 5 mm is 70 pixels high (section 4.1)."""
+
+
+class Shape(NamedTuple):
+    """A surface as the camera sees it."""
+
+    height: Height
+    pixel_size: PixelSize
+
+
+def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset) -> tuple[F8, F8]:
+    """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's centre."""
+    x = (np.arange(width_px) - (width_px - 1) / 2) * pixel_size_mm - offset_mm[0]
+    y = (np.arange(height_px) - (height_px - 1) / 2) * pixel_size_mm - offset_mm[1]
+    return x[None, :], y[:, None]
+
+
+def turned(x: F8, y: F8, angle_deg: float) -> tuple[F8, F8]:
+    """Return the coordinates in a frame turned by an angle from x towards y."""
+    angle = np.deg2rad(angle_deg)
+    c, s = np.cos(angle), np.sin(angle)
+    return c * x + s * y, c * y - s * x
+
+
+def shape(height: F8, pixel_size_mm: float) -> Shape:
+    """Return the record of a height in mm, nothing below the film at rest."""
+    top: F4 = np.asarray(np.maximum(height, 0.0), np.float32)
+    return Shape(top, float(pixel_size_mm))
+
+
+def stretched(height: F8, rise_mm: float | None) -> F8:
+    """Return heights scaled so that the highest is `rise_mm`; None leaves them alone."""
+    top = float(height.max(initial=0.0))
+    return height if rise_mm is None or top <= 0 else height * (rise_mm / top)

@@ -1,0 +1,59 @@
+"""Build the look-up tables from a capture of a known object."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Labels, Light, LutLight, LutLit, LutSlope, Mask, Slope
+
+FEWEST = 100
+
+
+class Lut(NamedTuple):
+    """The K-light table and the K tables without one light each, as one list of pixels.
+
+    A pixel belongs to the K-light table if all LEDs reach it, and to the table without
+    LED k if all the others do.
+    """
+
+    light: LutLight
+    slope: LutSlope
+    lit: LutLit
+
+
+@node
+def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
+    """List light and slope of every calibration pixel that at least K-1 LEDs reach.
+
+    The table of the paper's Figure 4 and those of section 3.3.  The latter must hold every
+    pixel that THEIR lights reach, also where the LED left out does not: built from fully
+    lit pixels only they end before the steep side begins.
+
+    Parameters
+    ----------
+    light, slope, mask
+        Of the calibration object: K x H x W, 2 x H x W, H x W.
+    lit
+        H x W, bit k-1 set where LED k reaches the pixel.
+
+    Raises
+    ------
+    InputError
+        If fewer than 100 pixels can be used.
+    """
+    count = light.shape[0]
+    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1))
+    chosen = (mask > 0) & (reached >= max(3, count - 1))
+    if chosen.sum() < FEWEST:
+        raise InputError(
+            f"only {int(chosen.sum())} calibration pixels are reached by enough LEDs "
+            f"({FEWEST} are needed): is the ball in the frame, and does every LED flash?"
+        )
+    return Lut(
+        np.ascontiguousarray(light[:, chosen].T),
+        np.ascontiguousarray(slope[:, chosen].T),
+        lit[chosen],
+    )

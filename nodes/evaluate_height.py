@@ -1,0 +1,44 @@
+"""Compare a height with the truth, as the paper's Table 1 does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Height, Metrics, PixelSize
+
+
+@node
+def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = None) -> Metrics:
+    """Return the errors of a height, or nothing where the truth is not known.
+
+    Both heights are taken as they are: zero is the film at rest, nothing is shifted or
+    scaled to fit.  The object is where the truth is above zero.
+
+    Parameters
+    ----------
+    height, truth
+        H x W in mm.
+    pixel
+        mm per px; the paper states errors in pixels.
+
+    Returns
+    -------
+    dict
+        ``max_error_px`` and ``rmse_px`` over the whole frame; ``over_10_percent``, the
+        number of pixels whose error exceeds a tenth of the object's height, in per cent of
+        the object's area (Table 1); ``peak_error_percent``; ``peak_px``, the true height.
+    """
+    if truth is None:
+        return {}
+    error = np.abs(height.astype(np.float64) - truth)
+    peak = float(truth.max())
+    area = max(int((truth > 0).sum()), 1)
+    top = np.unravel_index(int(truth.argmax()), truth.shape)
+    return {
+        "max_error_px": float(error.max() / pixel),
+        "rmse_px": float(np.sqrt((error**2).mean()) / pixel),
+        "over_10_percent": float(100 * (error > 0.1 * peak).sum() / area) if peak > 0 else 0.0,
+        "peak_error_percent": float(100 * (height[top] / peak - 1)) if peak > 0 else 0.0,
+        "peak_px": peak / pixel,
+    }

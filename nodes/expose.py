@@ -1,0 +1,81 @@
+"""What the camera makes of the light: lens, ambient light, noise, quantisation."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from tactograph.graph import node
+from tactograph.nodes import F4, Dark, Light
+
+
+class Exposed(NamedTuple):
+    """The camera's images, 0 to 1 of full scale."""
+
+    image: Light
+    dark: Dark
+
+
+@node
+def expose(
+    light: Light,
+    *,
+    vignetting: Annotated[float, Interval(ge=0, le=1)] = 0.0,
+    ambient: Annotated[float, Ge(0)] = 0.0,
+    full_well: Annotated[float, Gt(0)] = 15000.0,
+    shot_noise: bool = True,
+    read_noise: Annotated[float, Ge(0)] = 10.0,
+    bits: Annotated[int, Interval(ge=1, le=16)] = 8,
+    seed: Annotated[int, Ge(0)] = 0,
+) -> Exposed:
+    """Return what a camera with an ideal linear sensor records of the light.
+
+    The mean number of electrons is the light times `full_well`; shot noise makes it a
+    Poisson number, the electronics add a Gaussian one; the result is clipped to full scale
+    and rounded to `bits`.  NumPy only: the noise must be the same for the same seed on every
+    machine, which device generators do not promise, and it is drawn once per capture.
+
+    Parameters
+    ----------
+    light
+        K x H x W, 1 is full scale.
+    vignetting
+        Share of the light that the lens loses in the image's corners, growing with the
+        square of the distance from the centre.
+    ambient
+        Light with all LEDs off, before the lens, as a share of full scale.
+    full_well
+        Electrons at full scale; fewer are noisier.
+    shot_noise
+        Whether the number of electrons is random.
+    read_noise
+        Standard deviation of the electronics, in electrons.
+    bits
+        Bit depth; 0 to 2^bits - 1 become 0 to 1.
+    seed
+        The same seed gives the same noise.
+
+    Returns
+    -------
+    The images K x H x W, and the dark image H x W taken with all LEDs off.
+    """
+    lens = _lens(light.shape[1:], vignetting)
+    frames = np.concatenate([light, np.zeros_like(light[:1])]) + np.float32(ambient)
+    electrons = (frames * lens).astype(np.float64) * full_well
+    rng = np.random.Generator(np.random.Philox(seed))
+    if shot_noise:
+        electrons = rng.poisson(electrons).astype(np.float64)
+    if read_noise > 0:
+        electrons += rng.normal(0.0, read_noise, electrons.shape)
+    steps = 2**bits - 1
+    levels = np.rint(np.clip(electrons / full_well, 0.0, 1.0) * steps)
+    image = np.asarray(levels / steps, np.float32)
+    return Exposed(image[:-1], image[-1])
+
+
+def _lens(size: tuple[int, ...], vignetting: float) -> F4:
+    """Share of the light that passes: 1 at the centre, 1 - `vignetting` in the corners."""
+    y, x = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in size)
+    return np.asarray(1 - vignetting * (y[:, None] ** 2 + x[None, :] ** 2) / 2, np.float32)

@@ -1,0 +1,61 @@
+"""Fit the vector that is orthogonal to the light of every fully lit pixel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Labels, Light, Mask, NullVector, Spread
+
+FEWEST = 100
+
+
+class NullFit(NamedTuple):
+    """The vector a of equation 11, and the spread of a.I where all LEDs reach."""
+
+    null: NullVector
+    spread: Spread
+
+
+@node
+def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
+    """Find a with a.I = 0: the eigenvector of I I^T to the smallest eigenvalue (section 3.2).
+
+    The shadow threshold lambda is chosen in multiples of the spread.  Three light
+    directions are never linearly dependent, so with three LEDs there is no such vector: it
+    is returned as zero, and the shadow test refuses to use it.
+
+    Parameters
+    ----------
+    light, mask, lit
+        Of the calibration object: K x H x W, H x W, H x W.  Only pixels that all LEDs
+        reach are used.
+
+    Returns
+    -------
+    NullFit
+        Unit vector of length K, and the robust standard deviation of a.I.
+
+    Raises
+    ------
+    InputError
+        If fewer than 100 pixels are reached by all LEDs.
+    """
+    count = light.shape[0]
+    if count < 4:
+        return NullFit(np.zeros(count, np.float32), 0.0)
+    chosen = (mask > 0) & (lit == (1 << count) - 1)
+    if chosen.sum() < FEWEST:
+        raise InputError(
+            f"only {int(chosen.sum())} calibration pixels are reached by all {count} LEDs "
+            f"({FEWEST} are needed): press less deep, or check that every LED flashes"
+        )
+    found = light[:, chosen].astype(np.float64)
+    null = np.linalg.eigh(found @ found.T)[1][:, 0]
+    null *= np.sign(null[np.argmax(np.abs(null))])
+    residual = null @ found
+    # Median absolute deviation: the few shadowed pixels that remain must not widen it.
+    spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
+    return NullFit(null.astype(np.float32), float(spread))

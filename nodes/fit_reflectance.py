@@ -1,0 +1,76 @@
+"""Fit the spherical-harmonic reflectance of every LED."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope
+
+FEWEST = 100
+
+
+class ReflectanceFit(NamedTuple):
+    """Nine coefficients per LED, and the root mean square of what they leave over."""
+
+    reflectance: Reflectance
+    residual: Annotated[F4, Port("K", "1")]
+
+
+@node
+def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> ReflectanceFit:
+    """Fit R(n) = sum of l_nm Y_nm(n) up to second order by least squares (equation 4).
+
+    Parameters
+    ----------
+    light, slope, mask, lit
+        Of the calibration object: K x H x W, 2 x H x W, H x W, H x W.  Each LED is fitted
+        on the pixels that it reaches.
+
+    Returns
+    -------
+    ReflectanceFit
+        Coefficients K x 9 in the order of `harmonics`, residual of length K.
+
+    Raises
+    ------
+    InputError
+        If an LED reaches fewer than 100 pixels of the object.
+    """
+    coefficients, residuals = [], []
+    for k, plane in enumerate(light):
+        chosen = (mask > 0) & ((lit >> k) & 1 > 0)
+        if chosen.sum() < FEWEST:
+            raise InputError(
+                f"LED {k + 1} reaches only {int(chosen.sum())} pixels of the calibration "
+                f"object ({FEWEST} are needed): is it on?"
+            )
+        basis = harmonics(slope[:, chosen]).T.astype(np.float64)
+        found, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
+        coefficients.append(found)
+        residuals.append(np.sqrt(np.mean((basis @ found - plane[chosen]) ** 2)))
+    return ReflectanceFit(np.asarray(coefficients, np.float32), np.asarray(residuals, np.float32))
+
+
+def harmonics(slope: F4) -> F4:
+    """The nine spherical harmonics up to second order, their constant factors left out.
+
+    1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
+    normal n = (-p, -q, 1) / sqrt(1 + p^2 + q^2), which points to the camera.
+
+    Parameters
+    ----------
+    slope
+        2 x anything.
+
+    Returns
+    -------
+    ndarray
+        9 x anything.
+    """
+    p, q = slope
+    z = 1 / np.sqrt(1 + p * p + q * q)
+    x, y = -p * z, -q * z
+    return np.stack([np.ones_like(z), x, y, z, x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1])

@@ -1,0 +1,53 @@
+"""The slopes of any object of known height."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Height, KnownSlopes, PixelSize
+
+
+@node(tolerance=Close(1e-5, 1e-5, why="division by the pixel size"))
+def height_slopes(
+    height: Height, pixel: PixelSize, *, steepest: Annotated[float, Gt(0)] = 4.0
+) -> KnownSlopes:
+    """Differentiate a height map (paper 3.1: "a calibration object with known shape").
+
+    Central differences, one-sided at the border.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    pixel
+        mm per px.
+    steepest
+        Pixels steeper than this (mm per mm) are masked out: across a true step a
+        difference is not a slope.
+
+    Returns
+    -------
+    KnownSlopes
+        Slope 2 x H x W and the mask of pixels where it can be trusted.
+    """
+    p = _difference(height, 1) / np.float32(pixel)
+    q = _difference(height, 0) / np.float32(pixel)
+    mask = p * p + q * q <= np.float32(steepest) * np.float32(steepest)
+    return KnownSlopes(np.stack([p, q]), mask.astype(np.uint8))
+
+
+def _difference(z: F4, axis: int) -> F4:
+    """Central difference per pixel along `axis`; one-sided at the ends, zero for one pixel."""
+    index = np.arange(z.shape[axis])
+    after = np.minimum(index + 1, index[-1])
+    before = np.maximum(index - 1, 0)
+    span = np.maximum(after - before, 1).astype(np.float32)
+    shape = (-1, 1) if axis == 0 else (1, -1)
+    return (z.take(after, axis) - z.take(before, axis)) / span.reshape(shape)
+
+
+height_slopes.opencl(grid="H W")

@@ -1,0 +1,80 @@
+"""Integrate slopes by least squares with free borders, through the cosine transform."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.fft import dctn, idctn
+
+from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, Height, PixelSize, Slope
+
+
+@node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
+def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
+    """Return the height whose differences come closest to the slopes.
+
+    Least squares on the staggered grid: the slope between two neighbours is the mean of
+    theirs, nothing is assumed beyond the border (Neumann), and the discrete Poisson
+    equation is diagonal in the DCT-II (Simchony, Chellappa and Shao, "Direct analytical
+    methods for solving Poisson equations in computer vision problems", 1990).
+
+    Parameters
+    ----------
+    slope
+        2 x H x W.
+    pixel
+        mm per px.
+
+    Returns
+    -------
+    ndarray
+        H x W in mm, its mean being zero.
+    """
+    divergence = _staggered(slope[0], 1) + _staggered(slope[1], 0)
+    spectrum = dctn(divergence, type=2, norm="ortho", workers=-1)
+    spectrum *= inverse_laplacian(divergence.shape)
+    height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
+    return np.asarray(height * np.float32(pixel), np.float32)
+
+
+def _staggered(slope: F4, axis: int) -> F4:
+    """Divergence, along one axis, of the slope half-way between neighbours."""
+    first = slope[:, :-1] if axis == 1 else slope[:-1]
+    second = slope[:, 1:] if axis == 1 else slope[1:]
+    between = (first + second) * np.float32(0.5)
+    pad = ((0, 0), (1, 1)) if axis == 1 else ((1, 1), (0, 0))
+    return np.diff(np.pad(between, pad), axis=axis)
+
+
+@lru_cache(maxsize=8)
+def inverse_laplacian(shape: tuple[int, int]) -> F4:
+    """One over the eigenvalues 2 cos(pi u / W) + 2 cos(pi v / H) - 4; 0 for the mean."""
+    v = np.arange(shape[0])[:, None]
+    u = np.arange(shape[1])[None, :]
+    eigenvalues = 2 * np.cos(np.pi * u / shape[1]) + 2 * np.cos(np.pi * v / shape[0]) - 4
+    eigenvalues[0, 0] = 1
+    inverse = (1 / eigenvalues).astype(np.float32)
+    inverse[0, 0] = 0
+    inverse.flags.writeable = False
+    return inverse
+
+
+@integrate_dct.opencl(requires=("pyvkfft", "pip install 'tactograph[vkfft]'"))
+def _launch(run: Launch) -> None:
+    """Divergence, DCT-II, division by the eigenvalues, DCT-III."""
+    from pyvkfft.opencl import VkFFTApp
+
+    height, width = shape = run.sizes["H"], run.sizes["W"]
+    out = run.outputs["integrate_dct"]
+    inverse = run.keep(("inverse", shape), lambda: run.upload(inverse_laplacian(shape)))
+    app = run.keep(
+        ("dct", shape),
+        lambda: VkFFTApp(shape, np.float32, queue=run.queue, dct=2, norm=1, inplace=True),
+    )
+    run.kernel("divergence", shape, run.inputs["slope"], out, height, width)
+    app.fft(run.array(out))
+    run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))
+    app.ifft(run.array(out))

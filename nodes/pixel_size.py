@@ -1,0 +1,22 @@
+"""The side of a pixel on the film, as the user states it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Gt
+
+from tactograph.graph import node
+from tactograph.nodes import PixelSize
+
+
+@node
+def pixel_size(*, mm: Annotated[float, Gt(0)]) -> PixelSize:
+    """Return the pixel size, so that nodes can read it like any other value.
+
+    Parameters
+    ----------
+    mm
+        mm per px.
+    """
+    return mm

@@ -1,0 +1,159 @@
+"""Press an object into the film: what the film's surface does."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Interval
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import F4, Height, Mask, PixelSize
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+ACCURACY = 1e-6
+"""What the sweeps leave of an error, as a share of it."""
+SHORTEST_REACH_PX = 0.01
+"""Below this the film's next pixel stays at rest to four digits: nothing to solve."""
+TAIL = 4.0
+"""The Gaussian is cut off at this many standard deviations."""
+
+
+class Pressed(NamedTuple):
+    """The film over an object, and where it touches it."""
+
+    height: Height
+    contact: Mask
+
+
+class _Sweeps(NamedTuple):
+    """Over-relaxation: how many sweeps, and the two factors of each."""
+
+    count: int
+    share: np.float32
+    relax: np.float32
+
+
+@node(
+    tolerance=Flips(
+        1e-3, absolute=1e-5, relative=1e-5, why="contact is decided on values equal to rounding"
+    )
+)
+def press(
+    height: Height,
+    pixel: PixelSize,
+    *,
+    stand_off_mm: Annotated[float, Ge(0)] = 0.0,
+    reach_mm: Annotated[float, Interval(ge=0, le=20)] = 0.5,
+    skin_mm: Annotated[float, Interval(ge=0, le=5)] = 0.1,
+) -> Pressed:
+    r"""Return the surface of a film into which an object is pressed from behind.
+
+    The film is a membrane of tension T on an elastic layer of stiffness k.  It takes the
+    shape that minimises  integral of T/2 |grad z|^2 + k/2 z^2  and does not cut the object:
+    z >= h - stand-off.  Away from the contact it comes back to rest as exp(-d / reach),
+    reach = sqrt(T / k).  Solved by projected successive over-relaxation, red and black
+    pixels in turn, level at the image's border.  A skin of finite thickness then rounds
+    what is left of the kinks.
+
+    Parameters
+    ----------
+    height
+        H x W, mm: the object above its base, as a shape node gives it.
+    pixel
+        mm per pixel.
+    stand_off_mm
+        From the object's base to the film at rest: what of the object stays behind the
+        film.  At 0 all of it is pressed in; at its full height it just touches.
+    reach_mm
+        Distance over which the film rises towards the contact; 0 for a film that moves only
+        where it is touched.
+    skin_mm
+        Standard deviation of the Gaussian smoothing by the skin.
+
+    Returns
+    -------
+    Height of the film, H x W, mm, and contact, 1 where the object touches it.
+    """
+    obstacle = np.maximum(height - np.float32(stand_off_mm), np.float32(0))
+    film = _settled(obstacle, _sweeps(reach_mm / pixel))
+    contact = (obstacle > 0) & (film <= obstacle)
+    weights = _gaussian(skin_mm / pixel)
+    return Pressed(_smoothed(_smoothed(film, weights, 1), weights, 0), contact.astype(np.uint8))
+
+
+@press.opencl
+def _launch(launch: Launch) -> None:
+    size = launch.sizes["H"], launch.sizes["W"]
+    pixel, settings = launch.inputs["pixel"], launch.settings
+    obstacle, film, half = (launch.scratch(size) for _ in range(3))
+    height, contact = launch.outputs["height"], launch.outputs["contact"]
+    sweeps = _sweeps(settings["reach_mm"] / pixel)
+    weights = _gaussian(settings["skin_mm"] / pixel)
+    taps = launch.keep(weights.tobytes(), lambda: launch.upload(weights))
+
+    stand_off = settings["stand_off_mm"]
+    launch.kernel("rise", size, launch.inputs["height"], obstacle, film, *size, stand_off)
+    pairs = size[0], (size[1] + 1) // 2
+    factors = sweeps.share, sweeps.relax
+    for _ in range(sweeps.count):
+        for colour in (0, 1):
+            launch.kernel("settle", pairs, obstacle, film, *size, colour, *factors)
+    launch.kernel("touch", size, obstacle, film, contact, *size)
+    launch.kernel("smooth", size, film, taps, half, *size, len(weights) // 2, 1)
+    launch.kernel("smooth", size, half, taps, height, *size, len(weights) // 2, 0)
+
+
+def _sweeps(reach_px: float) -> _Sweeps:
+    """The best factors for this stiffness, and the sweeps they need (Young's theory)."""
+    if reach_px < SHORTEST_REACH_PX:
+        return _Sweeps(0, np.float32(0), np.float32(0))
+    share = 1 / (4 + 1 / reach_px**2)
+    relax = 2 / (1 + math.sqrt(1 - (4 * share) ** 2))
+    # An error shrinks by relax - 1 each sweep; finding where the contact ends takes as long.
+    count = 10 + 2 * math.ceil(math.log(ACCURACY) / math.log(relax - 1))
+    return _Sweeps(count, np.float32(share), np.float32(relax))
+
+
+def _settled(obstacle: F4, sweeps: _Sweeps) -> F4:
+    film = np.pad(obstacle, 1, mode="edge")
+    for _ in range(sweeps.count):
+        for start in ((0, 0), (1, 1), (0, 1), (1, 0)):
+            _settle(film, obstacle, start, sweeps)
+    return film[1:-1, 1:-1]
+
+
+def _settle(film: F4, obstacle: F4, start: tuple[int, int], sweeps: _Sweeps) -> None:
+    """Move every second pixel of every second row; `film` has a border of one pixel."""
+    rows, columns = obstacle.shape
+    y, x = start
+
+    def shifted(dy: int, dx: int) -> F4:
+        return film[1 + y + dy : 1 + rows + dy : 2, 1 + x + dx : 1 + columns + dx : 2]
+
+    here = shifted(0, 0)
+    pull = shifted(-1, 0) + shifted(1, 0) + shifted(0, -1) + shifted(0, 1)
+    here[:] = np.maximum(here + sweeps.relax * (pull * sweeps.share - here), obstacle[y::2, x::2])
+    film[0], film[-1] = film[1], film[-2]
+    film[:, 0], film[:, -1] = film[:, 1], film[:, -2]
+
+
+def _gaussian(deviation_px: float) -> F4:
+    """Weights of a Gaussian filter, of sum 1; a single 1 if it is too narrow to matter."""
+    radius = math.ceil(TAIL * deviation_px) if deviation_px > SHORTEST_REACH_PX else 0
+    distance = np.arange(-radius, radius + 1)
+    weights = np.exp(-0.5 * (distance / max(deviation_px, SHORTEST_REACH_PX)) ** 2)
+    return np.asarray(weights / weights.sum(), np.float32)
+
+
+def _smoothed(film: F4, weights: F4, axis: int) -> F4:
+    """Filter along an axis; beyond the border the film goes on level."""
+    radius, size = len(weights) // 2, film.shape[axis]
+    wide = np.pad(film, [(radius, radius) if a == axis else (0, 0) for a in (0, 1)], mode="edge")
+    total = np.zeros_like(film)
+    for i, weight in enumerate(weights):
+        total += weight * (wide[i : i + size] if axis == 0 else wide[:, i : i + size])
+    return total

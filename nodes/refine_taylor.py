@@ -1,0 +1,107 @@
+"""Refine a coarse slope by a first-order Taylor step of the reflectance."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt, Interval
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
+
+SMALLEST = np.float32(1e-12)
+
+
+@node(
+    neutral="slope",
+    tolerance=Flips(
+        1e-3,
+        2e-3,
+        2e-3,
+        why="a 2 x 2 system that is close to singular where light hardly "
+        "depends on slope amplifies the rounding of its entries",
+    ),
+)
+def refine_taylor(
+    light: Light,
+    slope: Slope,
+    shadow: Labels,
+    reflectance: Reflectance,
+    *,
+    steps: Annotated[int, Interval(ge=0, le=10)] = 1,
+    limit: Annotated[float, Gt(0)] = 0.15,
+) -> Slope:
+    """Return G = G_0 + J^+ (I - R(G_0)) where no LED is shadowed (equations 5 and 6).
+
+    J is the derivative of the second-order spherical-harmonic reflectance R by (p, q), and
+    J^+ its pseudo-inverse.  Shadowed pixels keep their coarse slope (section 3.5 b).
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    slope
+        2 x H x W, the coarse G_0.
+    shadow
+        H x W; a pixel with any bit set is left as it is.
+    reflectance
+        K x 9, as `fit_reflectance` gives it.
+    steps
+        How many times the step is taken; the paper takes one.
+    limit
+        Longest step, as the angle in radians by which it turns the normal.  The expansion
+        holds only near G_0; on steep sides, where light hardly depends on slope, noise
+        would be blown up without it.
+    """
+    p, q = slope.copy()
+    lit = shadow == 0
+    for _ in range(steps):
+        dp, dq = _step(light, p, q, reflectance, np.float32(limit))
+        p = np.where(lit, p + dp, p)
+        q = np.where(lit, q + dq, q)
+    return np.asarray(np.stack([p, q]), np.float32)
+
+
+def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:
+    """One solution of the normal equations J^T J (dp, dq) = J^T (I - R), cut to `limit`."""
+    square = 1 + p * p + q * q
+    w = 1 / np.sqrt(square)
+    normal = (-p * w, -q * w, w)
+    cube = w / square
+    by_p = (p * p * cube - w, p * q * cube, -p * cube)
+    by_q = (p * q * cube, q * q * cube - w, -q * cube)
+    a = b = c = u = v = np.zeros_like(p)
+    for plane, coefficients in zip(light, reflectance, strict=True):
+        value, gradient = _reflectance(normal, coefficients)
+        j_p = gradient[0] * by_p[0] + gradient[1] * by_p[1] + gradient[2] * by_p[2]
+        j_q = gradient[0] * by_q[0] + gradient[1] * by_q[1] + gradient[2] * by_q[2]
+        rest = plane - value
+        a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
+        u, v = u + j_p * rest, v + j_q * rest
+    determinant = np.maximum(a * c - b * b, SMALLEST)
+    dp = (c * u - b * v) / determinant
+    dq = (a * v - b * u) / determinant
+    longest = limit * square
+    length = np.sqrt(dp * dp + dq * dq)
+    shrink = np.minimum(np.float32(1), longest / np.maximum(length, SMALLEST))
+    return dp * shrink, dq * shrink
+
+
+def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
+    """R(n) of equation 4 and its derivative by n, harmonics in the order of `harmonics`."""
+    x, y, z = n
+    value = (
+        c[0] + c[1] * x + c[2] * y + c[3] * z
+        + c[4] * (x * y) + c[5] * (x * z) + c[6] * (y * z)
+        + c[7] * (x * x - y * y) + c[8] * (3 * z * z - 1)
+    )  # fmt: skip
+    gradient = (
+        c[1] + c[4] * y + c[5] * z + 2 * c[7] * x,
+        c[2] + c[4] * x + c[6] * z - 2 * c[7] * y,
+        c[3] + c[5] * x + c[6] * y + 6 * c[8] * z,
+    )
+    return value, gradient
+
+
+refine_taylor.opencl(grid="H W")

@@ -1,0 +1,302 @@
+"""Light a surface with one LED at a time: the images a sensor would take."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Flips, InputError, node
+from tactograph.nodes import F4, Height, Labels, Light, PixelSize
+from tactograph.nodes.light_ring import LightPositions
+
+B1 = NDArray[np.bool_]
+I4 = NDArray[np.int32]
+
+GOLDEN_ANGLE = 2.3999631
+"""Radians between neighbouring points of a sunflower spiral, which fills a disk evenly."""
+LIFT_PX = 1e-3
+"""A ray starts this many pixel sizes above the surface, lest rounding hit its own pixel."""
+
+
+class Rendered(NamedTuple):
+    """What each LED causes, and where it does not reach."""
+
+    light: Light
+    labels: Labels
+
+
+class _Surface(NamedTuple):
+    """The height field with what every LED needs of it; arrays H x W."""
+
+    z: F4
+    x: F4
+    y: F4
+    p: F4
+    q: F4
+    norm: F4
+    pixel: np.float32
+    top: np.float32
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        return self.z.shape
+
+
+class _Film(NamedTuple):
+    """How the film reflects, and how its shadows are sought."""
+
+    distant: bool
+    gloss: float
+    shininess: float
+    step_px: float
+
+
+class _Rays(NamedTuple):
+    """From every pixel towards one point of an LED: H x W, mm (unit length if distant)."""
+
+    x: F4
+    y: F4
+    z: F4
+    length: F4
+
+
+@node(
+    tolerance=Flips(
+        2e-3,
+        absolute=2e-5,
+        relative=2e-4,
+        why="a ray that grazes an edge, or a surface edge-on to the light, may fall either way",
+    )
+)
+def render(
+    height: Height,
+    pixel: PixelSize,
+    lights: LightPositions,
+    *,
+    distant: bool = False,
+    level: Annotated[float, Interval(gt=0, le=1)] = 0.75,
+    gloss: Annotated[float, Ge(0)] = 0.0,
+    shininess: Annotated[float, Gt(0)] = 30.0,
+    led_size_mm: Annotated[float, Ge(0)] = 0.0,
+    rays: Annotated[int, Interval(ge=1, le=256)] = 16,
+    step_px: Annotated[float, Interval(gt=0, le=1)] = 0.5,
+) -> Rendered:
+    """Return the image under each LED and the pixels it does not reach.
+
+    A Lambertian film (section 3: I = albedo * n.L) with optional gloss, seen by an
+    orthographic camera.  A near LED lights each pixel from its own direction and falls off
+    with the inverse square of its distance.  The normal comes from central differences,
+    one-sided at the border.  Attached shadow: the surface faces away from the LED.  Cast
+    shadow: the ray from the pixel towards the LED, followed over the bilinearly
+    interpolated height, meets the surface.  What lies outside the image casts no shadow.
+
+    Parameters
+    ----------
+    height
+        H x W, mm above the film at rest.
+    pixel
+        mm per pixel.
+    lights
+        K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest.
+    distant
+        Whether the LEDs are infinitely far: parallel light, no fall-off.
+    level
+        Light of the film at rest at its brightest point in the image, under the LED that
+        is brightest there: the exposure.  Slopes that face an LED come out brighter.
+    gloss
+        Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance.
+    shininess
+        Exponent of the highlight; higher is smaller and sharper.
+    led_size_mm
+        Diameter of the LEDs, disks parallel to the film; 0 is a point with hard shadows.
+    rays
+        Rays per pixel to an LED that has a size; they give its soft shadows.
+    step_px
+        Step of the ray over the height field, in pixels.
+
+    Returns
+    -------
+    Light K x H x W, and labels H x W with bit k-1 set where fewer than half the rays reach
+    LED k.
+
+    Raises
+    ------
+    InputError
+        If a near LED does not stand above the surface's highest point.
+    """
+    surface = _surface(height, np.float32(pixel))
+    _check_above(lights, surface.top, distant)
+    film = _Film(distant, gloss, shininess, step_px)
+    gain = _gain(lights, height.shape, surface.pixel, distant, level)
+    light = np.empty((len(lights), *height.shape), np.float32)
+    labels = np.zeros(height.shape, np.uint8)
+    for k, led in enumerate(lights):
+        points = _points(led, rays if led_size_mm > 0 else 1, np.float32(led_size_mm))
+        radiance, reached = _lit_from(surface, points, film)
+        light[k] = gain * radiance / np.float32(len(points))
+        labels |= np.where(2 * reached < len(points), 1 << k, 0).astype(np.uint8)
+    return Rendered(light, labels)
+
+
+render.opencl(grid="H W")
+
+
+@render.example
+def _example(rng: np.random.Generator, K: int, **sizes: int) -> dict[str, F4]:
+    """LEDs in front of any height a test draws."""
+    sideways = rng.uniform(-20, 20, (K, 2))
+    return {"lights": np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)}
+
+
+def _lit_from(surface: _Surface, points: list[F4], film: _Film) -> tuple[F4, I4]:
+    """Return the sum of the radiance that the points of an LED cause, and how many reach."""
+    total = np.zeros(surface.size, np.float32)
+    reached = np.zeros(surface.size, np.int32)
+    for point in points:
+        ray = _towards(surface, point, film.distant)
+        cosine = _cosine(surface, ray)
+        lit = cosine > 0
+        lit[lit] = _unobstructed(surface, ray, lit, film)
+        radiance = cosine + _highlight(surface, ray, film)
+        falloff = 1.0 if film.distant else 1.0 / (ray.length * ray.length)
+        total += np.where(lit, radiance * falloff, np.float32(0))
+        reached += lit
+    return total, reached
+
+
+def _surface(height: F4, pixel: np.float32) -> _Surface:
+    rows, columns = height.shape
+    half_x, half_y = np.float32(0.5 * (columns - 1)), np.float32(0.5 * (rows - 1))
+    x = (np.arange(columns, dtype=np.float32)[None, :] - half_x) * pixel
+    y = (np.arange(rows, dtype=np.float32)[:, None] - half_y) * pixel
+    p, q = _difference(height, pixel, axis=1), _difference(height, pixel, axis=0)
+    norm = np.sqrt(1 + p * p + q * q)
+    return _Surface(height, x, y, p, q, norm, pixel, height.max())
+
+
+def _difference(height: F4, pixel: np.float32, axis: int) -> F4:
+    """Central difference along an axis, one-sided at the border, 0 on a single pixel."""
+    size = height.shape[axis]
+    here = np.arange(size)
+    before, after = np.maximum(here - 1, 0), np.minimum(here + 1, size - 1)
+    span = np.maximum(after - before, 1).astype(np.float32) * pixel
+    rise = np.take(height, after, axis) - np.take(height, before, axis)
+    return rise / (span[None, :] if axis == 1 else span[:, None])
+
+
+def _check_above(lights: F4, top: np.float32, distant: bool) -> None:
+    floor = 0.0 if distant else top
+    for k, z in enumerate(lights[:, 2], start=1):
+        if z <= floor:
+            raise InputError(
+                f"render: LED {k} stands {z:g} mm above the film at rest and the surface rises "
+                f"to {floor:g} mm; raise the LED or lower the surface"
+            )
+
+
+def _gain(
+    lights: F4, size: tuple[int, ...], pixel: np.float32, distant: bool, level: float
+) -> np.float32:
+    """The exposure: `level` over the flat film's largest irradiance inside the image.
+
+    Under a point light that is at the point of the image nearest to the LED's foot.
+    """
+    brightest = np.float32(0)
+    for x, y, z in lights:
+        if distant:
+            flat = z / np.sqrt(x * x + y * y + z * z)
+        else:
+            dx, dy = _outside(x, size[1], pixel), _outside(y, size[0], pixel)
+            square = dx * dx + dy * dy + z * z
+            flat = z / (square * np.sqrt(square))
+        brightest = np.maximum(brightest, flat)
+    return np.float32(level) / brightest
+
+
+def _outside(foot: np.float32, size: int, pixel: np.float32) -> np.float32:
+    """How far a coordinate lies outside the image, mm; 0 inside."""
+    return np.maximum(np.abs(foot) - np.float32(0.5 * (size - 1)) * pixel, np.float32(0))
+
+
+def _points(led: F4, count: int, size_mm: np.float32) -> list[F4]:
+    """`count` points spread evenly over an LED's disk; a single one is its centre."""
+    i = np.arange(count, dtype=np.float32)
+    radius = np.float32(0.5) * size_mm * np.sqrt(i / np.float32(count))
+    angle = i * np.float32(GOLDEN_ANGLE)
+    offset = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(i)], axis=1)
+    return list(led + offset)
+
+
+def _towards(surface: _Surface, point: F4, distant: bool) -> _Rays:
+    if distant:
+        unit = point / np.sqrt(point[0] * point[0] + point[1] * point[1] + point[2] * point[2])
+        x, y, z = (np.broadcast_to(c, surface.size) for c in unit)
+    else:
+        x = np.broadcast_to(point[0] - surface.x, surface.size)
+        y = np.broadcast_to(point[1] - surface.y, surface.size)
+        z = point[2] - surface.z
+    return _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
+
+
+def _cosine(surface: _Surface, ray: _Rays) -> F4:
+    """n.L, negative in an attached shadow (section 3.3)."""
+    return (ray.z - surface.p * ray.x - surface.q * ray.y) / (surface.norm * ray.length)
+
+
+def _highlight(surface: _Surface, ray: _Rays, film: _Film) -> F4 | float:
+    """Blinn-Phong: (n.h)^shininess, h half-way between the light and the camera above."""
+    if film.gloss == 0:
+        return 0.0
+    hx, hy, hz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length + 1
+    norm = surface.norm * np.sqrt(hx * hx + hy * hy + hz * hz)
+    cosine = (hz - surface.p * hx - surface.q * hy) / norm
+    return np.float32(film.gloss) * np.maximum(cosine, np.float32(0)) ** np.float32(film.shininess)
+
+
+def _unobstructed(surface: _Surface, ray: _Rays, wanted: B1, film: _Film) -> B1:
+    """Follow the rays of the wanted pixels; return which of them meet no surface.
+
+    All undecided rays take a step at a time together, so that NumPy works on long arrays.
+    """
+    rows, columns = surface.size
+    y, x = (c.astype(np.float32) for c in np.nonzero(wanted))
+    start = surface.z[wanted] + np.float32(LIFT_PX) * surface.pixel
+    dx, dy, dz = ray.x[wanted], ray.y[wanted], ray.z[wanted]
+    across = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+    step = np.float32(film.step_px)
+    dx, dy, dz = dx / across * step, dy / across * step, dz / across * step * surface.pixel
+    # The LED itself ends a ray; rays to a distant one end at the border of the image.
+    last = np.full_like(across, np.inf) if film.distant else across / (step * surface.pixel)
+
+    free = np.ones(x.size, bool)
+    open_ = np.arange(x.size)
+    i = np.float32(0)
+    while open_.size:
+        i += np.float32(1)
+        px, py, pz = x + i * dx, y + i * dy, start + i * dz
+        inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
+        alive = inside & (pz <= surface.top) & (i < last)
+        keep = np.nonzero(alive)[0]
+        hit = _interpolated(surface.z, px[keep], py[keep]) > pz[keep]
+        free[open_[keep[hit]]] = False
+        keep = keep[~hit]
+        open_ = open_[keep]
+        x, y, start, last = x[keep], y[keep], start[keep], last[keep]
+        dx, dy, dz = dx[keep], dy[keep], dz[keep]
+    return free
+
+
+def _interpolated(z: F4, x: F4, y: F4) -> F4:
+    """Bilinear interpolation at points inside the image."""
+    rows, columns = z.shape
+    left, top = x.astype(np.int32), y.astype(np.int32)
+    right, bottom = np.minimum(left + 1, columns - 1), np.minimum(top + 1, rows - 1)
+    fx, fy = x - left.astype(np.float32), y - top.astype(np.float32)
+    flat = z.ravel()
+    a, b = flat[top * columns + left], flat[top * columns + right]
+    c, d = flat[bottom * columns + left], flat[bottom * columns + right]
+    upper, lower = a + fx * (b - a), c + fx * (d - c)
+    return upper + fy * (lower - upper)

@@ -1,0 +1,48 @@
+"""Put the film at rest, which the border of the frame shows, at height zero."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import Height
+
+GROUP = 64
+
+
+@node(neutral="height")
+def rest_at_border(
+    height: Height, *, width_px: Annotated[int, Interval(ge=1, le=64)] = 3
+) -> Height:
+    """Subtract the (lower) median of the outermost pixels.
+
+    Slopes leave the height free by a constant; the paper's Table 1 compares heights with
+    the plane around the object at zero.  A median holds as long as the object covers less
+    than half of the frame's border.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    width_px
+        Width of the border that is looked at.
+    """
+    inner = np.ones(height.shape, bool)
+    inner[width_px:-width_px, width_px:-width_px] = False
+    border = height[inner]
+    middle = (border.size - 1) // 2
+    return height - np.partition(border, middle)[middle]
+
+
+@rest_at_border.opencl()
+def _launch(run: Launch) -> None:
+    height, out = run.inputs["height"], run.outputs["rest_at_border"]
+    rows, columns = shape = run.sizes["H"], run.sizes["W"]
+    median = run.scratch((1,))
+    border = int(run.settings["width_px"])
+    run.kernel("border_median", (GROUP,), height, median, rows, columns, border, local=(GROUP,))
+    run.kernel("subtract", shape, height, median, out, rows, columns)

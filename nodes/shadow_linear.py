@@ -1,0 +1,62 @@
+"""The paper's shadow test: linear dependence of the four intensities."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Flips, SizeLimit, node
+from tactograph.nodes import Labels, Light, NullVector, Spread
+
+
+@node(
+    neutral=0,
+    tolerance=Flips(1e-4, why="a threshold on a float32 sum"),
+    sizes={
+        "K": SizeLimit(
+            4,
+            8,
+            "the shadow test needs 4 to 8 LEDs, since three light directions are never "
+            "linearly dependent; with three use a graph without it, such as "
+            "reconstruct_no_shadow",
+        )
+    },
+)
+def shadow_linear(
+    light: Light,
+    null: NullVector,
+    spread: Spread,
+    *,
+    threshold: Annotated[float, Gt(0)] = 3.0,
+) -> Labels:
+    """Label the darkest LED where a.I departs from zero (section 3.2, equations 10 and 11).
+
+    Where the surface is lit by all LEDs, a.I = 0 up to noise.  Where |a.I| exceeds lambda =
+    threshold * spread, one intensity does not belong to the others, and the paper takes it
+    to be the darkest.  Two neighbouring LEDs shadowed at once cancel in a.I and are missed.
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    null, spread
+        The vector a of unit length, and the standard deviation of a.I on lit pixels.
+    threshold
+        lambda in multiples of `spread`.
+
+    Returns
+    -------
+    ndarray
+        H x W, bit k-1 set where LED k is shadowed.
+    """
+    departure = np.zeros(light.shape[1:], np.float32)
+    for a, plane in zip(null, light, strict=True):
+        departure += a * plane
+    shadowed = np.abs(departure) > np.float32(threshold) * np.float32(spread)
+    darkest = np.left_shift(1, np.argmin(light, axis=0))
+    return np.asarray(np.where(shadowed, darkest, 0), np.uint8)
+
+
+shadow_linear.opencl(grid="H W")

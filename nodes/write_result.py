@@ -1,0 +1,154 @@
+"""Write a touch: arrays for programs, pictures for people, and where it all comes from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import trimesh
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+
+from tactograph.graph import Provenance, node
+from tactograph.graph.whole import whole_files
+from tactograph.nodes import F4, Height, Labels, Light, Metrics, PixelSize
+
+FILES = (
+    "height.npy",
+    "height.tiff",
+    "height.ply",
+    "height.png",
+    "shadow.png",
+    "shadow_view.png",
+    "result.json",
+)
+LED_COLOURS = (
+    "#e6a03c",
+    "#3c8fe6",
+    "#d1495b",
+    "#4caf7a",
+    "#8e6bbf",
+    "#c9c13b",
+    "#5bc0be",
+    "#b07d62",
+)
+
+
+@node
+def write_result(
+    height: Height,
+    shadow: Labels,
+    image: Light,
+    pixel: PixelSize,
+    metrics: Metrics,
+    name: str,
+    *,
+    folder: Path,
+    mesh: bool = True,
+    pictures: bool = True,
+    provenance: Provenance,
+) -> None:
+    """Write the result of one touch into `folder`, or a folder of its name inside.
+
+    ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
+    y down, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
+    pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    shadow
+        H x W, the shadowed LEDs.
+    image
+        K x H x W, what was captured; the background of ``shadow_view.png``.
+    pixel
+        mm per px.
+    metrics
+        Figures to keep in ``result.json``.
+    name
+        The capture's name in a stream; empty for a single capture.
+    folder
+        Made if needed.
+    mesh, pictures
+        Whether to write those too; they take longer than all the rest.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written; then no file of this touch is.
+    """
+    with whole_files(folder / name if name else folder) as target:
+        np.save(target / "height.npy", height)
+        cv2.imwrite(str(target / "height.tiff"), height)
+        cv2.imwrite(str(target / "shadow.png"), shadow)
+        if mesh:
+            surface_mesh(height, pixel).export(target / "height.ply")
+        if pictures:
+            _draw_height(height, pixel, target / "height.png")
+            _draw_shadow(shadow, image, target / "shadow_view.png")
+        text = json.dumps({**provenance.as_dict(), "capture": name, "metrics": metrics}, indent=1)
+        (target / "result.json").write_text(text + "\n")
+
+
+def surface_mesh(height: Height, pixel: float) -> trimesh.Trimesh:
+    """Return the height map as a triangle mesh in mm, two triangles between four pixels."""
+    rows, columns = height.shape
+    y, x = np.mgrid[:rows, :columns]
+    vertices = np.stack([x * pixel, y * pixel, height], axis=-1).reshape(-1, 3)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    right, below = corner + 1, corner + columns
+    faces = np.concatenate(
+        [np.stack([corner, right, below], 1), np.stack([right, below + 1, below], 1)]
+    )
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _draw_height(height: Height, pixel: float, file: Path) -> None:
+    """The height map in mm, and the cross-section through its highest point."""
+    rows, columns = height.shape
+    top = int(np.unravel_index(int(height.argmax()), height.shape)[0])
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    extent = (0, columns * pixel, rows * pixel, 0)
+    picture = left.imshow(height, cmap="viridis", extent=extent)
+    left.axhline((top + 0.5) * pixel, color="white", linewidth=0.7, linestyle="--")
+    left.set(xlabel="x / mm", ylabel="y / mm", title="height above the film at rest")
+    figure.colorbar(picture, ax=left, label="mm")
+    right.plot((np.arange(columns) + 0.5) * pixel, height[top], linewidth=1)
+    right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {top * pixel:.2f} mm")
+    right.grid(alpha=0.3)
+    figure.savefig(file, dpi=110)
+
+
+def _draw_shadow(shadow: Labels, image: Light, file: Path) -> None:
+    """The labels over the mean image: a colour per shadowed LED, white for several."""
+    count = image.shape[0]
+    numbers = _label_numbers(shadow, count)
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.imshow(image.mean(axis=0), cmap="gray", vmin=0)
+    colours = ListedColormap([*LED_COLOURS[:count], "#ffffff"])
+    norm = BoundaryNorm(np.arange(0.5, count + 2), colours.N)
+    drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
+    bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))
+    bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(count)), "several"])
+    axes.set(
+        title=f"in shadow: {(numbers > 0).mean():.1%} of the pixels",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
+    figure.savefig(file, dpi=110)
+
+
+def _label_numbers(shadow: Labels, count: int) -> F4:
+    """0 for lit, k where LED k alone is dark, count + 1 where several are."""
+    bits = np.stack([(shadow >> k) & 1 for k in range(count)]).astype(np.int64)
+    dark = bits.sum(axis=0)
+    single = (bits * np.arange(1, count + 1)[:, None, None]).sum(axis=0)
+    return np.where(dark > 1, count + 1, single).astype(np.float32)
