@@ -23,6 +23,9 @@ if typing.TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 
+LaunchFunction = Callable[["Launch"], None]
+
+
 @dataclass(frozen=True)
 class SizeLimit:
     """The sizes a node accepts for one symbol, and why not others."""
@@ -66,7 +69,7 @@ class Node:
     package: str = "tactograph"
     provenance: str | None = None
     grid: tuple[str, ...] | None = None
-    launch: Callable[[Launch], None] | None = None
+    launch: LaunchFunction | None = None
     requires: tuple[str, str] | None = None
     make_example: Callable[..., dict[str, Any]] | None = None
     kernel_package: str = "tactograph.kernels"
@@ -103,22 +106,26 @@ class Node:
             seen.update(dict.fromkeys(d for d in port.dims if isinstance(d, str)))
         return tuple(seen)
 
+    @typing.overload
+    def opencl(self, *, grid: str) -> Node: ...
+
+    @typing.overload
     def opencl(
-        self,
-        launch: Callable[[Launch], None] | None = None,
-        *,
-        grid: str | None = None,
-        requires: tuple[str, str] | None = None,
-    ) -> Any:
+        self, *, requires: tuple[str, str] | None = None
+    ) -> Callable[[LaunchFunction], LaunchFunction]: ...
+
+    def opencl(
+        self, *, grid: str | None = None, requires: tuple[str, str] | None = None
+    ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
 
         Parameters
         ----------
-        launch
-            For nodes of several launches: a function that is handed a `Launch`.  Used as a
-            decorator.  Without it the engine launches the kernel of the node's own name.
         grid
-            The size symbols that one work-item each is started for, slowest first.
+            The size symbols that one work-item each is started for, slowest first.  The
+            engine then launches the kernel of the node's own name.  Without it the call is
+            a decorator for a function that is handed a `Launch`, for nodes of several
+            launches.
         requires
             A module that the launch function needs, and what to install to get it.
         """
@@ -126,19 +133,33 @@ class Node:
         if grid is not None:
             self.grid = tuple(grid.split())
             return self
-        if launch is None:
-            return lambda function: self.opencl(function, requires=requires)
+        return self._take_launch
+
+    def _take_launch(self, launch: LaunchFunction) -> LaunchFunction:
         self.launch = launch
         return launch
 
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         """Register a maker of test inputs, for nodes whose inputs depend on one another.
 
-        It is called with a random generator and the sizes, and returns inputs by port name;
+        It is called as ``f(rng, **sizes)`` and returns inputs by port name;
         what it leaves out is drawn from the port's own range.
         """
         self.make_example = function
         return function
+
+
+@typing.overload
+def node(function: Callable[..., Any]) -> Node: ...
+
+
+@typing.overload
+def node(
+    *,
+    neutral: float | str | None = None,
+    tolerance: Tolerance | None = None,
+    sizes: Mapping[str, SizeLimit] | None = None,
+) -> Callable[[Callable[..., Any]], Node]: ...
 
 
 def node(
@@ -147,7 +168,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
-) -> Any:
+) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
 
     Parameters
@@ -167,7 +188,17 @@ def node(
         not keyword-only, a neutral input whose type is not the output's.
     """
     if function is None:
-        return lambda f: node(f, neutral=neutral, tolerance=tolerance, sizes=sizes)
+        return lambda f: _declare(f, neutral, tolerance, sizes or {})
+    return _declare(function, neutral, tolerance, sizes or {})
+
+
+def _declare(
+    function: Callable[..., Any],
+    neutral: float | str | None,
+    tolerance: Tolerance | None,
+    sizes: Mapping[str, SizeLimit],
+) -> Node:
+    """Read a function's signature."""
     hints = typing.get_type_hints(function, include_extras=True)
     inputs: dict[str, PortType] = {}
     records: dict[str, type] = {}
@@ -203,7 +234,7 @@ def node(
         stream=stream,
         neutral=neutral,
         tolerance=tolerance or Exact(),
-        sizes=sizes or {},
+        sizes=sizes,
         provenance=provenance,
         optional_inputs=frozenset(optional),
     )

@@ -102,8 +102,8 @@ def graph_file(name: str, beside: Path | None = None) -> Path:
     if name not in shipped_names():
         raise InputError(
             f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships"
-            f"{did_you_mean(name, shipped_names())} The shipped ones are: "
-            f"{', '.join(shipped_names())}"
+            f"{did_you_mean(name, shipped_names())} (the shipped ones are: "
+            f"{', '.join(shipped_names())})"
         )
     return Path(str(resources.files("tactograph.pipelines") / f"{name}.yaml"))
 

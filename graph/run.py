@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -68,9 +69,9 @@ class Pipeline:
         self._notes: list[str] = []
         self._prepared = False
         for task in plan.tasks.values():
-            if device is not None and plan.placements[task.id].backend == "opencl":
-                if not task.filled:
-                    device.compile(task.node)
+            on_device = plan.placements[task.id].backend == "opencl" and not task.filled
+            if device is not None and on_device:
+                device.compile(task.node)
 
     def __call__(self, **stand_ins: NDArray[Any]) -> Result:
         """Run one item, arrays standing in for source nodes, and return its outputs.
@@ -95,12 +96,19 @@ class Pipeline:
         self._prepare()
         return self._item({name: self._stand_in(name, array) for name, array in stand_ins.items()})
 
-    def items(self) -> Iterator[Result]:
-        """Run every item of the graph's stream, sinks included."""
+    def items(self, repeats: int = 1) -> Iterator[Result]:
+        """Run every item of the graph's stream, sinks included.
+
+        Parameters
+        ----------
+        repeats
+            How often each item is computed; above 1, the times are medians over all runs
+            but the first, which compiles and fills caches.  Sinks run once.
+        """
         self._prepare()
         source = next((t for t in self.plan.tasks.values() if t.node.stream), None)
         if source is None:
-            yield self._item({})
+            yield self._item({}, repeats)
             return
         with collect_warnings(self._notes), blaming(source):
             iterator = iter(source.node(**source.settings))
@@ -111,7 +119,7 @@ class Pipeline:
             if item is None:
                 return
             self._times[source.id] = 1e3 * (time.perf_counter() - start)
-            yield self._item({source.id: item})
+            yield self._item({source.id: item}, repeats)
 
     def _prepare(self) -> None:
         """Run, once, what does not depend on the stream."""
@@ -120,26 +128,40 @@ class Pipeline:
             self._steps(steps, self._known, {})
             self._prepared = True
 
-    def _item(self, given: Mapping[str, Any]) -> Result:
+    def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         steps = [step for step in self.plan.steps if step.stream]
-        self._steps(steps, dict(self._known), given)
+        self._steps(steps, dict(self._known), given, repeats)
         outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
         return Result(outputs, dict(self._times), self.plan, list(self._notes))
 
     def _steps(
-        self, steps: list[Step], known: dict[Symbol, Bound], given: Mapping[str, Any]
+        self,
+        steps: list[Step],
+        known: dict[Symbol, Bound],
+        given: Mapping[str, Any],
+        repeats: int = 1,
     ) -> None:
         """Run steps in order; sinks last, when every time is known."""
-        timers: dict[str, Timer] = {}
         sinks = [step for step in steps if self._is_sink(step)]
+        computing = [step for step in steps if not self._is_sink(step)]
+        runs: list[dict[str, float]] = []
+        for _ in range(repeats):
+            self._compute(computing, known, given)
+            runs.append(dict(self._times))
+        for name in self._times if repeats > 1 else ():
+            self._times[name] = median(run[name] for run in runs[1:])
+        for step in sinks:
+            self._execute(step, known, {}, given)
+
+    def _compute(
+        self, steps: list[Step], known: dict[Symbol, Bound], given: Mapping[str, Any]
+    ) -> None:
+        timers: dict[str, Timer] = {}
         for step in steps:
-            if step not in sinks:
-                self._execute(step, known, timers, given)
+            self._execute(step, known, timers, given)
         if timers and self._device is not None:
             self._device.finish()
             self._times |= {name: milliseconds(timer) for name, timer in timers.items()}
-        for step in sinks:
-            self._execute(step, known, timers, given)
 
     def _is_sink(self, step: Step) -> bool:
         return step.kind == "run" and self.plan.tasks[step.name].node.sink

@@ -46,7 +46,7 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rule(node: Node) -> dict[str, Any]:
-    ports = {**{p: {} for p in node.input_records}, **{p: {} for p in node.inputs if "." not in p}}
+    ports = [*node.input_records, *(p for p in node.inputs if "." not in p)]
     properties: dict[str, Any] = {
         "op": {"description": node.summary},
         "with": {"$ref": f"#/$defs/with_{node.name}"},

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 class Tolerance(Protocol):
     """Judges the same output computed by two back ends."""
 
-    why: str
+    @property
+    def why(self) -> str: ...
 
     def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
         """Return None if `other` is close enough to `reference`, else what is wrong."""
@@ -64,7 +65,7 @@ class Flips:
 def _differs(a: NDArray[Any], b: NDArray[Any], absolute: float, relative: float) -> NDArray[Any]:
     if a.dtype.kind != "f":
         return np.asarray(a != b)
-    return ~np.isclose(b, a, rtol=relative, atol=absolute, equal_nan=True)
+    return np.asarray(~np.isclose(b, a, rtol=relative, atol=absolute, equal_nan=True))
 
 
 def _first(differs: NDArray[Any], a: NDArray[Any], b: NDArray[Any]) -> str:

@@ -2,14 +2,14 @@
 
 // The object in front of the film at rest; the film starts on it.
 __kernel void rise(
-    __global const float *restrict height,
+    __global const float *restrict object,
     __global float *restrict obstacle,
     __global float *restrict film,
     const int H, const int W, const float stand_off)
 {
     GRID_2(y, x, H, W)
     const int i = y * W + x;
-    const float above = fmax(height[i] - stand_off, 0.0f);
+    const float above = fmax(object[i] - stand_off, 0.0f);
     obstacle[i] = above;
     film[i] = above;
 }
@@ -30,18 +30,6 @@ __kernel void settle(
     const float pull = film[max(y - 1, 0) * W + x] + film[min(y + 1, H - 1) * W + x]
                        + film[y * W + max(x - 1, 0)] + film[y * W + min(x + 1, W - 1)];
     film[i] = fmax(here + relax * (pull * share - here), obstacle[i]);
-}
-
-// 1 where the object holds the film.
-__kernel void touch(
-    __global const float *restrict obstacle,
-    __global const float *restrict film,
-    __global uchar *restrict contact,
-    const int H, const int W)
-{
-    GRID_2(y, x, H, W)
-    const int i = y * W + x;
-    contact[i] = obstacle[i] > 0.0f && film[i] <= obstacle[i];
 }
 
 // Weighted mean along one axis (1: x); beyond the border the film goes on level.

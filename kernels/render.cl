@@ -3,10 +3,78 @@
 #define GOLDEN_ANGLE 2.3999631f
 #define LIFT_PX 1e-3f
 
+typedef struct {
+    __global const float *height;
+    int H, W;
+    float pixel, top;
+} Surface;
+
+// A point of a pixel: its place in px and in mm, its slope.
+typedef struct {
+    float column, row;
+    float x, y, z;
+    float p, q, norm;
+} Spot;
+
+// From a spot towards an LED, mm (unit length if distant).
+typedef struct {
+    float x, y, z, length;
+} Ray;
+
 // Central difference, one-sided at the border, 0 on a single pixel.
-float difference(const float after, const float before, const int steps, const float pixel)
+float difference(const float before, const float after, const int steps, const float pixel)
 {
     return (after - before) / ((float)max(steps, 1) * pixel);
+}
+
+float slope_x(const Surface s, const int x, const int y)
+{
+    const int left = max(x - 1, 0), right = min(x + 1, s.W - 1);
+    return difference(s.height[y * s.W + left], s.height[y * s.W + right], right - left, s.pixel);
+}
+
+float slope_y(const Surface s, const int x, const int y)
+{
+    const int above = max(y - 1, 0), below = min(y + 1, s.H - 1);
+    return difference(s.height[above * s.W + x], s.height[below * s.W + x], below - above,
+                      s.pixel);
+}
+
+// Bilinear interpolation between four values at a fraction of the way.
+float mixed(const float a, const float b, const float c, const float d, const float fx,
+            const float fy)
+{
+    const float upper = a + fx * (b - a), lower = c + fx * (d - c);
+    return upper + fy * (lower - upper);
+}
+
+// The height at a point inside the image.
+float interpolated(const Surface s, const float x, const float y)
+{
+    const int left = (int)x, top = (int)y;
+    const int right = min(left + 1, s.W - 1), bottom = min(top + 1, s.H - 1);
+    return mixed(s.height[top * s.W + left], s.height[top * s.W + right],
+                 s.height[bottom * s.W + left], s.height[bottom * s.W + right],
+                 x - (float)left, y - (float)top);
+}
+
+Spot spot_at(const Surface s, const float column, const float row)
+{
+    Spot spot;
+    spot.column = clamp(column, 0.0f, (float)(s.W - 1));
+    spot.row = clamp(row, 0.0f, (float)(s.H - 1));
+    const int left = (int)spot.column, top = (int)spot.row;
+    const int right = min(left + 1, s.W - 1), bottom = min(top + 1, s.H - 1);
+    const float fx = spot.column - (float)left, fy = spot.row - (float)top;
+    spot.x = (spot.column - 0.5f * (float)(s.W - 1)) * s.pixel;
+    spot.y = (spot.row - 0.5f * (float)(s.H - 1)) * s.pixel;
+    spot.z = interpolated(s, spot.column, spot.row);
+    spot.p = mixed(slope_x(s, left, top), slope_x(s, right, top), slope_x(s, left, bottom),
+                   slope_x(s, right, bottom), fx, fy);
+    spot.q = mixed(slope_y(s, left, top), slope_y(s, right, top), slope_y(s, left, bottom),
+                   slope_y(s, right, bottom), fx, fy);
+    spot.norm = sqrt(1.0f + spot.p * spot.p + spot.q * spot.q);
+    return spot;
 }
 
 // How far a coordinate lies outside the image, mm; 0 inside.
@@ -16,51 +84,104 @@ float outside(const float foot, const int size, const float pixel)
 }
 
 // Irradiance of the flat film under an LED: at the image's point nearest to the LED's foot.
-float flat_irradiance(
-    const float x, const float y, const float z,
-    const int H, const int W, const float pixel, const int distant)
+float flat_irradiance(const Surface s, const float x, const float y, const float z,
+                      const int distant)
 {
     if (distant)
         return z / sqrt(x * x + y * y + z * z);
-    const float dx = outside(x, W, pixel), dy = outside(y, H, pixel);
+    const float dx = outside(x, s.W, s.pixel), dy = outside(y, s.H, s.pixel);
     const float square = dx * dx + dy * dy + z * z;
     return z / (square * sqrt(square));
 }
 
-// Bilinear interpolation at a point inside the image.
-float interpolated(__global const float *restrict height, const float x, const float y,
-                   const int H, const int W)
+// The exposure: `level` over the largest of them.
+float exposure(const Surface s, __global const float *lights, const int K, const int distant,
+               const float level)
 {
-    const int left = (int)x, top = (int)y;
-    const int right = min(left + 1, W - 1), bottom = min(top + 1, H - 1);
-    const float fx = x - (float)left, fy = y - (float)top;
-    const float a = height[top * W + left], b = height[top * W + right];
-    const float c = height[bottom * W + left], d = height[bottom * W + right];
-    const float upper = a + fx * (b - a), lower = c + fx * (d - c);
-    return upper + fy * (lower - upper);
+    float brightest = 0.0f;
+    for (int k = 0; k < K; k++)
+        brightest = fmax(brightest, flat_irradiance(s, lights[3 * k], lights[3 * k + 1],
+                                                    lights[3 * k + 2], distant));
+    return level / brightest;
 }
 
-// Whether the ray from pixel (x, y) along (rx, ry, rz) meets no surface.
-int unobstructed(__global const float *restrict height, const int x, const int y,
-                 const float rx, const float ry, const float rz,
-                 const int H, const int W, const float pixel, const int distant,
-                 const float step_px)
+// To point i of `count` on a sunflower spiral over an LED's disk; a single one is its centre.
+Ray towards(const Spot spot, __global const float *led, const float size_mm, const int i,
+            const int count, const int distant)
 {
-    const float start = height[y * W + x] + LIFT_PX * pixel;
-    const float across = fmax(sqrt(rx * rx + ry * ry), 1e-6f);
-    const float dx = rx / across * step_px, dy = ry / across * step_px;
-    const float dz = rz / across * step_px * pixel;
+    const float radius = 0.5f * size_mm * sqrt((float)i / (float)count);
+    const float angle = (float)i * GOLDEN_ANGLE;
+    const float x = led[0] + radius * cos(angle), y = led[1] + radius * sin(angle), z = led[2];
+    Ray ray;
+    if (distant) {
+        const float far = sqrt(x * x + y * y + z * z);
+        ray.x = x / far, ray.y = y / far, ray.z = z / far;
+    } else {
+        ray.x = x - spot.x, ray.y = y - spot.y, ray.z = z - spot.z;
+    }
+    ray.length = sqrt(ray.x * ray.x + ray.y * ray.y + ray.z * ray.z);
+    return ray;
+}
+
+// n.L, negative in an attached shadow.
+float cosine(const Spot spot, const Ray ray)
+{
+    return (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length);
+}
+
+// Blinn-Phong; h lies half-way between the light and the camera above.
+float highlight(const Spot spot, const Ray ray, const float gloss, const float shininess)
+{
+    if (gloss == 0.0f)
+        return 0.0f;
+    const float hx = ray.x / ray.length, hy = ray.y / ray.length;
+    const float hz = ray.z / ray.length + 1.0f;
+    const float norm = spot.norm * sqrt(hx * hx + hy * hy + hz * hz);
+    const float n_h = (hz - spot.p * hx - spot.q * hy) / norm;
+    return gloss * pow(fmax(n_h, 0.0f), shininess);
+}
+
+// Whether a ray meets no surface on its way.
+int unobstructed(const Surface s, const Spot spot, const Ray ray, const int distant,
+                 const float step)
+{
+    const float start = spot.z + LIFT_PX * s.pixel;
+    const float across = fmax(sqrt(ray.x * ray.x + ray.y * ray.y), 1e-6f);
+    const float dx = ray.x / across * step, dy = ray.y / across * step;
+    const float dz = ray.z / across * step * s.pixel;
+    const float right = (float)(s.W - 1), bottom = (float)(s.H - 1);
     // The LED itself ends a ray; rays to a distant one end at the border of the image.
-    const float last = distant ? INFINITY : across / (step_px * pixel);
-    // NumPy stops above the highest point, where nothing can be met: the same answer.
+    const float last = distant ? INFINITY : across / (step * s.pixel);
     for (float i = 1.0f; i < last; i += 1.0f) {
-        const float px = (float)x + i * dx, py = (float)y + i * dy;
-        if (px < 0.0f || px > (float)(W - 1) || py < 0.0f || py > (float)(H - 1))
+        const float x = spot.column + i * dx, y = spot.row + i * dy, z = start + i * dz;
+        if (z > s.top || x < 0.0f || x > right || y < 0.0f || y > bottom)
             return 1;
-        if (interpolated(height, px, py, H, W) > start + i * dz)
+        if (interpolated(s, x, y) > z)
             return 0;
     }
     return 1;
+}
+
+// The highest point of each row.
+__kernel void row_tops(__global const float *restrict height, __global float *restrict rows,
+                       const int H, const int W)
+{
+    GRID_1(y, H)
+    float top = height[y * W];
+    for (int x = 1; x < W; x++)
+        top = fmax(top, height[y * W + x]);
+    rows[y] = top;
+}
+
+// The highest point of all, by a single work-item: there are few rows.
+__kernel void highest(__global const float *restrict rows, __global float *restrict top,
+                      const int H)
+{
+    GRID_1(i, 1)
+    float found = rows[0];
+    for (int y = 1; y < H; y++)
+        found = fmax(found, rows[y]);
+    top[i] = found;
 }
 
 // The image under each LED, and the labels of those that do not reach the pixel.
@@ -68,64 +189,33 @@ __kernel void render(
     __global const float *restrict height,
     const float pixel,
     __global const float *restrict lights,
+    __global const float *restrict top,
     __global float *restrict light,
     __global uchar *restrict labels,
     const int H, const int W, const int K,
     const int distant, const float level, const float gloss, const float shininess,
-    const float led_size_mm, const int rays, const float step_px)
+    const float led_size_mm, const int rays, const int samples, const float step_px)
 {
     GRID_2(y, x, H, W)
-    const int left = max(x - 1, 0), right = min(x + 1, W - 1);
-    const int above = max(y - 1, 0), below = min(y + 1, H - 1);
-    const float p = difference(height[y * W + right], height[y * W + left], right - left,
-                               pixel);
-    const float q = difference(height[below * W + x], height[above * W + x], below - above,
-                               pixel);
-    const float norm = sqrt(1.0f + p * p + q * q);
-    const float mm_x = ((float)x - 0.5f * (float)(W - 1)) * pixel;
-    const float mm_y = ((float)y - 0.5f * (float)(H - 1)) * pixel;
-    const float mm_z = height[y * W + x];
-
-    float brightest = 0.0f;
-    for (int k = 0; k < K; k++)
-        brightest = fmax(brightest, flat_irradiance(lights[3 * k], lights[3 * k + 1],
-                                                    lights[3 * k + 2], H, W, pixel,
-                                                    distant));
-    const float gain = level / brightest;
-
-    const int count = led_size_mm > 0.0f ? rays : 1;
+    const Surface surface = {height, H, W, pixel, top[0]};
+    const float gain = exposure(surface, lights, K, distant, level);
+    const int points = led_size_mm > 0.0f ? rays : 1;
+    const int count = samples * samples * points;
     uchar label = 0;
     for (int k = 0; k < K; k++) {
         float total = 0.0f;
         int reached = 0;
-        for (int i = 0; i < count; i++) {
-            // Points of a sunflower spiral over the LED's disk; a single one is its centre.
-            const float radius = 0.5f * led_size_mm * sqrt((float)i / (float)count);
-            const float angle = (float)i * GOLDEN_ANGLE;
-            const float led_x = lights[3 * k] + radius * cos(angle);
-            const float led_y = lights[3 * k + 1] + radius * sin(angle);
-            const float led_z = lights[3 * k + 2];
-            float rx, ry, rz;
-            if (distant) {
-                const float far = sqrt(led_x * led_x + led_y * led_y + led_z * led_z);
-                rx = led_x / far, ry = led_y / far, rz = led_z / far;
-            } else {
-                rx = led_x - mm_x, ry = led_y - mm_y, rz = led_z - mm_z;
-            }
-            const float length = sqrt(rx * rx + ry * ry + rz * rz);
-            const float cosine = (rz - p * rx - q * ry) / (norm * length);
-            if (!(cosine > 0.0f) || !unobstructed(height, x, y, rx, ry, rz, H, W, pixel,
-                                                  distant, step_px))
+        for (int n = 0; n < count; n++) {
+            const int sample = n / points, point = n % points;
+            const float dx = ((float)(sample % samples) + 0.5f) / (float)samples - 0.5f;
+            const float dy = ((float)(sample / samples) + 0.5f) / (float)samples - 0.5f;
+            const Spot spot = spot_at(surface, (float)x + dx, (float)y + dy);
+            const Ray ray = towards(spot, lights + 3 * k, led_size_mm, point, points, distant);
+            const float n_l = cosine(spot, ray);
+            if (!(n_l > 0.0f) || !unobstructed(surface, spot, ray, distant, step_px))
                 continue;
-            float radiance = cosine;
-            if (gloss > 0.0f) {
-                // Blinn-Phong; h lies half-way between the light and the camera above.
-                const float hx = rx / length, hy = ry / length, hz = rz / length + 1.0f;
-                const float h = norm * sqrt(hx * hx + hy * hy + hz * hz);
-                const float n_h = fmax((hz - p * hx - q * hy) / h, 0.0f);
-                radiance += gloss * pow(n_h, shininess);
-            }
-            total += distant ? radiance : radiance * (1.0f / (length * length));
+            const float radiance = n_l + highlight(spot, ray, gloss, shininess);
+            total += distant ? radiance : radiance * (1.0f / (ray.length * ray.length));
             reached++;
         }
         light[(k * H + y) * W + x] = gain * total / (float)count;

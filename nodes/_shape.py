@@ -34,7 +34,7 @@ def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset)
     """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's centre."""
     x = (np.arange(width_px) - (width_px - 1) / 2) * pixel_size_mm - offset_mm[0]
     y = (np.arange(height_px) - (height_px - 1) / 2) * pixel_size_mm - offset_mm[1]
-    return x[None, :], y[:, None]
+    return np.asarray(x[None, :], float), np.asarray(y[:, None], float)
 
 
 def turned(x: F8, y: F8, angle_deg: float) -> tuple[F8, F8]:

@@ -18,7 +18,7 @@ def ball_slopes(
     contact: Annotated[float, Port(unit="px", low=3, high=30)],
     pixel: PixelSize,
     *,
-    radius_mm: Annotated[float, Gt(0)] = 7.0,
+    radius_mm: Annotated[float, Gt(0)],
     margin_px: Annotated[float, Ge(0)] = 0.5,
 ) -> KnownSlopes:
     """Return the slope of a ball of known radius inside its contact circle (paper 3.1).

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Annotated
+from typing import Annotated, NamedTuple
+
 import numpy as np
 from scipy.spatial import cKDTree
+
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, LutLight, LutLit, LutSlope
 

@@ -10,6 +10,7 @@ from scipy.fft import dctn, idctn
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
+from tactograph.nodes._fourier import REQUIRES, cosine_transform
 
 
 @node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
@@ -62,19 +63,14 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
     return inverse
 
 
-@integrate_dct.opencl(requires=("pyvkfft", "pip install 'tactograph[vkfft]'"))
+@integrate_dct.opencl(requires=REQUIRES)
 def _launch(run: Launch) -> None:
     """Divergence, DCT-II, division by the eigenvalues, DCT-III."""
-    from pyvkfft.opencl import VkFFTApp
-
     height, width = shape = run.sizes["H"], run.sizes["W"]
     out = run.outputs["integrate_dct"]
     inverse = run.keep(("inverse", shape), lambda: run.upload(inverse_laplacian(shape)))
-    app = run.keep(
-        ("dct", shape),
-        lambda: VkFFTApp(shape, np.float32, queue=run.queue, dct=2, norm=1, inplace=True),
-    )
+    cosine = cosine_transform(run, shape)
     run.kernel("divergence", shape, run.inputs["slope"], out, height, width)
-    app.fft(run.array(out))
+    cosine.forward(out)
     run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))
-    app.ifft(run.array(out))
+    cosine.inverse(out)

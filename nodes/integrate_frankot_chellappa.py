@@ -10,6 +10,7 @@ from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
+from tactograph.nodes._fourier import REQUIRES, cosine_transform, fourier_transform
 
 
 @node(tolerance=Close(5e-4, 5e-4, why="two float32 transforms of different libraries"))
@@ -86,7 +87,7 @@ def _inverse(u: F4, v: F4) -> F4:
     return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
 
 
-@integrate_frankot_chellappa.opencl(requires=("pyvkfft", "pip install 'tactograph[vkfft]'"))
+@integrate_frankot_chellappa.opencl(requires=REQUIRES)
 def _launch(run: Launch) -> None:
     """Transform both slopes, combine them, transform back."""
     if run.settings["border"] == "periodic":
@@ -96,42 +97,32 @@ def _launch(run: Launch) -> None:
 
 
 def _launch_periodic(run: Launch) -> None:
-    from pyvkfft.opencl import VkFFTApp
-
     height, width = shape = run.sizes["H"], run.sizes["W"]
     v, u = run.keep(("frequencies", shape), lambda: _uploaded(run, _frequencies(shape)))
     # Both real fields as one complex field p + i q: one transform instead of two.
     both = run.scratch(shape, np.complex64)
-    app: Any = run.keep(
-        ("fft", shape),
-        lambda: VkFFTApp(shape, np.complex64, queue=run.queue, ndim=2, norm=1, inplace=True),
-    )
+    fourier = fourier_transform(run, shape)
     run.kernel("pack", shape, run.inputs["slope"], both, height, width)
-    app.fft(run.array(both))
+    fourier.forward(both)
     spectrum = run.scratch(shape, np.complex64)
     run.kernel("combine", shape, both, v, u, spectrum, height, width)
-    app.ifft(run.array(spectrum))
+    fourier.inverse(spectrum)
     out = run.outputs["integrate_frankot_chellappa"]
     run.kernel("real_part", shape, spectrum, out, height, width, float(run.inputs["pixel"]))
 
 
 def _launch_mirrored(run: Launch) -> None:
-    from pyvkfft.opencl import VkFFTApp
-
     height, width = shape = run.sizes["H"], run.sizes["W"]
     v, u = run.keep(("half", shape), lambda: _uploaded(run, _half_frequencies(shape)))
-    app: Any = run.keep(
-        ("dct", shape),
-        lambda: VkFFTApp(shape, np.float32, queue=run.queue, dct=2, norm=1, inplace=True),
-    )
+    cosine = cosine_transform(run, shape)
     p, q = run.scratch(shape), run.scratch(shape)
     run.kernel("alternate", shape, run.inputs["slope"], p, q, height, width)
-    app.fft(run.array(p))
-    app.fft(run.array(q))
+    cosine.forward(p)
+    cosine.forward(q)
     out = run.outputs["integrate_frankot_chellappa"]
     pixel = float(run.inputs["pixel"])
     run.kernel("combine_mirrored", shape, p, q, v, u, out, height, width, pixel)
-    app.ifft(run.array(out))
+    cosine.inverse(out)
 
 
 def _uploaded(run: Launch, frequencies: tuple[F4, F4]) -> tuple[Any, Any]:

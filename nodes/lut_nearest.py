@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from tactograph.graph import node
 from tactograph.nodes import Labels, Light, Slope
 from tactograph.nodes.index_lut import LutIndex

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tactograph.graph import Port, node
+from tactograph.graph import node
 from tactograph.graph.whole import whole_file
 from tactograph.nodes import (
-    F4,
     Labels,
     Light,
     LutSlope,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.graph import Flips, node
-from tactograph.nodes import F4, Height, Mask, PixelSize
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Height, PixelSize
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -22,34 +22,26 @@ TAIL = 4.0
 """The Gaussian is cut off at this many standard deviations."""
 
 
-class Pressed(NamedTuple):
-    """The film over an object, and where it touches it."""
-
-    height: Height
-    contact: Mask
-
-
 class _Sweeps(NamedTuple):
     """Over-relaxation: how many sweeps, and the two factors of each."""
 
-    count: int
+    number: int
     share: np.float32
     relax: np.float32
 
 
 @node(
-    tolerance=Flips(
-        1e-3, absolute=1e-5, relative=1e-5, why="contact is decided on values equal to rounding"
-    )
+    neutral="object",
+    tolerance=Close(1e-5, 1e-5, why="hundreds of dependent sweeps, each rounded"),
 )
 def press(
-    height: Height,
+    object: Height,
     pixel: PixelSize,
     *,
     stand_off_mm: Annotated[float, Ge(0)] = 0.0,
     reach_mm: Annotated[float, Interval(ge=0, le=20)] = 0.5,
     skin_mm: Annotated[float, Interval(ge=0, le=5)] = 0.1,
-) -> Pressed:
+) -> Height:
     r"""Return the surface of a film into which an object is pressed from behind.
 
     The film is a membrane of tension T on an elastic layer of stiffness k.  It takes the
@@ -61,8 +53,8 @@ def press(
 
     Parameters
     ----------
-    height
-        H x W, mm: the object above its base, as a shape node gives it.
+    object
+        H x W, mm: its surface above its base, as a shape node gives it.
     pixel
         mm per pixel.
     stand_off_mm
@@ -76,35 +68,32 @@ def press(
 
     Returns
     -------
-    Height of the film, H x W, mm, and contact, 1 where the object touches it.
+    Height of the film, H x W, mm.
     """
-    obstacle = np.maximum(height - np.float32(stand_off_mm), np.float32(0))
+    obstacle = np.maximum(object - np.float32(stand_off_mm), np.float32(0))
     film = _settled(obstacle, _sweeps(reach_mm / pixel))
-    contact = (obstacle > 0) & (film <= obstacle)
     weights = _gaussian(skin_mm / pixel)
-    return Pressed(_smoothed(_smoothed(film, weights, 1), weights, 0), contact.astype(np.uint8))
+    return _smoothed(_smoothed(film, weights, 1), weights, 0)
 
 
-@press.opencl
+@press.opencl()
 def _launch(launch: Launch) -> None:
     size = launch.sizes["H"], launch.sizes["W"]
     pixel, settings = launch.inputs["pixel"], launch.settings
     obstacle, film, half = (launch.scratch(size) for _ in range(3))
-    height, contact = launch.outputs["height"], launch.outputs["contact"]
     sweeps = _sweeps(settings["reach_mm"] / pixel)
     weights = _gaussian(settings["skin_mm"] / pixel)
     taps = launch.keep(weights.tobytes(), lambda: launch.upload(weights))
 
     stand_off = settings["stand_off_mm"]
-    launch.kernel("rise", size, launch.inputs["height"], obstacle, film, *size, stand_off)
+    launch.kernel("rise", size, launch.inputs["object"], obstacle, film, *size, stand_off)
     pairs = size[0], (size[1] + 1) // 2
     factors = sweeps.share, sweeps.relax
-    for _ in range(sweeps.count):
+    for _ in range(sweeps.number):
         for colour in (0, 1):
             launch.kernel("settle", pairs, obstacle, film, *size, colour, *factors)
-    launch.kernel("touch", size, obstacle, film, contact, *size)
     launch.kernel("smooth", size, film, taps, half, *size, len(weights) // 2, 1)
-    launch.kernel("smooth", size, half, taps, height, *size, len(weights) // 2, 0)
+    launch.kernel("smooth", size, half, taps, launch.outputs["press"], *size, len(weights) // 2, 0)
 
 
 def _sweeps(reach_px: float) -> _Sweeps:
@@ -113,14 +102,14 @@ def _sweeps(reach_px: float) -> _Sweeps:
         return _Sweeps(0, np.float32(0), np.float32(0))
     share = 1 / (4 + 1 / reach_px**2)
     relax = 2 / (1 + math.sqrt(1 - (4 * share) ** 2))
-    # An error shrinks by relax - 1 each sweep; finding where the contact ends takes as long.
-    count = 10 + 2 * math.ceil(math.log(ACCURACY) / math.log(relax - 1))
+    # An error shrinks by relax - 1 each sweep; the first few find where the contact ends.
+    count = 10 + math.ceil(math.log(ACCURACY) / math.log(relax - 1))
     return _Sweeps(count, np.float32(share), np.float32(relax))
 
 
 def _settled(obstacle: F4, sweeps: _Sweeps) -> F4:
     film = np.pad(obstacle, 1, mode="edge")
-    for _ in range(sweeps.count):
+    for _ in range(sweeps.number):
         for start in ((0, 0), (1, 1), (0, 1), (1, 0)):
             _settle(film, obstacle, start, sweeps)
     return film[1:-1, 1:-1]

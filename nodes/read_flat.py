@@ -54,7 +54,7 @@ def read_flat(
     InputError
         If the folder or image cannot be read, or is of another size than `image`.
     """
-    count, height, width = image.shape
+    height, width = image.shape[1:]
     black = np.zeros((height, width), np.float32) if dark is None else _read_dark(dark, crop)
     if black.shape != (height, width):
         raise InputError(

@@ -10,6 +10,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
 
+ONE = np.float32(1)
 SMALLEST = np.float32(1e-12)
 
 
@@ -58,15 +59,14 @@ def refine_taylor(
     lit = shadow == 0
     for _ in range(steps):
         dp, dq = _step(light, p, q, reflectance, np.float32(limit))
-        p = np.where(lit, p + dp, p)
-        q = np.where(lit, q + dq, q)
+        p, q = np.where(lit, p + dp, p), np.where(lit, q + dq, q)
     return np.asarray(np.stack([p, q]), np.float32)
 
 
 def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:
     """One solution of the normal equations J^T J (dp, dq) = J^T (I - R), cut to `limit`."""
-    square = 1 + p * p + q * q
-    w = 1 / np.sqrt(square)
+    square = ONE + p * p + q * q
+    w: F4 = np.divide(ONE, np.sqrt(square), dtype=np.float32)
     normal = (-p * w, -q * w, w)
     cube = w / square
     by_p = (p * p * cube - w, p * q * cube, -p * cube)
@@ -83,8 +83,8 @@ def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tup
     dp = (c * u - b * v) / determinant
     dq = (a * v - b * u) / determinant
     longest = limit * square
-    length = np.sqrt(dp * dp + dq * dq)
-    shrink = np.minimum(np.float32(1), longest / np.maximum(length, SMALLEST))
+    length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
+    shrink = np.minimum(ONE, longest / np.maximum(length, SMALLEST))
     return dp * shrink, dq * shrink
 
 

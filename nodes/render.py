@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+import itertools
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Height, Labels, Light, PixelSize
 from tactograph.nodes.light_ring import LightPositions
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
 
 B1 = NDArray[np.bool_]
 I4 = NDArray[np.int32]
@@ -29,20 +33,31 @@ class Rendered(NamedTuple):
 
 
 class _Surface(NamedTuple):
-    """The height field with what every LED needs of it; arrays H x W."""
+    """The height field and its slopes (p, q), each H x W; `top` is its highest point."""
 
     z: F4
-    x: F4
-    y: F4
     p: F4
     q: F4
-    norm: F4
     pixel: np.float32
     top: np.float32
 
     @property
-    def size(self) -> tuple[int, ...]:
-        return self.z.shape
+    def size(self) -> tuple[int, int]:
+        rows, columns = self.z.shape
+        return rows, columns
+
+
+class _Spots(NamedTuple):
+    """A point of every pixel, each H x W: its place in px and in mm, its slope."""
+
+    column: F4
+    row: F4
+    x: F4
+    y: F4
+    z: F4
+    p: F4
+    q: F4
+    norm: F4
 
 
 class _Film(NamedTuple):
@@ -82,6 +97,7 @@ def render(
     shininess: Annotated[float, Gt(0)] = 30.0,
     led_size_mm: Annotated[float, Ge(0)] = 0.0,
     rays: Annotated[int, Interval(ge=1, le=256)] = 16,
+    samples: Annotated[int, Interval(ge=1, le=8)] = 1,
     step_px: Annotated[float, Interval(gt=0, le=1)] = 0.5,
 ) -> Rendered:
     """Return the image under each LED and the pixels it does not reach.
@@ -114,6 +130,9 @@ def render(
         Diameter of the LEDs, disks parallel to the film; 0 is a point with hard shadows.
     rays
         Rays per pixel to an LED that has a size; they give its soft shadows.
+    samples
+        Points per pixel along x and along y, whose mean it is; from 2 on, pixels on a
+        shadow's edge are mixed as a camera mixes them.  Time grows with the square.
     step_px
         Step of the ray over the height field, in pixels.
 
@@ -131,17 +150,29 @@ def render(
     _check_above(lights, surface.top, distant)
     film = _Film(distant, gloss, shininess, step_px)
     gain = _gain(lights, height.shape, surface.pixel, distant, level)
+    spots = _spots(surface, samples)
     light = np.empty((len(lights), *height.shape), np.float32)
     labels = np.zeros(height.shape, np.uint8)
     for k, led in enumerate(lights):
         points = _points(led, rays if led_size_mm > 0 else 1, np.float32(led_size_mm))
-        radiance, reached = _lit_from(surface, points, film)
-        light[k] = gain * radiance / np.float32(len(points))
-        labels |= np.where(2 * reached < len(points), 1 << k, 0).astype(np.uint8)
+        radiance, reached = _lit_from(surface, spots, points, film)
+        count = len(spots) * len(points)
+        light[k] = gain * radiance / np.float32(count)
+        labels |= np.where(2 * reached < count, 1 << k, 0).astype(np.uint8)
     return Rendered(light, labels)
 
 
-render.opencl(grid="H W")
+@render.opencl()
+def _launch(launch: Launch) -> None:
+    size = launch.sizes["H"], launch.sizes["W"]
+    height, pixel, lights = (launch.inputs[name] for name in ("height", "pixel", "lights"))
+    rows, top = launch.scratch(size[:1]), launch.scratch((1,))
+    launch.kernel("row_tops", size[:1], height, rows, *size)
+    launch.kernel("highest", (1,), rows, top, size[0])
+    images = launch.outputs["light"], launch.outputs["labels"]
+    sizes = *size, launch.sizes["K"]
+    settings = (launch.settings[name] for name in render.parameters)
+    launch.kernel("render", size, height, pixel, lights, top, *images, *sizes, *settings)
 
 
 @render.example
@@ -151,16 +182,18 @@ def _example(rng: np.random.Generator, K: int, **sizes: int) -> dict[str, F4]:
     return {"lights": np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)}
 
 
-def _lit_from(surface: _Surface, points: list[F4], film: _Film) -> tuple[F4, I4]:
+def _lit_from(
+    surface: _Surface, spots: list[_Spots], points: list[F4], film: _Film
+) -> tuple[F4, I4]:
     """Return the sum of the radiance that the points of an LED cause, and how many reach."""
     total = np.zeros(surface.size, np.float32)
     reached = np.zeros(surface.size, np.int32)
-    for point in points:
-        ray = _towards(surface, point, film.distant)
-        cosine = _cosine(surface, ray)
+    for spot, point in itertools.product(spots, points):
+        ray = _towards(spot, point, film.distant)
+        cosine = _cosine(spot, ray)
         lit = cosine > 0
-        lit[lit] = _unobstructed(surface, ray, lit, film)
-        radiance = cosine + _highlight(surface, ray, film)
+        lit[lit] = _unobstructed(surface, spot, ray, lit, film)
+        radiance = cosine + _highlight(spot, ray, film)
         falloff = 1.0 if film.distant else 1.0 / (ray.length * ray.length)
         total += np.where(lit, radiance * falloff, np.float32(0))
         reached += lit
@@ -168,13 +201,26 @@ def _lit_from(surface: _Surface, points: list[F4], film: _Film) -> tuple[F4, I4]
 
 
 def _surface(height: F4, pixel: np.float32) -> _Surface:
-    rows, columns = height.shape
-    half_x, half_y = np.float32(0.5 * (columns - 1)), np.float32(0.5 * (rows - 1))
-    x = (np.arange(columns, dtype=np.float32)[None, :] - half_x) * pixel
-    y = (np.arange(rows, dtype=np.float32)[:, None] - half_y) * pixel
     p, q = _difference(height, pixel, axis=1), _difference(height, pixel, axis=0)
-    norm = np.sqrt(1 + p * p + q * q)
-    return _Surface(height, x, y, p, q, norm, pixel, height.max())
+    return _Surface(height, p, q, pixel, height.max())
+
+
+def _spots(surface: _Surface, samples: int) -> list[_Spots]:
+    """Points spread evenly over the pixels, row by row; a single one is the centre."""
+    offsets = (np.arange(samples, dtype=np.float32) + np.float32(0.5)) / np.float32(samples)
+    offsets -= np.float32(0.5)
+    return [_spot(surface, dx, dy) for dy in offsets for dx in offsets]
+
+
+def _spot(surface: _Surface, dx: np.float32, dy: np.float32) -> _Spots:
+    rows, columns = surface.size
+    row, column = np.indices(surface.size).astype(np.float32)
+    column = np.clip(column + dx, np.float32(0), np.float32(columns - 1))
+    row = np.clip(row + dy, np.float32(0), np.float32(rows - 1))
+    z, p, q = (_interpolated(part, column, row) for part in (surface.z, surface.p, surface.q))
+    x = (column - np.float32(0.5 * (columns - 1))) * surface.pixel
+    y = (row - np.float32(0.5 * (rows - 1))) * surface.pixel
+    return _Spots(column, row, x, y, z, p, q, np.sqrt(1 + p * p + q * q))
 
 
 def _difference(height: F4, pixel: np.float32, axis: int) -> F4:
@@ -230,46 +276,46 @@ def _points(led: F4, count: int, size_mm: np.float32) -> list[F4]:
     return list(led + offset)
 
 
-def _towards(surface: _Surface, point: F4, distant: bool) -> _Rays:
+def _towards(spot: _Spots, point: F4, distant: bool) -> _Rays:
     if distant:
         unit = point / np.sqrt(point[0] * point[0] + point[1] * point[1] + point[2] * point[2])
-        x, y, z = (np.broadcast_to(c, surface.size) for c in unit)
+        x, y, z = (np.broadcast_to(c, spot.z.shape) for c in unit)
     else:
-        x = np.broadcast_to(point[0] - surface.x, surface.size)
-        y = np.broadcast_to(point[1] - surface.y, surface.size)
-        z = point[2] - surface.z
+        x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
     return _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
 
 
-def _cosine(surface: _Surface, ray: _Rays) -> F4:
+def _cosine(spot: _Spots, ray: _Rays) -> F4:
     """n.L, negative in an attached shadow (section 3.3)."""
-    return (ray.z - surface.p * ray.x - surface.q * ray.y) / (surface.norm * ray.length)
+    return (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
 
 
-def _highlight(surface: _Surface, ray: _Rays, film: _Film) -> F4 | float:
+def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:
     """Blinn-Phong: (n.h)^shininess, h half-way between the light and the camera above."""
     if film.gloss == 0:
-        return 0.0
+        return np.zeros_like(spot.z)
     hx, hy, hz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length + 1
-    norm = surface.norm * np.sqrt(hx * hx + hy * hy + hz * hz)
-    cosine = (hz - surface.p * hx - surface.q * hy) / norm
+    norm = spot.norm * np.sqrt(hx * hx + hy * hy + hz * hz)
+    cosine = (hz - spot.p * hx - spot.q * hy) / norm
     return np.float32(film.gloss) * np.maximum(cosine, np.float32(0)) ** np.float32(film.shininess)
 
 
-def _unobstructed(surface: _Surface, ray: _Rays, wanted: B1, film: _Film) -> B1:
+def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film: _Film) -> B1:
     """Follow the rays of the wanted pixels; return which of them meet no surface.
 
     All undecided rays take a step at a time together, so that NumPy works on long arrays.
     """
     rows, columns = surface.size
-    y, x = (c.astype(np.float32) for c in np.nonzero(wanted))
-    start = surface.z[wanted] + np.float32(LIFT_PX) * surface.pixel
+    x, y = spot.column[wanted], spot.row[wanted]
+    start = spot.z[wanted] + np.float32(LIFT_PX) * surface.pixel
     dx, dy, dz = ray.x[wanted], ray.y[wanted], ray.z[wanted]
     across = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     step = np.float32(film.step_px)
     dx, dy, dz = dx / across * step, dy / across * step, dz / across * step * surface.pixel
     # The LED itself ends a ray; rays to a distant one end at the border of the image.
-    last = np.full_like(across, np.inf) if film.distant else across / (step * surface.pixel)
+    last = across / (step * surface.pixel)
+    if film.distant:
+        last[:] = np.inf
 
     free = np.ones(x.size, bool)
     open_ = np.arange(x.size)

@@ -69,7 +69,7 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
             names = [_name(h) for h in handles]
             raise InputError(
                 f"no OpenCL device's name contains '{text}'{did_you_mean(text, names)} "
-                f"Devices: {'; '.join(names) or 'none'}"
+                f"(devices: {'; '.join(names) or 'none'})"
             )
         probed = [_probed(h) for h in named]
         working = [d for d in probed if d.works]
@@ -117,7 +117,7 @@ def _is_simulator(handle: cl.Device) -> bool:
 def _probed(handle: cl.Device) -> Device:
     import pyopencl as cl
 
-    kind = cl.device_type.to_string(handle.type).replace("DEFAULT | ", "")
+    kind = "GPU" if handle.type & cl.device_type.GPU else "CPU or other"
     simulator = _is_simulator(handle)
     try:
         trouble = _run_probe(handle)

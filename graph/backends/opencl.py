@@ -43,6 +43,7 @@ class OpenCL:
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.pool = pyopencl.tools.MemoryPool(pyopencl.tools.ImmediateAllocator(self.queue))
+        self.poison: int | None = None
         self._compiled: dict[int, Compiled] = {}
         self._options = ["-cl-std=CL1.2"]
         correctly_rounded = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
@@ -72,9 +73,16 @@ class OpenCL:
         return self._compiled[id(node)]
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
-        """Take a buffer from the pool; an empty array still gets one byte to point at."""
-        nbytes = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
-        return DeviceArray(self.pool.allocate(max(nbytes, 1)), shape, dtype)
+        """Take a buffer from the pool; an empty array still gets one byte to point at.
+
+        With `poison` set, every byte of it holds that value, so that a test can tell an
+        element that a kernel failed to write.
+        """
+        nbytes = max(int(np.prod(shape, dtype=np.int64)) * dtype.itemsize, 1)
+        buffer = self.pool.allocate(nbytes)
+        if self.poison is not None:
+            cl.enqueue_fill_buffer(self.queue, buffer, np.array([self.poison], np.uint8), 0, nbytes)
+        return DeviceArray(buffer, shape, dtype)
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to the device."""

@@ -42,7 +42,10 @@ def command(
             "every item" if step.stream else "once",
             step.why,
         )
-    Console(width=120 if not click.get_text_stream("stdout").isatty() else None).print(table)
+    console = Console()
+    if not console.is_terminal:
+        console.width = 120
+    console.print(table)
     for node_id, value in plan.passed.items():
         click.echo(f"{node_id}: taken out; its readers read {value}")
     for node_id in plan.unused:

@@ -13,6 +13,12 @@ from tactograph.graph.commands import run_options
 @click.argument("graph")
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
 @run_options
+@click.option(
+    "--repeats",
+    type=click.IntRange(1),
+    default=1,
+    help="Compute each item so often; the times are then medians of all but the first.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
 def command(
     graph: str,
@@ -21,6 +27,7 @@ def command(
     backend: str | None,
     device: str | None,
     strict: bool,
+    repeats: int,
     quiet: bool,
 ) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
@@ -38,9 +45,7 @@ def command(
     for line in pipeline.plan.fallbacks:
         click.echo(f"fallback: {line}", err=True)
     told: set[str] = set()
-    count = 0
-    for result in pipeline.items():
-        count += 1
+    for count, result in enumerate(pipeline.items(repeats), start=1):
         for warning in result.warnings:
             if warning not in told:
                 click.echo(f"warning: {warning}", err=True)

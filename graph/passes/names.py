@@ -33,7 +33,7 @@ def bind(
         if name not in graph.params:
             raise InputError(
                 f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
-                f" It takes: {', '.join(graph.params) or 'none'}"
+                f" (it takes: {', '.join(graph.params) or 'none'})"
             )
     found = {node_id: _find(entry) for node_id, entry in graph.nodes.items()}
     for name in stand_ins:

@@ -1,0 +1,50 @@
+# Everything a fresh machine needs: Python 3.11 or newer, and make.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+RUN    := $(BIN)/tactograph run
+DEMO   := demo
+
+.PHONY: demo test lint clean
+
+# The package and its dependencies; again whenever pyproject.toml changes.
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+demo: $(VENV)/.installed
+	@echo "--- what computes"
+	@$(BIN)/tactograph devices
+	@echo "--- a sensor made of software: a 7 mm ball to calibrate, the film at rest, a 5 mm ball to measure"
+	@$(RUN) simulate out=$(DEMO)/calibration radius_mm=7 seed=1 --quiet
+	@$(RUN) simulate_flat out=$(DEMO)/flat seed=2 --quiet
+	@$(RUN) simulate out=$(DEMO)/touch radius_mm=5 seed=3 --quiet
+	@echo "--- calibrate"
+	@$(RUN) calibrate capture=$(DEMO)/calibration flat=$(DEMO)/flat ball_radius_mm=7 pixel_size_mm=0.07142857 out=$(DEMO)/cal.npz
+	@echo "--- reconstruct with and without shadow handling"
+	@$(BIN)/tactograph compare paper paper_no_shadow reconstruct --over $(DEMO)/touch calibration=$(DEMO)/cal.npz --out $(DEMO)/report
+	@echo "--- look at"
+	@ls $(DEMO)/cal.png $(DEMO)/report/*/*/*/height.png $(DEMO)/report/*/*/*/shadow_view.png
+
+# What the tests need beyond that: VkFFT and an OpenCL device that works.
+$(VENV)/.tested: $(VENV)/.installed
+	sh tests/install_opencl.sh $(BIN)
+	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint,vkfft]'
+	@touch $@
+
+test: $(VENV)/.tested lint
+	$(BIN)/tactograph devices --require
+	$(BIN)/python -m pytest -n 2
+
+# Type checkers cannot follow the folder mapping of an editable install: show them a tree of links.
+lint: $(VENV)/.tested
+	@mkdir -p .typing/tactograph
+	@for part in graph nodes kernels pipelines; do ln -sfn ../../$$part .typing/tactograph/$$part; done
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	MYPYPATH=.typing $(BIN)/mypy -p tactograph.graph -p tactograph.nodes
+
+clean:
+	rm -rf $(VENV) .typing $(DEMO) build *.egg-info

@@ -1,0 +1,57 @@
+"""Transforms on the device, by VkFFT; shared by the integrators."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from tactograph.graph.backends.launch import DeviceArray, Launch
+
+REQUIRES = ("pyvkfft", "pip install 'tactograph[vkfft]'")
+
+
+class Transform(Protocol):
+    """A planned transform of one shape, in place."""
+
+    def forward(self, found: DeviceArray) -> None: ...
+
+    def inverse(self, found: DeviceArray) -> None: ...
+
+
+class _Vkfft:
+    def __init__(self, run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> None:
+        from pyvkfft.opencl import VkFFTApp
+
+        self._run = run
+        self._app = VkFFTApp(shape, dtype, queue=run.queue, ndim=2, dct=dct, norm=1, inplace=True)
+
+    def forward(self, found: DeviceArray) -> None:
+        self._app.fft(self._run.array(found))
+
+    def inverse(self, found: DeviceArray) -> None:
+        self._app.ifft(self._run.array(found))
+
+
+class _OnePixel:
+    """VkFFT refuses to transform nothing; one pixel is its own spectrum."""
+
+    def forward(self, found: DeviceArray) -> None: ...
+
+    def inverse(self, found: DeviceArray) -> None: ...
+
+
+def cosine_transform(run: Launch, shape: tuple[int, int]) -> Transform:
+    """The two-dimensional DCT-II; its inverse undoes it, scale included."""
+    return _planned(run, shape, np.float32, 2)
+
+
+def fourier_transform(run: Launch, shape: tuple[int, int]) -> Transform:
+    """The two-dimensional complex FFT; its inverse undoes it, scale included."""
+    return _planned(run, shape, np.complex64, False)
+
+
+def _planned(run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> Transform:
+    if shape == (1, 1):
+        return _OnePixel()
+    return run.keep((dct, shape), lambda: _Vkfft(run, shape, dtype, dct))

@@ -1,0 +1,19 @@
+#!/bin/sh
+# Make sure that one OpenCL device works, and that VkFFT can be built for it.
+set -eu
+BIN=$1
+packages=""
+"$BIN/tactograph" devices --require >/dev/null 2>&1 || packages="$packages pocl-opencl-icd"
+[ -e /usr/include/CL/cl.h ] || packages="$packages opencl-c-headers"
+ls /usr/lib/*/libOpenCL.so /usr/lib*/libOpenCL.so >/dev/null 2>&1 || packages="$packages ocl-icd-opencl-dev"
+command -v c++ >/dev/null 2>&1 || packages="$packages g++"
+[ -n "$packages" ] || exit 0
+if [ "$(id -u)" = 0 ]; then sudo=""; else sudo="sudo -n"; fi
+if command -v apt-get >/dev/null 2>&1 && { [ -z "$sudo" ] || $sudo true 2>/dev/null; }; then
+    $sudo apt-get update -qq
+    # shellcheck disable=SC2086
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends $packages >/dev/null
+else
+    echo "the tests need these packages, and may not install them:$packages" >&2
+    exit 1
+fi
