@@ -162,6 +162,12 @@ int unobstructed(const Surface s, const Spot spot, const Ray ray, const int dist
     return 1;
 }
 
+// Where sample i of n lies within its pixel, from its centre.
+float offset(const int i, const int n)
+{
+    return ((float)i + 0.5f) / (float)n - 0.5f;
+}
+
 // The highest point of each row.
 __kernel void row_tops(__global const float *restrict height, __global float *restrict rows,
                        const int H, const int W)
@@ -205,19 +211,20 @@ __kernel void render(
     for (int k = 0; k < K; k++) {
         float total = 0.0f;
         int reached = 0;
-        for (int n = 0; n < count; n++) {
-            const int sample = n / points, point = n % points;
-            const float dx = ((float)(sample % samples) + 0.5f) / (float)samples - 0.5f;
-            const float dy = ((float)(sample / samples) + 0.5f) / (float)samples - 0.5f;
-            const Spot spot = spot_at(surface, (float)x + dx, (float)y + dy);
-            const Ray ray = towards(spot, lights + 3 * k, led_size_mm, point, points, distant);
-            const float n_l = cosine(spot, ray);
-            if (!(n_l > 0.0f) || !unobstructed(surface, spot, ray, distant, step_px))
-                continue;
-            const float radiance = n_l + highlight(spot, ray, gloss, shininess);
-            total += distant ? radiance : radiance * (1.0f / (ray.length * ray.length));
-            reached++;
-        }
+        for (int j = 0; j < samples; j++)
+            for (int i = 0; i < samples; i++) {
+                const Spot spot = spot_at(surface, (float)x + offset(i, samples),
+                                          (float)y + offset(j, samples));
+                for (int n = 0; n < points; n++) {
+                    const Ray ray = towards(spot, lights + 3 * k, led_size_mm, n, points, distant);
+                    const float n_l = cosine(spot, ray);
+                    if (!(n_l > 0.0f) || !unobstructed(surface, spot, ray, distant, step_px))
+                        continue;
+                    const float radiance = n_l + highlight(spot, ray, gloss, shininess);
+                    total += distant ? radiance : radiance * (1.0f / (ray.length * ray.length));
+                    reached++;
+                }
+            }
         light[(k * H + y) * W + x] = gain * total / (float)count;
         if (2 * reached < count)
             label |= (uchar)(1 << k);

@@ -32,8 +32,12 @@ class Shape(NamedTuple):
 
 def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset) -> tuple[F8, F8]:
     """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's centre."""
-    x = (np.arange(width_px) - (width_px - 1) / 2) * pixel_size_mm - offset_mm[0]
-    y = (np.arange(height_px) - (height_px - 1) / 2) * pixel_size_mm - offset_mm[1]
+    x: F8 = (
+        np.arange(width_px, dtype=np.float64) - (width_px - 1) / 2
+    ) * pixel_size_mm - offset_mm[0]
+    y: F8 = (
+        np.arange(height_px, dtype=np.float64) - (height_px - 1) / 2
+    ) * pixel_size_mm - offset_mm[1]
     return np.asarray(x[None, :], float), np.asarray(y[:, None], float)
 
 

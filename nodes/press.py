@@ -103,8 +103,8 @@ def _sweeps(reach_px: float) -> _Sweeps:
     share = 1 / (4 + 1 / reach_px**2)
     relax = 2 / (1 + math.sqrt(1 - (4 * share) ** 2))
     # An error shrinks by relax - 1 each sweep; the first few find where the contact ends.
-    count = 10 + math.ceil(math.log(ACCURACY) / math.log(relax - 1))
-    return _Sweeps(count, np.float32(share), np.float32(relax))
+    number = 10 + math.ceil(math.log(ACCURACY) / math.log(relax - 1))
+    return _Sweeps(number, np.float32(share), np.float32(relax))
 
 
 def _settled(obstacle: F4, sweeps: _Sweeps) -> F4:

@@ -80,12 +80,12 @@ def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tup
         a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
         u, v = u + j_p * rest, v + j_q * rest
     determinant = np.maximum(a * c - b * b, SMALLEST)
-    dp = (c * u - b * v) / determinant
-    dq = (a * v - b * u) / determinant
+    dp = np.divide(c * u - b * v, determinant, dtype=np.float32)
+    dq = np.divide(a * v - b * u, determinant, dtype=np.float32)
     longest = limit * square
     length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
-    shrink = np.minimum(ONE, longest / np.maximum(length, SMALLEST))
-    return dp * shrink, dq * shrink
+    shrink = np.minimum(ONE, longest / np.maximum(length, SMALLEST), dtype=np.float32)
+    return np.asarray(dp * shrink, np.float32), np.asarray(dq * shrink, np.float32)
 
 
 def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:

@@ -309,11 +309,11 @@ def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film:
     x, y = spot.column[wanted], spot.row[wanted]
     start = spot.z[wanted] + np.float32(LIFT_PX) * surface.pixel
     dx, dy, dz = ray.x[wanted], ray.y[wanted], ray.z[wanted]
-    across = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+    across: F4 = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     step = np.float32(film.step_px)
     dx, dy, dz = dx / across * step, dy / across * step, dz / across * step * surface.pixel
     # The LED itself ends a ray; rays to a distant one end at the border of the image.
-    last = across / (step * surface.pixel)
+    last: F4 = across / (step * surface.pixel)
     if film.distant:
         last[:] = np.inf
 

@@ -109,5 +109,6 @@ def _outlines(text: str, size_mm: float) -> list[F8]:
             continue  # Matplotlib fails on a path of nothing.
         path = TextPath((0, 0), words, size=size_mm * 16, prop=font)
         for polygon in path.to_polygons():
-            found.append(np.asarray(polygon / 16 * (1, -1) + (0, line * size_mm), float))
+            points = np.asarray(polygon, np.float64) / 16
+            found.append(points * (1, -1) + (0, line * size_mm))
     return found

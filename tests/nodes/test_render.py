@@ -167,6 +167,24 @@ def test_led_with_a_size_casts_a_penumbra_of_similar_triangles():
     assert shadow_length(soft.labels) == pytest.approx(shadow_length(hard.labels), abs=PIXEL)
 
 
+def test_several_samples_per_pixel_measure_a_shadow_to_a_fraction_of_a_pixel():
+    rise, slant = 1.23, 40
+    exact = rise * np.tan(np.deg2rad(slant))
+    # The wall slopes over the pixel between its two levels; the rays clear its upper edge.
+    after_edge = exact - PIXEL
+    found = render(wall(rise), PIXEL, towards(slant, 180), distant=True, samples=4, step_px=0.1)
+    row = found.light[0, 2, 100:] / found.light[0, 2, -1]
+    assert (1 - row).sum() * PIXEL == pytest.approx(after_edge + 0.5 * PIXEL, abs=0.2 * PIXEL)
+    assert np.count_nonzero((row > 0.02) & (row < 0.98)) <= 2
+
+
+def test_samples_leave_a_plane_as_it_is():
+    lights = towards(30, 20, 40)
+    once, often = (render(plane(0.5, -0.3), PIXEL, lights, samples=n) for n in (1, 3))
+    inner = np.s_[:, 1:-1, 1:-1]
+    np.testing.assert_allclose(often.light[inner], once.light[inner], rtol=1e-4)
+
+
 def test_gloss_adds_a_highlight_where_the_normal_is_half_way_to_the_camera():
     ball = shape_ball(radius_mm=5.0, width_px=121, height_px=121, pixel_size_mm=PIXEL)
     slant = 40
