@@ -30,10 +30,10 @@ CONTACT_SHARES = (1.0, 0.85, 0.72, 0.61, 0.52, 0.44, 0.37, 0.31)
 """Contact radii that are tried first, as shares of the ball's radius."""
 SMALLEST_SEARCHED = 3.0
 """Contact radius in px of the reduced image, below which there is nothing to tell a ball by."""
-WINDOW = 1.45
-"""Radius of the surroundings that are looked at, in contact radii."""
-RIM = (0.97, 1.06)
-"""Ring that the search leaves out, in contact radii: there the film folds."""
+SEARCHED = (0.97, 1.06, 1.45)
+"""Radii in contact radii: ball up to the first, film from the second to the third."""
+JUDGED = (0.97, 1.3, 1.8)
+"""The same for the goodness, once the contact is known: the film folds up to the second."""
 CONTACT_TRIALS = tuple(np.linspace(0.85, 1.15, 16))
 """Contact radii tried before the last descent, relative to the search's."""
 FOLD_KNOTS = (1.0, 1.07, 1.15, 1.25, 1.4, 1.6)
@@ -185,9 +185,9 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     around = ((0, 0), (pad, pad), (pad, pad))
     lit = np.pad((light > LIT).astype(np.float64), around)
     image = np.pad(light.astype(np.float64), around) * lit
-    reach = int(np.ceil(WINDOW * contact))
+    reach = int(np.ceil(SEARCHED[2] * contact))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    ball, smooth, window = _bases(x / contact, y / contact, radius / contact)
+    ball, smooth, window = _bases(x / contact, y / contact, radius / contact, SEARCHED)
     power = _correlate(image * image, window[None])[:, 0]
     left_by_ball = _residual_everywhere(image, lit, ball, power)
     left_by_smooth = _residual_everywhere(image, lit, smooth, power)
@@ -197,14 +197,16 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     return np.where(seen < 0.3, 0.0, share)
 
 
-def _bases(u: F8, v: F8, radius: float) -> tuple[F8, F8, F8]:
+def _bases(
+    u: F8, v: F8, radius: float, rings: tuple[float, float, float]
+) -> tuple[F8, F8, F8]:
     """Return what a ball on a plane and what a smooth film look like, and where to look.
 
     `u`, `v` and `radius` are in contact radii.  The columns come first.
     """
     r = np.hypot(u, v)
-    inside = (r < RIM[0]).astype(np.float64)
-    outside = ((r > RIM[1]) & (r < WINDOW)).astype(np.float64)
+    inside = (r < rings[0]).astype(np.float64)
+    outside = ((r > rings[1]) & (r < rings[2])).astype(np.float64)
     window = inside + outside
     rise = _rise(r, radius)
     ball = np.stack([inside, inside * u, inside * v, inside * rise, *_plane(outside, u, v)])
@@ -339,9 +341,9 @@ def _left(samples: _Samples, basis: F8) -> F8:
 def _goodness(light: F4, circle: _Circle, radius: float) -> float:
     reduced, shrink = _reduce(light, REFINE_WIDTH)
     small = circle.on(shrink)
-    samples = _sample(reduced, small, WINDOW)
+    samples = _sample(reduced, small, JUDGED[2])
     u, v = (samples.x - small.x) / small.radius, (samples.y - small.y) / small.radius
-    ball, smooth, window = _bases(u, v, radius / circle.radius)
+    ball, smooth, window = _bases(u, v, radius / circle.radius, JUDGED)
     samples = samples._replace(lit=samples.lit * window)
     share = _share(_left(samples, ball), _left(samples, smooth), window.sum() * len(light))
     return float(np.clip(share, 0, 1))

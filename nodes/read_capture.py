@@ -148,9 +148,9 @@ def read_image(file: Path) -> NDArray[Any]:
             raise InputError(f"{file}: the file is empty")
         with Image.open(file) as image:
             plane = np.asarray(image)
-            grey = image.mode == "L" or image.mode.startswith("I")
-        # Pillow tells damage precisely but keeps only 8 bits of a colour channel.
-        return plane if grey else np.asarray(cv2.imread(str(file), cv2.IMREAD_UNCHANGED))
+            plain = image.mode == "L"
+        # Pillow tells damage precisely, but does not keep every depth as it is.
+        return plane if plain else np.asarray(cv2.imread(str(file), cv2.IMREAD_UNCHANGED))
     except UnidentifiedImageError:
         raise InputError(f"{file}: not an image, or damaged at its start") from None
     except Image.DecompressionBombError:
@@ -226,6 +226,8 @@ def _with_capture_file(folder: Path, layout: Layout) -> Layout:
 def _find(folder: Path, pattern: str, led: int) -> Path | None:
     try:
         stem = pattern.format(led)
+        if stem == pattern:
+            raise ValueError
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)

@@ -71,7 +71,7 @@ def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tup
     cube = w / square
     by_p = (p * p * cube - w, p * q * cube, -p * cube)
     by_q = (p * q * cube, q * q * cube - w, -q * cube)
-    a = b = c = u = v = np.zeros_like(p)
+    a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
         value, gradient = _reflectance(normal, coefficients)
         j_p = gradient[0] * by_p[0] + gradient[1] * by_p[1] + gradient[2] * by_p[2]

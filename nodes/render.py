@@ -144,7 +144,8 @@ def render(
     Raises
     ------
     InputError
-        If a near LED does not stand above the surface's highest point.
+        If a near LED does not stand above the surface's highest point (NumPy; the kernel
+        cannot refuse, and renders such an LED's light as it falls).
     """
     surface = _surface(height, np.float32(pixel))
     _check_above(lights, surface.top, distant)

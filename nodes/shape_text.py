@@ -88,7 +88,7 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     middle = (low + high) / 2
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)
     picture = np.zeros((rows, columns), np.uint8)
-    # OpenCL-free integer drawing with 4 fractional bits; even-odd filling leaves the holes.
+    # Coordinates with 4 fractional bits; even-odd filling leaves the holes of letters open.
     cells = [np.rint(((o - low) / cell_mm - 0.5) * 16).astype(np.int32) for o in outlines]
     cv2.fillPoly(picture, cells, 255, shift=4)
     distance = cv2.distanceTransform(picture, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

@@ -73,15 +73,16 @@ class OpenCL:
         return self._compiled[id(node)]
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
-        """Take a buffer from the pool; an empty array still gets one byte to point at.
+        """Take a buffer from the pool; an empty array still gets some bytes to point at.
 
         With `poison` set, every byte of it holds that value, so that a test can tell an
         element that a kernel failed to write.
         """
-        nbytes = max(int(np.prod(shape, dtype=np.int64)) * dtype.itemsize, 1)
+        nbytes = -(-max(int(np.prod(shape, dtype=np.int64)) * dtype.itemsize, 1) // 4) * 4
         buffer = self.pool.allocate(nbytes)
         if self.poison is not None:
-            cl.enqueue_fill_buffer(self.queue, buffer, np.array([self.poison], np.uint8), 0, nbytes)
+            pattern = np.full(4, self.poison, np.uint8)  # oclgrind forgets smaller ones
+            cl.enqueue_fill_buffer(self.queue, buffer, pattern, 0, nbytes)
         return DeviceArray(buffer, shape, dtype)
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
