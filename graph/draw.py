@@ -11,7 +11,7 @@ _COLOURS = {"numpy": "#dbe9f6", "opencl": "#fbe3c5"}
 def to_dot(plan: Plan) -> str:
     """The plan as a DOT digraph: nodes coloured by back end, transfers as arrows."""
     lines = [
-        f'digraph "{plan.graph.name}" {{',
+        f'digraph "{_quoted(plan.graph.name)}" {{',
         '  rankdir=LR; node [fontname="sans-serif", fontsize=10, style="filled,rounded"];',
         '  edge [fontname="sans-serif", fontsize=8];',
     ]
@@ -61,6 +61,11 @@ def edges(plan: Plan) -> list[tuple[str, str, str]]:
 
 def _kind(plan: Plan, step: Step, node: str, port: str) -> str:
     return plan.tasks[node].node.outputs[port].kind
+
+
+def _quoted(text: str) -> str:
+    """Text from outside the graph file's strict names, made safe between DOT's quotes."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _label(plan: Plan, step: Step, newline: str) -> str:

@@ -53,26 +53,35 @@ def read_settings(words: Iterable[str]) -> dict[str, Any]:
         target, equals, text = word.partition("=")
         if not equals or "." not in target:
             raise InputError(f"--set {word}: write it as node.param=value")
-        settings[target] = parse_scalar(text)
+        settings[target] = _scalar(f"--set {target}", text)
     return settings
 
 
 def _read(name: str, text: str, param: Param) -> Any:
+    if param.kind == "path" and not text:
+        raise InputError(f"{name}=: a path is needed")
     if param.kind in ("path", "text"):
         return text
+    if not param.required and text and _scalar(name, text) is None:
+        return None
     if param.kind == "numbers":
         return [_number(name, part) for part in text.split(",")]
-    value = parse_scalar(text)
-    if value is None and not param.required:
-        return None
+    value = _scalar(name, text)
     types, wanted = _WANTED[param.kind]
     if not isinstance(value, types) or (isinstance(value, bool) and param.kind != "flag"):
         raise InputError(f"{name}={text}: {wanted} is needed")
     return value
 
 
+def _scalar(name: str, text: str) -> Any:
+    try:
+        return parse_scalar(text)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
 def _number(name: str, text: str) -> float:
-    value = parse_scalar(text.strip())
+    value = _scalar(name, text.strip())
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{name}: '{text}' is not a number; write numbers as 160,120")
     return value

@@ -12,6 +12,8 @@ from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.strict_yaml import Place
 
 FORMAT = 1
+NOT_GIVEN = object()
+"""Stands for the value of a param where only the plan matters, not the data."""
 BACKENDS = ("numpy", "opencl")
 
 
@@ -72,6 +74,11 @@ class Graph:
     prefer: tuple[str, ...]
     nodes: Mapping[str, Entry]
     outputs: Mapping[str, str]
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False)
+
+    def where(self, key: str) -> str:
+        """``file:line:column: path`` of a key such as ``outputs.height``."""
+        return str(self.places.get(key, f"{self.name}: {key}"))
 
     def as_dict(self) -> dict[str, Any]:
         params: dict[str, Any] = {}

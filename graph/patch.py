@@ -64,8 +64,12 @@ def _check_keys(verb: str, given: set[str], place: Place) -> None:
 def _set(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     entry = graph.nodes[target]
     settings = {**entry.settings, **change["settings"]}
-    places = {**entry.places, **places}
-    return graph.with_entry(target, replace(entry, settings=settings, places=places))
+    here = {
+        key: places.get(key, places[""])
+        for key in ("with", *(f"with.{name}" for name in change["settings"]))
+    }
+    entry = replace(entry, settings=settings, places={**entry.places, **here})
+    return graph.with_entry(target, entry)
 
 
 def _replace(graph: Graph, target: str, change: Change, places: Places) -> Graph:
@@ -111,12 +115,15 @@ def _remove(graph: Graph, target: str, change: Change, places: Places) -> Graph:
 
 
 def _backend(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    entry = replace(graph.nodes[target], backend=change["to"], places=places)
-    return graph.with_entry(target, entry)
+    entry = graph.nodes[target]
+    here = {**entry.places, "backend": places["to"]}
+    return graph.with_entry(target, replace(entry, backend=change["to"], places=here))
 
 
 def _neutral(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    return graph.with_entry(target, replace(graph.nodes[target], neutral=True, places=places))
+    entry = graph.nodes[target]
+    here = {**entry.places, "neutral": places["neutral"]}
+    return graph.with_entry(target, replace(entry, neutral=True, places=here))
 
 
 _VERBS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {

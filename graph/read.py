@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.model import Entry, Graph, Param
+from tactograph.graph.model import FORMAT, Entry, Graph, Param
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
@@ -19,8 +19,18 @@ Backend = Literal["numpy", "opencl"]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 
 
+_WANTED = {
+    "model_type": "a mapping is needed",
+    "dict_type": "a mapping is needed",
+    "list_type": "a list is needed",
+    "too_short": "at least one is needed",
+    "string_type": "text is needed",
+    "bool_type": "true or false is needed",
+}
+
+
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class ParamModel(_Strict):
@@ -70,7 +80,9 @@ class GraphModel(_Strict):
     title: str = ""
     extends: str | None = Field(None, description="Another graph file, or a shipped one's name.")
     params: dict[Name, ParamModel] = {}
-    prefer: list[Backend] | None = Field(None, description="Back ends in order of preference.")
+    prefer: Annotated[list[Backend], Field(min_length=1)] | None = Field(
+        None, description="Back ends in order of preference."
+    )
     nodes: dict[Name, NodeModel] | None = None
     patch: list[PatchModel] | None = None
     outputs: dict[Name, Reference] = {}
@@ -94,11 +106,11 @@ def graph_file(name: str, beside: Path | None = None) -> Path:
         path = Path(name)
         if beside is not None and not path.is_absolute():
             path = beside / path
-        if not path.is_file() and path.name == name and name[:-5] in shipped_names():
+        if _is_file(path):
+            return path
+        if path.name == name and name.removesuffix(".yaml") in shipped_names():
             return Path(str(resources.files("tactograph.pipelines") / name))
-        if not path.is_file():
-            raise InputError(f"{path}: there is no such graph file")
-        return path
+        raise InputError(f"{path}: there is no such graph file")
     if name not in shipped_names():
         raise InputError(
             f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships"
@@ -106,6 +118,13 @@ def graph_file(name: str, beside: Path | None = None) -> Path:
             f"{', '.join(shipped_names())})"
         )
     return Path(str(resources.files("tactograph.pipelines") / f"{name}.yaml"))
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def read_graph(name: str) -> Graph:
@@ -146,10 +165,12 @@ def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
         prefer=tuple(model.prefer) if model.prefer is not None else parent.prefer,
         nodes=parent.nodes,
         outputs={**parent.outputs, **model.outputs},
+        places={**parent.places, **_places(document, ())},
     )
     for index, change in enumerate(model.patch or []):
         places = _places(document, ("patch", index))
-        merged = apply_patch(merged, change.model_dump(exclude_none=True), places)
+        stated = {name: getattr(change, name) for name in change.model_fields_set}
+        merged = apply_patch(merged, stated, places)
     return merged
 
 
@@ -175,6 +196,7 @@ def _flat(model: GraphModel, document: Document, file: Path) -> Graph:
             for node_id, node in model.nodes.items()
         },
         outputs=dict(model.outputs),
+        places=_places(document, ()),
     )
 
 
@@ -203,9 +225,11 @@ def _validate(document: Document, file: Path) -> GraphModel:
 
 def _first_error(error: ValidationError, document: Document) -> str:
     first = error.errors()[0]
-    path: Path_ = tuple(p for p in first["loc"] if p != "[key]")
-    place = document.place(path)
     kind = first["type"]
+    path: Path_ = first["loc"]
+    if path[-1] == "[key]" and kind != "extra_forbidden":
+        path = path[:-1]
+    place = document.place(path)
     if kind == "extra_forbidden":
         known = _known_keys(path)
         return f"{place}: unknown key '{path[-1]}'{did_you_mean(str(path[-1]), known)}"
@@ -214,9 +238,19 @@ def _first_error(error: ValidationError, document: Document) -> str:
     value = first.get("input")
     if kind == "string_pattern_mismatch":
         return (
-            f"{place}: {value!r} is not a name (letters, digits and _, as in 'cal' or 'cal.flat')"
+            f"{place}: {_short(value)} is not a name (letters, digits and _, as in 'cal' or 'cal.flat')"
         )
-    return f"{place}: {first['msg'].lower()}, not {value!r}"
+    if path == ("format",):
+        return f"{place}: this version reads format {FORMAT}, not {_short(value)}"
+    wanted = _WANTED.get(kind)
+    if wanted is None and kind == "literal_error":
+        wanted = f"{first['ctx']['expected']} is needed"
+    return f"{place}: {wanted or first['msg'].lower()}, not {_short(value)}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _known_keys(path: Path_) -> list[str]:

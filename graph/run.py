@@ -19,7 +19,7 @@ from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL, Timer, milliseconds
 from tactograph.graph.errors import InputError, NodeError, TactographError, collect_warnings
 from tactograph.graph.find import find_node
-from tactograph.graph.model import BACKENDS, Graph
+from tactograph.graph.model import BACKENDS, NOT_GIVEN, Graph
 from tactograph.graph.passes.sizes import Bound, Symbol, output_shape
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
@@ -87,6 +87,11 @@ class Pipeline:
         InputError
             If a source that the pipeline was planned without is missing, or sizes clash.
         """
+        own = next((t.id for t in self.plan.tasks.values() if t.node.stream and not t.stand_in), "")
+        if own:
+            raise InputError(
+                f"{self.plan.graph.name}: '{own}' yields a stream of its own; go through items()"
+            )
         wanted = {task.id for task in self.plan.tasks.values() if task.stand_in}
         if wanted != set(stand_ins):
             raise InputError(
@@ -105,6 +110,11 @@ class Pipeline:
             How often each item is computed; above 1, the times are medians over all runs
             but the first, which compiles and fills caches.  Sinks run once.
         """
+        waiting = sorted(task.id for task in self.plan.tasks.values() if task.stand_in)
+        if waiting:
+            raise InputError(
+                f"{self.plan.graph.name}: call the pipeline with arrays for {', '.join(waiting)}"
+            )
         self._prepare()
         source = next((t for t in self.plan.tasks.values() if t.node.stream), None)
         if source is None:
@@ -125,8 +135,9 @@ class Pipeline:
         """Run, once, what does not depend on the stream."""
         if not self._prepared:
             steps = [step for step in self.plan.steps if not step.stream]
-            self._steps(steps, self._known, {})
-            self._prepared = True
+            known: dict[Symbol, Bound] = {}
+            self._steps(steps, known, {})
+            self._known, self._prepared = known, True
 
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         steps = [step for step in self.plan.steps if step.stream]
@@ -247,7 +258,7 @@ class Pipeline:
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         for name, result in _by_port(task, made).items():
             port = task.node.outputs[name]
-            if port.kind == "array" and result is not None:
+            if port.kind == "array" and not (result is None and port.optional):
                 result = _as_declared(task, name, result)
                 self.plan.sizes.bind(known, task, name, result.shape)
             self._host[Value(task.id, name)] = result
@@ -358,7 +369,7 @@ def open_pipeline(
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are numpy and opencl")
         graph = replace(graph, prefer=(backend,))
-    opencl, reason = _open_device(graph, device)
+    opencl, reason = open_device(graph, device)
     if opencl is None and backend == "opencl":
         raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
     plan = make_plan(
@@ -381,22 +392,18 @@ def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
         node_id, dot, setting = target.partition(".")
         if not dot or not setting:
             raise InputError(f"--set {target}: write it as node.param=value")
-        places = {"": Place("--set", 1, 1, target)}
+        places = {"": Place("--set", 0, 0, target)}
         graph = apply_patch(graph, {"set": node_id, "settings": {setting: value}}, places)
     return graph
 
 
 def placeholders(graph: Graph) -> dict[str, Any]:
     """Values that stand for needed params where only the plan matters, not the data."""
-    dummies = {"path": "PATH", "text": "TEXT", "number": 1.0, "integer": 1, "flag": False}
-    return {
-        name: dummies.get(param.kind, [1.0, 1.0])
-        for name, param in graph.params.items()
-        if param.required
-    }
+    return {name: NOT_GIVEN for name, param in graph.params.items() if param.required}
 
 
-def _open_device(graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
+def open_device(graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
+    """The OpenCL device for `graph` if it may want one, or None and the reason."""
     bound = any(entry.backend == "opencl" for entry in graph.nodes.values())
     if "opencl" not in graph.prefer and not bound and text is None:
         return None, "opencl is not among the preferred back ends"
@@ -461,6 +468,11 @@ def _by_port(task: Task, made: Any) -> dict[str, Any]:
 
 def _as_declared(task: Task, name: str, array: NDArray[Any]) -> NDArray[Any]:
     port = task.node.outputs[name]
+    if not isinstance(array, np.ndarray):
+        raise NodeError(
+            f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
+            f"but made a {type(array).__name__}"
+        )
     if array.dtype != port.dtype or array.ndim != len(port.dims):
         raise NodeError(
             f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
@@ -476,6 +488,8 @@ def _as_stack(array: NDArray[Any]) -> NDArray[np.float32]:
     found = np.asarray(array)
     if found.ndim != 3:
         raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
+    if not found.size:
+        raise InputError(f"a stack of images of shape {found.shape} holds no pixel")
     if found.dtype.kind == "u":
         return np.asarray(found / np.float32(np.iinfo(found.dtype).max), np.float32)
     if found.dtype.kind != "f":

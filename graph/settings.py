@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Annotated, Any, get_args, get_origin
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.model import Entry
+from tactograph.graph.model import NOT_GIVEN, Entry
 from tactograph.graph.node import Node
+
+_WRAPPERS = (Annotated, Union, UnionType)
 
 
 def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dict[str, Any]:
@@ -19,7 +22,8 @@ def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dic
     Raises
     ------
     GraphError
-        If one is unknown, missing, of a wrong type or out of its range.
+        If one is unknown, missing, of a wrong type or out of its range.  One that is
+        `NOT_GIVEN` yet is taken to be right.
     """
     for name in settings:
         if name not in node.parameters:
@@ -30,14 +34,22 @@ def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dic
     try:
         model = settings_model(node.name, _Key(node)).model_validate(dict(settings))
     except ValidationError as error:
-        first = error.errors()[0]
-        name = str(first["loc"][0])
-        if first["type"] == "missing":
-            message = f"node '{node.name}' needs the parameter '{name}'"
-        else:
-            message = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {first['input']!r}"
-        raise GraphError(f"{entry.where(f'with.{name}')}: {message}") from None
+        wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
+        if wrong:
+            raise GraphError(_message(node, entry, wrong[0])) from None
+        defaults = {name: p.default for name, p in node.parameters.items()}
+        return {**defaults, **settings}
     return {name: getattr(model, name) for name in node.parameters}
+
+
+def _message(node: Node, entry: Entry, first: Any) -> str:
+    name = str(first["loc"][0])
+    if first["type"] == "missing" and len(first["loc"]) == 1:
+        return f"{entry.where(f'with.{name}')}: node '{node.name}' needs the parameter '{name}'"
+    said = first["msg"].removeprefix("Value error, ")
+    value = repr(first["input"])
+    shown = value if len(value) <= 60 else f"{value[:57]}..."
+    return f"{entry.where(f'with.{name}')}: {said[0].lower()}{said[1:]}, not {shown}"
 
 
 class _Key:
@@ -71,15 +83,28 @@ def model_of(node: Node) -> type[BaseModel]:
 
 def _lenient(annotation: Any) -> Any:
     """Let ``160,120`` from a command line stand for a tuple; keep true and false from numbers."""
-    if any(get_origin(a) is tuple for a in (annotation, *get_args(annotation))):
+    parts = _parts(annotation)
+    if any(get_origin(part) is tuple for part in parts):
         return Annotated[annotation, BeforeValidator(_split_commas)]
-    if any(a in (float, int) for a in (annotation, *get_args(annotation))):
+    if float in parts or (int in parts and bool not in parts):
         return Annotated[annotation, BeforeValidator(_refuse_bool)]
     return annotation
 
 
+def _parts(annotation: Any) -> list[Any]:
+    """An annotation and all that its unions and `Annotated` wrap."""
+    inner = get_args(annotation) if get_origin(annotation) in _WRAPPERS else ()
+    if get_origin(annotation) is Annotated:
+        inner = inner[:1]
+    return [annotation, *(part for each in inner for part in _parts(each))]
+
+
 def _split_commas(value: Any) -> Any:
-    return value.split(",") if isinstance(value, str) else value
+    parts = value.split(",") if isinstance(value, str) else value
+    if isinstance(parts, list | tuple):
+        for part in parts:
+            _refuse_bool(part)
+    return parts
 
 
 def _refuse_bool(value: Any) -> Any:

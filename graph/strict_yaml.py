@@ -1,11 +1,12 @@
 """YAML without surprises: plain data, YAML 1.2 scalars, and the place of every value.
 
-Tags, anchors, aliases, merge keys, duplicate keys and more than one document are refused, so
-a graph file means what it looks like and can neither import anything nor explode.
+Directives, tags, anchors, aliases, merge keys, duplicate keys and more than one document are
+refused, so a graph file means what it looks like and can neither import anything nor explode.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,14 +18,16 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from tactograph.graph.errors import GraphError, InputError
 
 Path_ = tuple[str | int, ...]
-MAX_BYTES = 1_000_000
+MAX_BYTES = 100_000
 MAX_DEPTH = 20
-_PLAIN_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float", "str")}
+_TAG = "tag:yaml.org,2002:"
+_COLLECTIONS = {f"{_TAG}map", f"{_TAG}seq"}
+_DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a graph file: counted from 1, as editors do."""
+    """A place in a graph file, counted from 1 as editors do; line 0 means no file at all."""
 
     file: str
     line: int
@@ -32,7 +35,7 @@ class Place:
     path: str = ""
 
     def __str__(self) -> str:
-        where = f"{self.file}:{self.line}:{self.column}"
+        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
         return f"{where}: {self.path}" if self.path else where
 
 
@@ -71,11 +74,12 @@ def read_yaml(file: Path) -> Document:
         If it is not strict YAML, with line and column.
     """
     try:
-        raw = file.read_bytes()
+        with file.open("rb") as opened:
+            raw = opened.read(MAX_BYTES + 1)
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
     if len(raw) > MAX_BYTES:
-        raise GraphError(f"{file}: {len(raw)} bytes is too large for a graph file (1 MB at most)")
+        raise GraphError(f"{file}: too large for a graph file ({MAX_BYTES // 1000} kB at most)")
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -85,6 +89,9 @@ def read_yaml(file: Path) -> Document:
 
 def parse_yaml(text: str, name: str) -> Document:
     """Parse YAML text; `name` stands for the file in messages."""
+    if found := _DIRECTIVE.match(text):
+        line = found[0].count("\n") + 1
+        raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")
     yaml = YAML(typ="safe", pure=True)
     try:
         root = yaml.compose(text)
@@ -105,30 +112,50 @@ def parse_yaml(text: str, name: str) -> Document:
 
 
 def parse_scalar(text: str) -> Any:
-    """Read a value typed on the command line by the same rules as in a graph file."""
-    resolver = YAML(typ="safe", pure=True).resolver
-    tag = str(resolver.resolve(ScalarNode, text, (True, False)))
-    return _scalar(text, tag)
+    """Read a value typed on the command line by the same rules as in a graph file.
+
+    Raises
+    ------
+    InputError
+        If it looks like a number and is none.
+    """
+    try:
+        return _scalar(text, _implicit_tag(text, plain=True))
+    except ValueError:
+        raise InputError(f"'{_short(text)}' is not a number") from None
 
 
 def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen: set[int]) -> Any:
     mark = node.start_mark
     place = Place(name, mark.line + 1, mark.column + 1, dotted(path))
     places[path] = place
-    if id(node) in seen or node.anchor is not None:
-        raise GraphError(f"{place}: anchors and aliases are not allowed; use 'extends' to share")
-    seen.add(id(node))
+    _refuse_extras(node, place, seen)
     if len(path) > MAX_DEPTH:
         raise GraphError(f"{place}: nested too deeply for a graph file")
     if isinstance(node, ScalarNode):
-        tag = str(node.tag)
-        if tag not in _PLAIN_TAGS:
-            raise GraphError(f"{place}: the tag '{tag}' is not allowed; write plain YAML")
-        return _scalar(node.value, tag)
+        try:
+            return _scalar(node.value, str(node.tag))
+        except ValueError:
+            raise GraphError(f"{place}: '{_short(node.value)}' is not a number") from None
     if isinstance(node, SequenceNode):
         return [_plain(v, (*path, i), name, places, seen) for i, v in enumerate(node.value)]
     assert isinstance(node, MappingNode)
     return _mapping(node, path, name, places, seen)
+
+
+def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
+    """Refuse what plain data has no need of: sharing, tags and half characters."""
+    if id(node) in seen or node.anchor is not None:
+        raise GraphError(f"{place}: anchors and aliases are not allowed; use 'extends' to share")
+    seen.add(id(node))
+    if isinstance(node, ScalarNode):
+        natural = node.tag == _implicit_tag(node.value, plain=node.style is None)
+        if any("\ud800" <= character <= "\udfff" for character in node.value):
+            raise GraphError(f"{place}: half of a character (a surrogate) is no text")
+    else:
+        natural = node.tag in _COLLECTIONS
+    if not natural:
+        raise GraphError(f"{place}: the tag '{node.tag}' is not allowed; write plain YAML")
 
 
 def _mapping(
@@ -138,14 +165,21 @@ def _mapping(
     for key_node, value_node in node.value:
         mark = key_node.start_mark
         where = f"{name}:{mark.line + 1}:{mark.column + 1}"
-        if not isinstance(key_node, ScalarNode) or key_node.tag == "tag:yaml.org,2002:merge":
+        if not isinstance(key_node, ScalarNode) or key_node.tag == f"{_TAG}merge":
             raise GraphError(f"{where}: keys must be plain words")
         key = str(key_node.value)
+        place = Place(name, mark.line + 1, mark.column + 1, dotted((*path, key)))
+        _refuse_extras(key_node, place, seen)
         if key in data:
-            raise GraphError(f"{where}: {dotted((*path, key))}: the key stands twice")
+            raise GraphError(f"{place}: the key stands twice")
         data[key] = _plain(value_node, (*path, key), name, places, seen)
-        places[(*path, key)] = Place(name, mark.line + 1, mark.column + 1, dotted((*path, key)))
+        places[(*path, key)] = place
     return data
+
+
+def _implicit_tag(text: str, *, plain: bool) -> str:
+    """The tag that YAML 1.2 gives to a scalar without one; quoted ones are text."""
+    return str(_RESOLVER.resolve(ScalarNode, text, (plain, not plain)))
 
 
 def _scalar(text: str, tag: str) -> Any:
@@ -155,7 +189,15 @@ def _scalar(text: str, tag: str) -> Any:
     if kind == "bool":
         return text.lower() == "true"
     if kind == "int":
-        return int(text.replace("_", ""), 0) if text.lstrip("+-")[:2] in ("0x", "0o") else int(text)
+        prefixed = text.lstrip("+-")[:2] in ("0x", "0o", "0b")
+        return int(text.replace("_", ""), 0) if prefixed else int(text)
     if kind == "float":
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    return text
+    return text  # a date is text too: only quoting would tell it from a folder's name
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+_RESOLVER = YAML(typ="safe", pure=True).resolver

@@ -81,8 +81,8 @@ class OpenCL:
         nbytes = -(-max(int(np.prod(shape, dtype=np.int64)) * dtype.itemsize, 1) // 4) * 4
         buffer = self.pool.allocate(nbytes)
         if self.poison is not None:
-            pattern = np.full(4, self.poison, np.uint8)  # oclgrind forgets smaller ones
-            cl.enqueue_fill_buffer(self.queue, buffer, pattern, 0, nbytes)
+            # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
+            cl.enqueue_copy(self.queue, buffer, np.full(nbytes, self.poison, np.uint8))
         return DeviceArray(buffer, shape, dtype)
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:

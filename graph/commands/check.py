@@ -13,10 +13,12 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     from tactograph.graph.given import read_settings
     from tactograph.graph.plan import make_plan
     from tactograph.graph.read import read_graph
-    from tactograph.graph.run import placeholders, with_changes
+    from tactograph.graph.run import open_device, placeholders, with_changes
 
     read = with_changes(read_graph(graph), read_settings(settings))
-    plan = make_plan(read, placeholders(read), device=None, no_device="not looked for")
+    bound = any(entry.backend == "opencl" for entry in read.nodes.values())
+    device, reason = open_device(read, None) if bound else (None, "no device was looked for")
+    plan = make_plan(read, placeholders(read), device=device, no_device=reason)
     click.echo(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
     click.echo(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
     for unused in plan.unused:

@@ -9,6 +9,7 @@ import click
 @click.argument("name", required=False)
 def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
+    from tactograph.graph.errors import TactographError
     from tactograph.graph.find import find_node, node_names
 
     if name is not None:
@@ -17,7 +18,11 @@ def command(name: str | None) -> None:
     names = node_names()
     width = max(map(len, names))
     for each in names:
-        found = find_node(each)
+        try:
+            found = find_node(each)
+        except TactographError as error:
+            click.echo(f"{each:<{width}}  --  {error}")
+            continue
         kernel = "cl" if found.has_kernel else "  "
         click.echo(f"{each:<{width}}  {kernel}  {found.summary}")
 

@@ -38,13 +38,13 @@ def bind(
     found = {node_id: _find(entry) for node_id, entry in graph.nodes.items()}
     for name in stand_ins:
         if name not in found or not found[name].source:
-            sources = [n for n, node in found.items() if node.source]
+            sources = ", ".join(n for n, node in found.items() if node.source)
             raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
     passed = _passed_through(graph, found)
     reads = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
     _refuse_cycles(graph, reads)
     outputs = {
-        name: _resolve(reference, graph, found, passed, f"{graph.name}: outputs.{name}")
+        name: _resolve(reference, graph, found, passed, graph.where(f"outputs.{name}"))
         for name, reference in graph.outputs.items()
     }
     wanted = {value.node for value in outputs.values()}
@@ -73,7 +73,7 @@ def bind(
 def _find(entry: Entry) -> Node:
     try:
         return find_node(entry.op)
-    except GraphError as error:
+    except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
 
 
@@ -90,10 +90,13 @@ def _passed_through(graph: Graph, found: Mapping[str, Node]) -> dict[str, Value]
                 "replace or remove it instead"
             )
         if isinstance(node.neutral, str):
-            reference = entry.inputs.get(node.neutral, "")
-            source, port = split_reference(reference)
-            graph.entry(source)
-            passed[node_id] = Value(source, port or next(iter(found[source].outputs)))
+            if node.neutral not in entry.inputs:
+                raise GraphError(
+                    f"{entry.where('in')}: node '{node.name}' needs the input '{node.neutral}', "
+                    "which is passed on"
+                )
+            where = entry.where(f"in.{node.neutral}")
+            passed[node_id] = _value(entry.inputs[node.neutral], graph, found, where)
     return passed
 
 
@@ -145,6 +148,17 @@ def _resolve(
     passed: Mapping[str, Value],
     where: str,
 ) -> Value:
+    value = _value(reference, graph, found, where)
+    hops = 0
+    while value.node in passed:
+        value, hops = passed[value.node], hops + 1
+        if hops > len(passed):
+            raise GraphError(f"{where}: the neutral nodes pass on one another in a cycle")
+    return value
+
+
+def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) -> Value:
+    """The output that a reference speaks of."""
     source, port = split_reference(reference)
     _known_node(source, graph, where)
     outputs = found[source].outputs
@@ -160,13 +174,7 @@ def _resolve(
             f"{where}: node '{source}' makes no '{port}'{did_you_mean(port, outputs)} "
             f"It makes: {', '.join(outputs)}"
         )
-    value = Value(source, port or next(iter(outputs)))
-    hops = 0
-    while value.node in passed:
-        value, hops = passed[value.node], hops + 1
-        if hops > len(passed):
-            raise GraphError(f"{where}: the neutral nodes pass on one another in a cycle")
-    return value
+    return Value(source, port or next(iter(outputs)))
 
 
 def _refuse_cycles(graph: Graph, reads: Mapping[str, Mapping[str, Value]]) -> None:

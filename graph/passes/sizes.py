@@ -81,7 +81,8 @@ def unify(draft: Draft) -> SizeClasses:
     Raises
     ------
     GraphError
-        If two fixed sizes meet, naming the two ports that disagree.
+        If two fixed sizes meet, naming the two ports that disagree, or one that a node
+        does not accept.
     """
     root: dict[Symbol, Symbol] = {
         (task.id, symbol): (task.id, symbol)
@@ -100,6 +101,11 @@ def unify(draft: Draft) -> SizeClasses:
         for symbol, limit in task.node.sizes.items():
             if not task.filled:
                 limits.setdefault(flat[task.id, symbol], []).append((task.id, limit))
+    for symbol, bound in fixed.items():
+        for who, limit in limits.get(flat[symbol], ()):
+            if limit.refuses(bound.size):
+                where = draft.tasks[who].entry.where("in")
+                raise GraphError(f"{where}: {bound.by} has size {bound.size}: {limit.why}")
     return SizeClasses(flat, fixed, limits)
 
 

@@ -23,7 +23,8 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
                 kind="fill" if task.filled else "run",
                 name=task.id,
                 backend=placement.backend,
-                reads=tuple(dict.fromkeys(task.reads.values())),
+                # A constant depends on its inputs' sizes, not on the inputs.
+                reads=() if task.filled else tuple(dict.fromkeys(task.reads.values())),
                 writes=tuple(Value(task.id, port) for port in task.node.outputs),
                 stream=task.stream,
                 why=placement.why,
@@ -31,9 +32,9 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
         )
     for task in draft.tasks.values():
         for name, value in task.reads.items():
-            is_array = task.node.inputs[name].kind == "array"
+            moves = task.node.inputs[name].kind == "array" and not task.filled
             backend = placements[task.id].backend
-            _connect(dag, draft, placements, value, backend if is_array else None, task.id)
+            _connect(dag, draft, placements, value, backend if moves else None, task.id)
     for value in draft.outputs.values():
         if draft.tasks[value.node].node.outputs[value.port].kind == "array":
             _connect(dag, draft, placements, value, "numpy", None)
