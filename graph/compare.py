@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.errors import TactographError
+from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.model import Graph
 from tactograph.graph.run import Result, open_pipeline
 from tactograph.graph.whole import whole_files
@@ -29,7 +29,11 @@ class Job:
     capture: Path
 
     def folder(self, out: Path) -> Path:
-        return out / self.graph.name / (self.backend or "preferred") / self.capture.name
+        return out / self.graph.name / (self.backend or "preferred") / self.capture_name
+
+    @property
+    def capture_name(self) -> str:
+        return self.capture.resolve().name
 
 
 @dataclass
@@ -46,18 +50,32 @@ class Row:
     device: str | None = None
     error: str = ""
     given: dict[str, str] = field(default_factory=dict)
+    fallbacks: list[str] = field(default_factory=list)
 
 
 def make_jobs(
     graphs: Sequence[Graph], captures: Sequence[Path], backends: Sequence[str | None]
 ) -> list[Job]:
-    """All combinations, variant by variant, so that neighbours in the table belong together."""
-    return [
+    """All combinations, variant by variant, so that neighbours in the table belong together.
+
+    Raises
+    ------
+    InputError
+        If two of them would write into the same folder.
+    """
+    jobs = [
         Job(graph, backend, capture)
         for capture in captures
         for graph in graphs
         for backend in backends
     ]
+    taken: set[Path] = set()
+    for job in jobs:
+        folder = job.folder(Path())
+        if folder in taken:
+            raise InputError(f"two of the runs are called {folder}; give them different names")
+        taken.add(folder)
+    return jobs
 
 
 def run_job(job: Job, given: Mapping[str, Any], out: Path, device: str | None) -> Row:
@@ -69,17 +87,18 @@ def run_job(job: Job, given: Mapping[str, Any], out: Path, device: str | None) -
     }
     words = {name: str(value) for name, value in values.items()}
     done = _done(folder, job, words)
-    if done is not None:
+    if done is not None and (device or "").lower() in (done.device or "").lower():
         return done
     row = Row(
-        job.graph.name, job.capture.name, job.backend or "preferred", job.graph.hash, given=words
+        job.graph.name, job.capture_name, job.backend or "preferred", job.graph.hash, given=words
     )
     try:
         pipeline = open_pipeline(job.graph, values, backend=job.backend, device=device)
         for result in pipeline.items(repeats=REPEATS):
             _enter(row, result)
-    except TactographError as error:
-        row.error = str(error)
+    except Exception as error:  # whatever it is, it must not end the other runs
+        known = isinstance(error, TactographError)
+        row.error = str(error) if known else f"{type(error).__name__}: {error}"
         return row
     with whole_files(folder) as stage:
         (stage / "row.json").write_text(json.dumps(asdict(row), indent=1) + "\n")
@@ -118,13 +137,15 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None]) -> None:
         cells = [_cell(row, name, rows) for name in figures]
         total = f"{sum(row.milliseconds.values()):.1f}" if row.milliseconds else ""
         table.add_row(row.capture, row.variant, _where(row), *cells, total)
-    console = Console(width=160, highlight=False)
+    console = Console(width=160, highlight=False, markup=False)
     with console.capture() as captured:
         console.print(table)
     echo(captured.get().rstrip())
     for row in rows:
         if row.error:
             echo(f"failed: {row.variant} on {row.capture}: {row.error}")
+    for line in dict.fromkeys(f"{row.variant}: {line}" for row in rows for line in row.fallbacks):
+        echo(f"fallback: {line}")
 
 
 def _places(job: Job, folder: Path) -> dict[str, Any]:
@@ -151,6 +172,7 @@ def _enter(row: Row, result: Result) -> None:
         row.milliseconds[step.name] = result.times.get(step.name, 0.0)
         row.backends[step.name] = step.backend
     row.device = result.plan.device
+    row.fallbacks = result.plan.fallbacks
 
 
 def _columns(many: Iterable[Mapping[str, float]]) -> list[str]:

@@ -237,9 +237,7 @@ def _first_error(error: ValidationError, document: Document) -> str:
         return f"{place}: '{path[-1]}' is missing"
     value = first.get("input")
     if kind == "string_pattern_mismatch":
-        return (
-            f"{place}: {_short(value)} is not a name (letters, digits and _, as in 'cal' or 'cal.flat')"
-        )
+        return f"{place}: {_short(value)} is not a name such as 'cal' or 'cal.flat'"
     if path == ("format",):
         return f"{place}: this version reads format {FORMAT}, not {_short(value)}"
     wanted = _WANTED.get(kind)

@@ -24,6 +24,7 @@ class Flat(NamedTuple):
 @node
 def read_flat(
     image: Light,
+    estimate: Light | None = None,
     *,
     folder: Path | None = None,
     dark: Path | None = None,
@@ -39,9 +40,11 @@ def read_flat(
     ----------
     image
         K x H x W, the capture that the flat has to fit.
+    estimate
+        K x H x W, what to use where there is no folder, as `estimate_flat` gives it.
     folder
-        Capture of the untouched film.  None: the light is taken to be uniform, and a
-        warning says so.
+        Capture of the untouched film.  None: the estimate; without one, the light is
+        taken to be uniform, and a warning says so.
     dark
         One image taken with all LEDs off.  None: black.
     lights, leds, files, crop
@@ -60,6 +63,8 @@ def read_flat(
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
         )
+    if folder is None and estimate is not None:
+        return Flat(estimate, black)
     if folder is None:
         warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
         return Flat(np.ones_like(image), black)

@@ -42,7 +42,7 @@ def command(
             "every item" if step.stream else "once",
             step.why,
         )
-    console = Console()
+    console = Console(markup=False)
     if not console.is_terminal:
         console.width = 120
     console.print(table)

@@ -101,11 +101,11 @@ def unify(draft: Draft) -> SizeClasses:
         for symbol, limit in task.node.sizes.items():
             if not task.filled:
                 limits.setdefault(flat[task.id, symbol], []).append((task.id, limit))
-    for symbol, bound in fixed.items():
-        for who, limit in limits.get(flat[symbol], ()):
-            if limit.refuses(bound.size):
+    for top, known in fixed.items():
+        for who, limit in limits.get(flat[top], ()):
+            if limit.refuses(known.size):
                 where = draft.tasks[who].entry.where("in")
-                raise GraphError(f"{where}: {bound.by} has size {bound.size}: {limit.why}")
+                raise GraphError(f"{where}: {known.by} has size {known.size}: {limit.why}")
     return SizeClasses(flat, fixed, limits)
 
 

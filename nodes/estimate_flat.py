@@ -1,0 +1,65 @@
+"""Stand in for a missing flat frame: the smooth part of the touch's own images."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+from numpy.polynomial.chebyshev import chebvander2d
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import Light
+
+ROUNDS = 8
+PIXELS = 20_000
+REJECT = 2.5
+"""Residuals beyond this many robust standard deviations are not film at rest."""
+
+
+@node
+def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] = 3) -> Light:
+    """Fit a smooth light to each image where the film is nearly level.
+
+    For recordings that have no untouched frame.  A polynomial is fitted by least squares,
+    pixels that depart from it are left out, and again: what remains is taken to be film at
+    rest.  It holds if most of the film is nearly level, and cannot tell a tilt of the whole
+    film from uneven light.
+
+    Parameters
+    ----------
+    image
+        K x H x W.
+    degree
+        Of the polynomial along x and along y.
+
+    Returns
+    -------
+    ndarray
+        K x H x W, the light that the film at rest would give.
+    """
+    height, width = image.shape[1:]
+    v = np.linspace(-1, 1, height)
+    u = np.linspace(-1, 1, width)
+    stride = max(1, int(np.sqrt(height * width / PIXELS)))
+    sampled = chebvander2d(*np.meshgrid(u[::stride], v[::stride]), [degree, degree])
+    basis = sampled.reshape(-1, (degree + 1) ** 2)
+    across = np.polynomial.chebyshev.chebvander(u, degree)
+    down = np.polynomial.chebyshev.chebvander(v, degree)
+    planes = []
+    for plane in image:
+        found = _robust(basis, plane[::stride, ::stride].ravel().astype(np.float64))
+        planes.append(down @ found.reshape(degree + 1, degree + 1).T @ across.T)
+    return np.maximum(np.stack(planes), 1e-3).astype(np.float32)
+
+
+def _robust(basis: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least squares with what departs left out, over and over."""
+    kept = np.ones(len(values), bool)
+    for _ in range(ROUNDS):
+        found, *_ = np.linalg.lstsq(basis[kept], values[kept], rcond=None)
+        residual = np.abs(values - basis @ found)
+        spread = 1.4826 * np.median(residual[kept])
+        kept = residual <= max(REJECT * spread, 1e-6)
+    return np.asarray(found)
