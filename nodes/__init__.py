@@ -40,6 +40,12 @@ Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
 """Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
 Metrics = dict[str, float]
 """Named figures, as result.json holds them."""
+LightPositions = Annotated[F4, Port("K 3", "mm", low=-200, high=200)]
+"""An LED per row, (x, y, z) in mm from the centre of the image on the film at rest."""
+Noise = Annotated[F4, Port("2", "1", low=1e-6, high=1e-4)]
+"""(shot, read): the variance of a captured light I is shot * I + read."""
+SlopeVariance = Annotated[F4, Port("2 H W", "1", low=1e-6, high=1)]
+"""Variance of p and of q from the light's noise; 1e12 where the slope is not known."""
 LutLight = Annotated[F4, Port("N K", "1")]
 """Light of the calibration pixels: the tables' keys."""
 LutSlope = Annotated[F4, Port("N 2", "mm/mm", low=-2, high=2)]

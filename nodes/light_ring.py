@@ -7,11 +7,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt, Interval
 
-from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4
-
-LightPositions = Annotated[F4, Port("K 3", "mm", low=-200, high=200)]
-"""An LED per row, (x, y, z) in mm from the centre of the image on the film at rest."""
+from tactograph.graph import InputError, node
+from tactograph.nodes import LightPositions
 
 MOST_LIGHTS = 8
 """A label is a byte with a bit per LED."""

@@ -10,8 +10,7 @@ from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
-from tactograph.nodes import F4, Height, Labels, Light, PixelSize
-from tactograph.nodes.light_ring import LightPositions
+from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch

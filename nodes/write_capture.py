@@ -12,8 +12,7 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.graph.whole import whole_files
-from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
-from tactograph.nodes.light_ring import LightPositions
+from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
 
 
 @node

@@ -79,7 +79,7 @@ class OpenCL:
         element that a kernel failed to write.
         """
         nbytes = -(-max(int(np.prod(shape, dtype=np.int64)) * dtype.itemsize, 1) // 4) * 4
-        buffer = self.pool.allocate(nbytes)
+        buffer: Any = self.pool.allocate(nbytes)
         if self.poison is not None:
             # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
             cl.enqueue_copy(self.queue, buffer, np.full(nbytes, self.poison, np.uint8))

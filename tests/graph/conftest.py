@@ -1,0 +1,100 @@
+"""Graph files, toy nodes and a command line for the tests of the engine."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tactograph.graph import find
+from tactograph.graph.command import main
+from tests.graph.toys import CALLS, TOYS
+
+SLOPES = """
+format: 1
+title: Height to slopes and back
+params:
+  file: {kind: path, help: a height map}
+nodes:
+  height: {op: read_height, with: {file: $file}}
+  pixel:  {op: pixel_size, with: {mm: 0.1}}
+  slope:  {op: height_slopes, in: {height: height, pixel: pixel}}
+  again:  {op: integrate_dct, in: {slope: slope.slope, pixel: pixel}}
+outputs: {height: again, mask: slope.mask}
+"""
+STREAM = """
+format: 1
+title: A stream of touches
+params:
+  count: {kind: integer, default: 3}
+prefer: [opencl, numpy]
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  cal:    {op: at_rest}
+  light:  {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}}
+  score:  {op: watched, in: {image: light, truth: frames.truth}}
+  save:   {op: noted, in: {image: light}}
+outputs: {light: light, score: score}
+"""
+
+Write = Callable[..., str]
+
+
+class Outcome(NamedTuple):
+    """What a command did."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write a graph file and return its path."""
+
+    def write_graph(text: str, name: str = "graph.yaml") -> str:
+        file = tmp_path / name
+        file.write_text(text, encoding="utf-8")
+        return str(file)
+
+    return write_graph
+
+
+@pytest.fixture
+def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Make the toy nodes known, as if a package had brought them; return their diary."""
+    points = {name: [EntryPoint(name, f"tests.graph.toys:{name}", find.GROUP)] for name in TOYS}
+    monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
+    CALLS.clear()
+    return CALLS
+
+
+@pytest.fixture
+def height_file(tmp_path: Path) -> str:
+    """A smooth bump, 24 x 32, in mm."""
+    y, x = np.mgrid[-1:1:24j, -1:1:32j]
+    file = tmp_path / "height.npy"
+    np.save(file, np.exp(-4 * (x * x + y * y)).astype(np.float32))
+    return str(file)
+
+
+@pytest.fixture
+def tactograph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """The command line: call it with words, get the exit code and what it printed."""
+
+    def run(*words: object) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["tactograph", *map(str, words)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as end:
+            main()
+        return Outcome(int(end.value.code or 0), *capsys.readouterr())
+
+    return run

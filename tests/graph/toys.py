@@ -1,0 +1,151 @@
+"""Nodes for the tests of the engine: small, countable, and some of them broken on purpose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import InputError, Port, SizeLimit, node, warn
+from tactograph.nodes import F4, Dark, Height, Light, Metrics
+
+CALLS: list[str] = []
+"""What ran, in order; the fixture `toys` empties it."""
+
+
+class Touch(NamedTuple):
+    image: Light
+    name: str = ""
+    truth: Height | None = None
+
+
+class Rest(NamedTuple):
+    flat: Light
+    dark: Dark
+
+
+@node
+def touches(*, count: int = 3, rows: int = 4, columns: int = 5) -> Iterator[Touch]:
+    """A stream: the n-th item is full of n, every second one has a truth."""
+    for number in range(1, count + 1):
+        CALLS.append(f"touch {number}")
+        truth = np.full((rows, columns), number, np.float32) if number % 2 else None
+        yield Touch(np.full((3, rows, columns), number, np.float32), f"touch{number}", truth)
+
+
+@node
+def at_rest(*, rows: int = 4, columns: int = 5, level: float = 1.0) -> Rest:
+    """What is made once: a flat field."""
+    CALLS.append("at_rest")
+    return Rest(
+        np.full((3, rows, columns), level, np.float32), np.zeros((rows, columns), np.float32)
+    )
+
+
+@node
+def doubled(image: Light) -> Light:
+    """Twice the light, on the host alone."""
+    CALLS.append("doubled")
+    return image * np.float32(2)
+
+
+@node
+def watched(image: Light, truth: Height | None = None) -> Metrics:
+    """Figures of an image."""
+    return {"mean": float(image.mean()), "truth": -1.0 if truth is None else float(truth.mean())}
+
+
+@node
+def noted(image: Light) -> None:
+    """A sink."""
+    CALLS.append(f"noted {image.mean():g}")
+
+
+@node
+def noticed(image: Light, *, text: str = "a warning") -> Light:
+    """Warns of something."""
+    warn(text)
+    return image
+
+
+@node
+def failing(image: Light, *, at: float = 0.0) -> Light:
+    """Fails as a careless node does."""
+    if at in (0, image.mean()):
+        raise RuntimeError("a careless node")
+    return image
+
+
+@node
+def refusing(image: Light) -> Light:
+    """Refuses the user's data."""
+    raise InputError("image.png: too dark")
+
+
+@node
+def forgetful(image: Light) -> Light:
+    """Returns nothing."""
+
+
+@node
+def listing(image: Light) -> Light:
+    """Returns a list."""
+    return image.tolist()
+
+
+@node
+def doubtful(image: Light) -> Light:
+    """Returns another element type than it says."""
+    return image.astype(np.float64)
+
+
+@node(neutral="slope")
+def two_planes(
+    slope: Annotated[F4, Port("2 H W", "mm/mm")], *, by: Annotated[float, Interval(ge=0, le=1)] = 0
+) -> Annotated[F4, Port("2 H W", "mm/mm")]:
+    """Two planes in, two out."""
+    return slope
+
+
+@node
+def three_planes(
+    planes: Annotated[F4, Port("3 H W", "mm/mm")],
+) -> Annotated[F4, Port("3 H W", "mm/mm")]:
+    """Three planes in, three out."""
+    return planes
+
+
+@node(sizes={"K": SizeLimit(3, None, "it takes three")})
+def many_planes(
+    planes: Annotated[F4, Port("K H W", "mm/mm")],
+) -> Annotated[F4, Port("K H W", "mm/mm")]:
+    """At least three planes."""
+    return planes
+
+
+@node
+def in_metres(height: Annotated[F4, Port("H W", "m")]) -> Annotated[F4, Port("H W", "m")]:
+    """Takes metres."""
+    return height
+
+
+@node
+def choosy(
+    *,
+    way: Literal["left", "right"],
+    share: Annotated[float, Interval(ge=0, le=0.5)] | None = None,
+    corner: tuple[int, int] = (0, 0),
+    level: float = 1.0,
+    bright: bool = False,
+) -> Height:
+    """Parameters of every kind."""
+    return np.full((2, 2), level, np.float32)
+
+
+TOYS = (
+    "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
+    "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
+    "choosy",
+)  # fmt: skip
