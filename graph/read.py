@@ -6,7 +6,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+)
 
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.model import FORMAT, Entry, Graph, Param
@@ -27,6 +34,13 @@ _WANTED = {
     "string_type": "text is needed",
     "bool_type": "true or false is needed",
 }
+
+
+def _whole(value: Any) -> Any:
+    """Keep `true` and 1.0, which equal 1 to Python, from passing for it."""
+    if type(value) is not int:
+        raise ValueError("a whole number is needed")
+    return value
 
 
 class _Strict(BaseModel):
@@ -76,7 +90,7 @@ class PatchModel(_Strict):
 class GraphModel(_Strict):
     """A graph file, or, with `extends`, a change to another one."""
 
-    format: Literal[1] = Field(description="The version of this file format.")
+    format: Annotated[Literal[1], BeforeValidator(_whole)] = Field(description="The version of this file format.")
     title: str = ""
     extends: str | None = Field(None, description="Another graph file, or a shipped one's name.")
     params: dict[Name, ParamModel] = {}

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import LightPositions
+from tactograph.nodes import F4, LightPositions
 
 MOST_LIGHTS = 8
 """A label is a byte with a bit per LED."""

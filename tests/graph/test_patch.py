@@ -133,7 +133,7 @@ def test_a_change_that_says_too_little_or_too_much_is_refused(
 
 def test_an_error_in_a_set_value_is_placed_in_the_patch(write: Write) -> None:
     graph = patched(write, "{set: slope, with: {steepest: 0}}")
-    assert "variant.yaml:4:24: patch[0].with.steepest" in graph.nodes["slope"].where(
+    assert "variant.yaml:4:25: patch[0].with.steepest" in graph.nodes["slope"].where(
         "with.steepest"
     )
 
