@@ -1,39 +1,95 @@
-"""Every variant on every capture on every back end, and the table that comes of it.
+"""Every variant on every capture, back end, swept value and seed, each run kept on disk.
 
 Nothing here knows optics: a row holds whatever figures a graph's outputs hold.
 """
 
 from __future__ import annotations
 
-import csv
+import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.model import Graph
-from tactograph.graph.run import Result, open_pipeline
+from tactograph.graph.run import Result, open_pipeline, with_changes
+from tactograph.graph.sweep import Sweep, check_targets, points, seed_like, seeds
+from tactograph.graph.views import save_views, views_of
 from tactograph.graph.whole import whole_files
 
-REPEATS = 3
+RUNS = 3
+"""How often an item of a stream is computed, for the median of its times."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is compared with what: everything that decides which runs there are."""
+
+    graphs: Sequence[Graph]
+    given: Mapping[str, Mapping[str, Any]]
+    captures: Sequence[Path] = ()
+    backends: Sequence[str | None] = (None,)
+    device: str | None = None
+    sweeps: Sequence[Sweep] = ()
+    seed: str | None = None
+    repeats: int = 1
+
+    def check(self) -> None:
+        """Refuse what cannot become a comparison.
+
+        Raises
+        ------
+        InputError
+            If a sweep or seed names nothing, captures are missing, or repeats would all be
+            the same.
+        """
+        check_targets(self.graphs, [sweep.target for sweep in self.sweeps], "--sweep")
+        check_targets(self.graphs, [self.seed] if self.seed else [], "--seed")
+        targets = [sweep.target for sweep in self.sweeps]
+        if len({*targets, self.seed}) < len([*targets, self.seed]):
+            raise InputError("a parameter can be swept, or be the seed, only once")
+        if self.repeats > 1 and self.seed is None:
+            known = ", ".join(seed_like(self.graphs)) or "no node has one"
+            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {known})")
+        for graph in self.graphs:
+            if takes_capture(graph) and not self.captures:
+                raise InputError(f"{graph.name} takes captures; say --over DIR")
 
 
 @dataclass(frozen=True)
 class Job:
-    """One cell of the comparison."""
+    """One run of the comparison: a graph with a swept point and a seed set in it."""
 
     graph: Graph
     backend: str | None
-    capture: Path
+    capture: Path | None
+    point: Mapping[str, Any] = field(default_factory=dict)
+    seed: Mapping[str, Any] = field(default_factory=dict)
 
-    def folder(self, out: Path) -> Path:
-        return out / self.graph.name / (self.backend or "preferred") / self.capture_name
+    @property
+    def changed(self) -> Graph:
+        return with_changes(self.graph, {**self.point, **self.seed})
 
     @property
     def capture_name(self) -> str:
-        return self.capture.resolve().name
+        return "" if self.capture is None else self.capture.resolve().name
+
+    @property
+    def label(self) -> str:
+        """The run in words, for people."""
+        set_ = [f"{target}={value}" for target, value in {**self.point, **self.seed}.items()]
+        on = f"on {self.capture_name}" if self.capture else ""
+        return " ".join(filter(None, [self.graph.name, on, *set_]))
+
+    def folder(self, out: Path) -> Path:
+        parts = [self.graph.name, self.backend or "preferred", self.capture_name]
+        parts.append(",".join(f"{target}={value}" for target, value in self.point.items()))
+        parts += [f"seed={value}" for value in self.seed.values()]
+        return out.joinpath(*(part.replace("/", "_") for part in parts if part))
 
 
 @dataclass
@@ -51,12 +107,24 @@ class Row:
     error: str = ""
     given: dict[str, str] = field(default_factory=dict)
     fallbacks: list[str] = field(default_factory=list)
+    sweep: dict[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    inputs: dict[str, str] = field(default_factory=dict)
+    items: int = 0
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells this run from the others of its comparison."""
+        return (self.variant, self.capture, self.backend, repr(self.sweep), repr(self.seed))
 
 
-def make_jobs(
-    graphs: Sequence[Graph], captures: Sequence[Path], backends: Sequence[str | None]
-) -> list[Job]:
-    """All combinations, variant by variant, so that neighbours in the table belong together.
+def takes_capture(graph: Graph) -> bool:
+    return "capture" in graph.params
+
+
+def make_jobs(study: Study) -> list[Job]:
+    """All combinations, capture by capture, so that neighbours in the table belong together.
 
     Raises
     ------
@@ -64,10 +132,12 @@ def make_jobs(
         If two of them would write into the same folder.
     """
     jobs = [
-        Job(graph, backend, capture)
-        for capture in captures
-        for graph in graphs
-        for backend in backends
+        Job(graph, backend, capture, point, seed)
+        for capture in (study.captures or [None])
+        for graph in study.graphs
+        for backend in study.backends
+        for point in points(graph, study.sweeps)
+        for seed in seeds(graph, study.seed, study.repeats, study.given[graph.name])
     ]
     taken: set[Path] = set()
     for job in jobs:
@@ -78,117 +148,132 @@ def make_jobs(
     return jobs
 
 
-def run_job(job: Job, given: Mapping[str, Any], out: Path, device: str | None) -> Row:
-    """Run one job, or take its row from a former run of the very same graph and values."""
+def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
+    """Run one job, or take its row from a former run of the very same graph and values.
+
+    Returns
+    -------
+    The row, and whether it was there already.
+    """
     folder = job.folder(out)
-    values = {
-        **given,
-        **{name: value for name, value in _places(job, folder).items() if name in job.graph.params},
-    }
-    words = {name: str(value) for name, value in values.items()}
-    done = _done(folder, job, words)
-    if done is not None and (device or "").lower() in (done.device or "").lower():
-        return done
-    row = Row(
-        job.graph.name, job.capture_name, job.backend or "preferred", job.graph.hash, given=words
-    )
+    values = {**study.given[job.graph.name], **_places(job, folder)}
+    row = _empty_row(job, values)
+    done = _done(folder, row)
+    if done is not None and (study.device or "").lower() in (done.device or "").lower():
+        return done, True
     try:
-        pipeline = open_pipeline(job.graph, values, backend=job.backend, device=device)
-        for result in pipeline.items(repeats=REPEATS):
-            _enter(row, result)
+        results = _run(job, values, study.device, row)
     except Exception as error:  # whatever it is, it must not end the other runs
         known = isinstance(error, TactographError)
         row.error = str(error) if known else f"{type(error).__name__}: {error}"
-        return row
+        return row, False
     with whole_files(folder) as stage:
+        save_views(views_of(results), stage)
         (stage / "row.json").write_text(json.dumps(asdict(row), indent=1) + "\n")
-    return row
+    return row, False
 
 
-def write_tables(rows: Sequence[Row], out: Path) -> None:
-    """Write ``table.csv`` and ``table.json``."""
-    figures = _columns(row.figures for row in rows)
-    with whole_files(out) as stage:
-        with (stage / "table.csv").open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(["variant", "capture", "backend", *figures, "ms", "hash", "error"])
-            for row in rows:
-                values = [row.figures.get(name, "") for name in figures]
-                total = sum(row.milliseconds.values()) if row.milliseconds else ""
-                writer.writerow(
-                    [row.variant, row.capture, row.backend, *values, total, row.hash, row.error]
-                )
-        text = json.dumps([asdict(row) for row in rows], indent=1)
-        (stage / "table.json").write_text(text + "\n")
+def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> Result:
+    """Run all items, enter them into the row, and return the first for its pictures."""
+    pipeline = open_pipeline(job.changed, values, backend=job.backend, device=device)
+    first: Result | None = None
+    figures: dict[str, list[float]] = {}
+    times: dict[str, list[float]] = {}
+    for result in pipeline.items(repeats=RUNS):
+        first = first or result
+        for name, figure in figures_of(result).items():
+            figures.setdefault(name, []).append(figure)
+        for name, time in _times_of(result).items():
+            times.setdefault(name, []).append(time)
+        row.items += 1
+        row.warnings = result.warnings
+    if first is None:
+        raise InputError(f"{job.graph.name} yielded nothing")
+    row.figures = {name: fmean(many) for name, many in figures.items()}
+    row.milliseconds = {name: fmean(many) for name, many in times.items()}
+    row.backends = {s.name: s.backend for s in first.plan.steps if s.name in times}
+    row.device = first.plan.device
+    row.fallbacks = first.plan.fallbacks
+    return first
 
 
-def print_table(rows: Sequence[Row], echo: Callable[[str], None]) -> None:
-    """Print the figures on the terminal, the best value of each capture marked with a star."""
-    from rich.console import Console
-    from rich.table import Table
-
-    figures = _columns(row.figures for row in rows)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("capture", "variant", "back end"):
-        table.add_column(heading)
-    for heading in (*figures, "ms"):
-        table.add_column(heading, justify="right", overflow="fold")
-    for row in rows:
-        cells = [_cell(row, name, rows) for name in figures]
-        total = f"{sum(row.milliseconds.values()):.1f}" if row.milliseconds else ""
-        table.add_row(row.capture, row.variant, _where(row), *cells, total)
-    console = Console(width=160, highlight=False, markup=False)
-    with console.capture() as captured:
-        console.print(table)
-    echo(captured.get().rstrip())
-    for row in rows:
-        if row.error:
-            echo(f"failed: {row.variant} on {row.capture}: {row.error}")
-    for line in dict.fromkeys(f"{row.variant}: {line}" for row in rows for line in row.fallbacks):
-        echo(f"fallback: {line}")
-
-
-def _places(job: Job, folder: Path) -> dict[str, Any]:
-    return {"capture": str(job.capture), "out": str(folder)}
-
-
-def _done(folder: Path, job: Job, words: dict[str, str]) -> Row | None:
-    file = folder / "row.json"
-    try:
-        row = Row(**json.loads(file.read_text()))
-    except (OSError, ValueError, TypeError):
-        return None
-    return row if (row.hash, row.given) == (job.graph.hash, words) else None
-
-
-def _enter(row: Row, result: Result) -> None:
+def figures_of(result: Result) -> dict[str, float]:
+    """All named figures among the outputs."""
+    found: dict[str, float] = {}
     for value in result.outputs.values():
         if isinstance(value, dict):
-            row.figures.update({name: float(figure) for name, figure in value.items()})
+            found |= {name: float(figure) for name, figure in value.items()}
+    return found
+
+
+def _times_of(result: Result) -> dict[str, float]:
+    """Milliseconds of the steps that make an item.
+
+    Reading, writing and rating it are no part of that; nor is what was made once.
+    """
+    times: dict[str, float] = {}
     for step in result.plan.steps:
         task = result.plan.tasks.get(step.name)
-        if not step.stream or (task is not None and (task.node.source or task.node.sink)):
+        if not step.stream or (task is not None and not _computes(task.node)):
             continue
-        row.milliseconds[step.name] = result.times.get(step.name, 0.0)
-        row.backends[step.name] = step.backend
-    row.device = result.plan.device
-    row.fallbacks = result.plan.fallbacks
+        times[step.name] = result.times.get(step.name, 0.0)
+    return times
 
 
-def _columns(many: Iterable[Mapping[str, float]]) -> list[str]:
-    seen: dict[str, None] = {}
-    for figures in many:
-        seen.update(dict.fromkeys(figures))
-    return list(seen)
+def _computes(node: Any) -> bool:
+    if node.source or node.sink:
+        return False
+    return any(port.kind != "object" for port in node.outputs.values())
 
 
-def _where(row: Row) -> str:
-    return " + ".join(sorted(set(row.backends.values()))) or row.backend
+def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:
+    return Row(
+        variant=job.graph.name,
+        capture=job.capture_name,
+        backend=job.backend or "preferred",
+        hash=job.changed.hash,
+        given={name: str(value) for name, value in values.items()},
+        sweep=dict(job.point),
+        seed=next(iter(job.seed.values()), None),
+        inputs={
+            name: content_hash(Path(str(value)))
+            for name, value in values.items()
+            if job.graph.params[name].kind == "path" and name != "out" and value is not None
+        },
+    )
 
 
-def _cell(row: Row, name: str, rows: Sequence[Row]) -> str:
-    if name not in row.figures:
+def _places(job: Job, folder: Path) -> dict[str, str]:
+    """Where the capture is and where results go, as far as the graph wants to know."""
+    places = {"out": str(folder)}
+    if job.capture is not None:
+        places["capture"] = str(job.capture)
+    return {name: place for name, place in places.items() if name in job.graph.params}
+
+
+def _done(folder: Path, wanted: Row) -> Row | None:
+    try:
+        row = Row(**json.loads((folder / "row.json").read_text()))
+    except (OSError, ValueError, TypeError):
+        return None
+    same = (row.hash, row.given, row.inputs) == (wanted.hash, wanted.given, wanted.inputs)
+    return row if same else None
+
+
+def content_hash(path: Path) -> str:
+    """SHA-256 (first 16 digits) of a file, or of the files of a folder with their names."""
+    files = sorted(f for f in path.rglob("*") if f.is_file()) if path.is_dir() else [path]
+    try:
+        stats = [(file, file.stat()) for file in files]
+    except OSError:  # the run itself will say what is wrong with it
         return ""
-    peers = [r.figures[name] for r in rows if r.capture == row.capture and name in r.figures]
-    best = abs(row.figures[name]) == min(map(abs, peers)) and len(set(peers)) > 1
-    return f"{row.figures[name]:.4g}{'*' if best else ' '}"
+    return _content_hash(path, tuple((f, stat.st_size, stat.st_mtime_ns) for f, stat in stats))
+
+
+@cache
+def _content_hash(path: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
+    digest = hashlib.sha256()
+    for file, size, _ in files:
+        digest.update(f"{file.relative_to(path)}:{size}:".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

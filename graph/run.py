@@ -42,12 +42,14 @@ class Result:
     """What one item gave: the graph's outputs, and how long each step took.
 
     ``result["height"]`` is the output of that name.  `times` is in milliseconds, by step.
+    `item` is what the stream's source yielded.
     """
 
     outputs: dict[str, Any]
     times: dict[str, float]
     plan: Plan
     warnings: list[str] = field(default_factory=list)
+    item: dict[Value, Any] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Any:
         return self.outputs[name]
@@ -143,7 +145,8 @@ class Pipeline:
         steps = [step for step in self.plan.steps if step.stream]
         self._steps(steps, dict(self._known), given, repeats)
         outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
-        return Result(outputs, dict(self._times), self.plan, list(self._notes))
+        item = {value: made for value, made in self._host.items() if value.node in given}
+        return Result(outputs, dict(self._times), self.plan, list(self._notes), item)
 
     def _steps(
         self,

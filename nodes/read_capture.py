@@ -16,10 +16,12 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import InputError, node, warn
 from tactograph.graph.strict_yaml import read_yaml
-from tactograph.nodes import Height, Light
+from tactograph.nodes import Height, Labels, Light, Slope
 
 SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp")
 TRUTH = "truth_height_mm.npy"
+TRUE_SLOPE = "truth_slope.npy"
+TRUE_SHADOW = "truth_shadow.png"
 MOST_LEDS = 8
 Crop = tuple[int, int, int, int]
 Leds = tuple[Annotated[int, Interval(ge=1)], ...]
@@ -32,6 +34,8 @@ class Capture(NamedTuple):
     image: Light
     name: str = ""
     truth: Height | None = None
+    truth_slope: Slope | None = None
+    truth_shadow: Labels | None = None
 
 
 class CaptureFile(BaseModel):
@@ -83,6 +87,12 @@ def read_capture(
         x0, y0, x1, y1 in pixels; x1 and y1 are not part of it.
     single
         Refuse a folder of captures.
+
+    Returns
+    -------
+    Images K x H x W, the folder's name, and what a simulator wrote beside them: the true
+    height in mm (``truth_height_mm.npy``), slope (``truth_slope.npy``) and shadow labels
+    (``truth_shadow.png``), each None where the file is absent.
 
     Raises
     ------
@@ -169,28 +179,68 @@ def read_truth(file: Path) -> NDArray[np.float32]:
     InputError
         If it is not a two-dimensional array of finite numbers, or holds a pickle.
     """
-    try:
-        array = np.load(file, allow_pickle=False)
-    except FileNotFoundError:
-        raise InputError(f"{file}: there is no such file") from None
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{file}: not a NumPy array of numbers: {error}") from None
-    if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "fiu":
+    array = _numbers(file)
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise InputError(f"{file}: a height map is one two-dimensional array of numbers")
     if not np.isfinite(array).all():
         raise InputError(f"{file}: holds NaN or infinite values")
     return np.asarray(array, np.float32)
 
 
+def _numbers(file: Path) -> NDArray[Any]:
+    try:
+        array = np.load(file, allow_pickle=False)
+    except FileNotFoundError:
+        raise InputError(f"{file}: there is no such file") from None
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{file}: not a NumPy array of numbers: {error}") from None
+    if not isinstance(array, np.ndarray):
+        array.close()
+        raise InputError(f"{file}: holds several arrays; one is needed")
+    return array
+
+
 def _read(folder: Path, layout: Layout, lights: Lights | None, name: str) -> Capture:
     image = read_images(folder, replace(layout, lights=_lights(folder, lights)))
-    truth = folder / TRUTH
-    if not truth.is_file():
-        return Capture(image, name)
-    height = _cropped(read_truth(truth), layout.crop, truth)
-    if height.shape != image.shape[1:]:
-        raise InputError(f"{truth}: is {_size(height)}, but the images are {_size(image[0])}")
-    return Capture(image, name, np.ascontiguousarray(height))
+    return Capture(
+        image,
+        name,
+        _true_height(folder / TRUTH, layout.crop, image),
+        _true_slope(folder / TRUE_SLOPE, layout.crop, image),
+        _true_shadow(folder / TRUE_SHADOW, layout.crop, image),
+    )
+
+
+def _true_height(file: Path, crop: Crop | None, image: Light) -> Height | None:
+    return _fitting(read_truth(file), crop, image, file) if file.is_file() else None
+
+
+def _true_slope(file: Path, crop: Crop | None, image: Light) -> Slope | None:
+    if not file.is_file():
+        return None
+    array = _numbers(file)
+    if array.ndim != 3 or array.shape[0] != 2 or array.dtype.kind not in "fiu":
+        raise InputError(f"{file}: slopes are one array of numbers, 2 x height x width")
+    if not np.isfinite(array).all():
+        raise InputError(f"{file}: holds NaN or infinite values")
+    return np.stack([_fitting(np.asarray(p, np.float32), crop, image, file) for p in array])
+
+
+def _true_shadow(file: Path, crop: Crop | None, image: Light) -> Labels | None:
+    if not file.is_file():
+        return None
+    labels = read_image(file)
+    if labels.ndim != 2 or labels.dtype != np.uint8:
+        raise InputError(f"{file}: shadow labels are one 8-bit grey image, a bit per LED")
+    return _fitting(labels, crop, image, file)
+
+
+def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -> NDArray[Any]:
+    """The part of a true map that the images show."""
+    cropped = _cropped(truth, crop, file)
+    if cropped.shape != image.shape[1:]:
+        raise InputError(f"{file}: is {_size(cropped)}, but the images are {_size(image[0])}")
+    return np.ascontiguousarray(cropped)
 
 
 def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:

@@ -2,44 +2,94 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from tactograph.graph.compare import Row, Study
 
-@click.command("compare", short_help="Run variants side by side, into one table.")
-@click.argument("words", nargs=-1, required=True, metavar="GRAPH... [NAME=VALUE]...")
-@click.option("--over", multiple=True, required=True, metavar="DIR", help="A capture folder.")
+
+@click.command("compare", short_help="Run variants side by side, into tables and a report.")
+@click.argument("words", nargs=-1, metavar="GRAPH... [NAME=VALUE]...")
+@click.option("--over", multiple=True, metavar="DIR", help="A capture folder.")
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option(
-    "--out", default="report", show_default=True,
-    type=click.Path(file_okay=False, path_type=Path), help="Folder for results and tables.",
+    "--sweep", "sweeps", multiple=True, metavar="NODE.PARAM=VALUES",
+    help="Try values: 0.01..0.2:10, log:0.01..1:5 or a,b,c.  Several sweeps make a grid.",
+)  # fmt: skip
+@click.option("--seed", metavar="NODE.PARAM", help="The seed that repeats count up.")
+@click.option(
+    "--repeats", type=click.IntRange(1), default=1, show_default=True,
+    help="Runs with different seeds, for 95 % confidence intervals.",
+)  # fmt: skip
+@click.option(
+    "--again", metavar="REPORT", type=click.Path(file_okay=False, path_type=Path),
+    help="Repeat the comparison in this folder, into REPORT_again.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for results, tables and report.  [default: report]",
 )  # fmt: skip
 def command(
     words: tuple[str, ...],
     over: tuple[str, ...],
     backends: str | None,
     device: str | None,
-    out: Path,
+    sweeps: tuple[str, ...],
+    seed: str | None,
+    repeats: int,
+    again: Path | None,
+    out: Path | None,
 ) -> None:
     """Run every GRAPH on every capture on every back end.
 
     NAME=VALUE goes to every variant.  Folders among the words, as a shell makes them from
     DIR/*, are further captures.  What was finished before is not run again.
     """
-    from rich.progress import track
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.record import deviation, read_record, study_again, what_changed
 
-    from tactograph.graph.compare import make_jobs, print_table, run_job, write_tables
+    if again is None:
+        values = [word for word in words if "=" in word]
+        study = _read_study(words, over, backends, device, sweeps, seed, repeats)
+        _compare(study, values, out or Path("report"))
+        return
+    if words or over or backends or device or sweeps or seed or repeats > 1:
+        raise InputError("--again repeats what was recorded; only --out may be said with it")
+    then = read_record(again)
+    former = _read_rows(again)
+    folder = out or again.with_name(f"{again.resolve().name}_again")
+    rows, now = _compare(study_again(then, again), then.values, folder)
+    for line in what_changed(then, now):
+        click.echo(f"changed: {line}")
+    click.echo(deviation(former, rows))
+
+
+def _read_study(
+    words: tuple[str, ...],
+    over: tuple[str, ...],
+    backends: str | None,
+    device: str | None,
+    sweeps: tuple[str, ...],
+    seed: str | None,
+    repeats: int,
+) -> Study:
+    from tactograph.graph.compare import Study
     from tactograph.graph.errors import InputError
     from tactograph.graph.given import read_words
     from tactograph.graph.model import BACKENDS
     from tactograph.graph.read import read_graph
+    from tactograph.graph.sweep import read_sweep
 
-    captures = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
-    missing = [w for w in over if not Path(w).is_dir()]
+    missing = [word for word in over if not Path(word).is_dir()]
     if missing:
         raise InputError(f"--over {missing[0]}: there is no such folder")
+    captures = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
     names = [w for w in words if "=" not in w and not Path(w).is_dir()]
     if not names:
         raise InputError("compare needs at least one graph to run")
@@ -48,15 +98,14 @@ def command(
         if backend not in (*BACKENDS, None):
             raise InputError(f"--backends {backends}: there are numpy and opencl")
     graphs = [read_graph(name) for name in names]
-    values = [w for w in words if "=" in w]
-    given = {graph.name: read_words(graph, values) for graph in graphs}
-    jobs = make_jobs(graphs, captures, wanted)
-    rows = [
-        run_job(job, given[job.graph.name], out, device)
-        for job in track(jobs, description="comparing", transient=True)
-    ]
-    write_tables(rows, out)
-    print_table(rows, click.echo)
-    click.echo(f"tables: {out / 'table.csv'}, {out / 'table.json'}")
-    if all(row.error for row in rows):
-        raise InputError("every run failed; the reasons are above")
+    values = [word for word in words if "=" in word]
+    return Study(
+        graphs=graphs,
+        given={graph.name: read_words(graph, values) for graph in graphs},
+        captures=captures,
+        backends=wanted,
+        device=device,
+        sweeps=[read_sweep(word) for word in sweeps],
+        seed=seed,
+        repeats=repeats,
+    )

@@ -166,7 +166,7 @@ def test_a_name_that_two_packages_use_is_an_error_that_names_both(
     install("other-optics", "acme_scale")
     with pytest.raises(InputError, match="in acme-optics and other-optics; uninstall one"):
         find_node("acme_scale")
-    with pytest.raises(GraphError, match=r"graph.yaml:6:13: nodes.more.op: two nodes are called"):
+    with pytest.raises(GraphError, match=r"graph.yaml:6:12: nodes.more.op: two nodes are called"):
         load(write(STREAM.format(name="acme_scale")))
 
 

@@ -188,3 +188,21 @@ def test_one_capture_is_asked_for_and_several_are_there(tmp_path: Path) -> None:
     write(tmp_path / "b")
     with pytest.raises(InputError, match="holds 2 captures, but one is needed"):
         list(read_capture(folder=tmp_path, single=True))
+
+
+def test_true_slopes_and_shadows_are_read_and_cropped(tmp_path: Path) -> None:
+    write(tmp_path)
+    slope = RNG.normal(size=(2, 12, 16)).astype(np.float32)
+    np.save(tmp_path / "truth_slope.npy", slope)
+    cv2.imwrite(str(tmp_path / "truth_shadow.png"), IMAGES[0])
+    capture = read_one(tmp_path, crop=(2, 1, 10, 9))
+    assert capture.truth is None
+    assert np.array_equal(capture.truth_slope, slope[:, 1:9, 2:10])
+    assert np.array_equal(capture.truth_shadow, IMAGES[0, 1:9, 2:10])
+
+
+@pytest.mark.parametrize("shape", [(2, 12, 15), (3, 12, 16), (12, 16)])
+def test_true_slopes_of_another_size_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    np.save(write(tmp_path) / "truth_slope.npy", np.zeros(shape, np.float32))
+    with pytest.raises(InputError, match=r"truth_slope\.npy"):
+        read_one(tmp_path)

@@ -34,7 +34,7 @@ def test_a_bare_reference_means_the_only_output(write: Write) -> None:
 
 
 def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
-    draft = bound(write(SLOPES), file="a.npy")
+    draft = bind(read_graph(write(SLOPES)), {"file": "a.npy"}, sinks=True, stand_ins=frozenset())
     assert str(draft.tasks["height"].settings["file"]) == "a.npy"
 
 
@@ -58,7 +58,7 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("slope: slope.slope", "slope: slope.slop",
          "nodes.again.in.slope: node 'slope' makes no 'slop'; did you mean 'slope'?"),
         ("{mm: 0.1}", "{mm: 0}", "nodes.pixel.with.mm: input should be greater than 0, not 0"),
-        ("{mm: 0.1}", "{nm: 0.1}", "node 'pixel_size' has no parameter 'nm'; did you mean 'mm'?"),
+        ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
         (", with: {mm: 0.1}", "", "nodes.pixel.with.mm: node 'pixel_size' needs the parameter"),
         ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
         ("height: again", "height: agian",

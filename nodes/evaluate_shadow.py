@@ -1,0 +1,50 @@
+"""Compare shadow labels with the truth, LED by LED."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import Labels, Metrics
+
+BITS = tuple(np.uint8(1 << k) for k in range(8))
+
+
+@node
+def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
+    """Return how well the shadows of each LED were found, or nothing without the truth.
+
+    A pixel counts once for every LED.  A figure whose denominator is zero has no value and
+    is left out: precision where nothing was labelled, recall where there is no shadow.
+
+    Parameters
+    ----------
+    shadow, truth
+        H x W; bit k-1 is set where LED k does not reach the pixel.
+
+    Returns
+    -------
+    dict
+        ``shadow_precision``, the share of the labelled pixels that are in shadow;
+        ``shadow_recall``, the share of the shadow that is labelled; ``shadow_iou``,
+        intersection over union; over all LEDs, and as ``shadow_iou/led1`` ... for each one.
+    """
+    if truth is None:
+        return {}
+    counts = np.stack([_counts(shadow & bit, truth & bit) for bit in BITS])
+    metrics = _rates(counts.sum(axis=0), "")
+    for k, count in enumerate(counts, start=1):
+        metrics |= _rates(count, f"/led{k}")
+    return metrics
+
+
+def _counts(found: Labels, truth: Labels) -> NDArray[np.int64]:
+    """Pixels that are both, that were found, that are true."""
+    return np.array([np.count_nonzero(mask) for mask in (found & truth, found, truth)])
+
+
+def _rates(counts: NDArray[np.int64], suffix: str) -> Metrics:
+    both, found, true = counts
+    rates = {"precision": (both, found), "recall": (both, true), "iou": (both, found + true - both)}
+    return {f"shadow_{name}{suffix}": float(n / of) for name, (n, of) in rates.items() if of}

@@ -1,0 +1,26 @@
+"""All figures of a touch in one place."""
+
+from __future__ import annotations
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Metrics
+
+
+@node
+def join_metrics(
+    first: Metrics, second: Metrics, third: Metrics | None = None, fourth: Metrics | None = None
+) -> Metrics:
+    """Return the figures of several evaluations together, in the order of the inputs.
+
+    Raises
+    ------
+    InputError
+        If two of them name a figure alike.
+    """
+    joined: Metrics = {}
+    for metrics in (first, second, third or {}, fourth or {}):
+        twice = sorted(joined.keys() & metrics.keys())
+        if twice:
+            raise InputError(f"join_metrics: two inputs hold a figure called '{twice[0]}'")
+        joined |= metrics
+    return joined

@@ -1,0 +1,126 @@
+"""Pass 4: where each node runs, and why; no fallback is silent."""
+
+from __future__ import annotations
+
+import importlib.util
+from importlib.machinery import ModuleSpec
+
+import pytest
+
+from tactograph.graph import GraphError
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.plan import Plan, make_plan
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import placeholders
+from tests.graph.conftest import SLOPES, Write
+
+ABSENT = "no OpenCL device works here"
+
+
+def planned(file: str, device: OpenCL | None) -> Plan:
+    graph = read_graph(file)
+    return make_plan(graph, placeholders(graph), device=device, no_device=ABSENT)
+
+
+@pytest.fixture
+def without_vkfft(monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+
+    def find_others(name: str, package: str | None = None) -> ModuleSpec | None:
+        return None if name == "pyvkfft" else find(name, package)
+
+    monkeypatch.setattr(importlib.util, "find_spec", find_others)
+
+
+def test_a_node_with_a_kernel_runs_on_the_device_that_is_preferred(
+    write: Write, device: OpenCL
+) -> None:
+    plan = planned(write(SLOPES), device)
+    assert plan.placements["slope"].backend == "opencl"
+    assert plan.placements["slope"].why == "preferred"
+    assert plan.device == device.name
+    assert plan.fallbacks == []
+
+
+def test_a_node_without_a_kernel_runs_on_numpy_and_that_is_no_fallback(
+    write: Write, device: OpenCL
+) -> None:
+    placement = planned(write(SLOPES), device).placements["height"]
+    assert (placement.backend, placement.why) == ("numpy", "has no OpenCL kernel")
+    assert not placement.fallback
+
+
+def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Write) -> None:
+    plan = planned(write(SLOPES), None)
+    assert {p.backend for p in plan.placements.values()} == {"numpy"}
+    assert plan.fallbacks == [
+        f"slope runs on numpy: opencl is preferred, but {ABSENT}",
+        f"again runs on numpy: opencl is preferred, but {ABSENT}",
+    ]
+
+
+def test_if_nothing_but_opencl_will_do_numpy_is_a_fallback_too(write: Write) -> None:
+    plan = planned(write(SLOPES.replace("nodes:", "prefer: [opencl]\nnodes:", 1)), None)
+    assert plan.fallbacks[0] == f"slope runs on numpy: opencl was asked for, but {ABSENT}"
+
+
+def test_if_numpy_is_preferred_nothing_falls_back(write: Write, device: OpenCL) -> None:
+    text = SLOPES.replace("nodes:", "prefer: [numpy, opencl]\nnodes:", 1)
+    for each in (device, None):
+        plan = planned(write(text), each)
+        assert {p.backend for p in plan.placements.values()} == {"numpy"}
+        assert plan.fallbacks == []
+
+
+def test_a_library_that_is_missing_is_named_with_its_remedy(
+    write: Write, device: OpenCL, without_vkfft: None
+) -> None:
+    plan = planned(write(SLOPES), device)
+    assert plan.placements["slope"].backend == "opencl"
+    assert plan.fallbacks == [
+        "again runs on numpy: opencl is preferred, but pyvkfft is not installed "
+        "(pip install 'tactograph[vkfft]')"
+    ]
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_a_node_that_is_bound_stays_where_it_is_bound(
+    write: Write, device: OpenCL, backend: str
+) -> None:
+    other = "opencl" if backend == "numpy" else "numpy"
+    text = SLOPES.replace("{op: height_slopes", f"{{backend: {backend}, op: height_slopes")
+    plan = planned(write(text.replace("nodes:", f"prefer: [{other}]\nnodes:", 1)), device)
+    assert plan.placements["slope"].backend == backend
+    assert plan.placements["slope"].why == "the graph file says so"
+    assert plan.fallbacks == []
+
+
+@pytest.mark.parametrize(
+    ("op", "message"),
+    [
+        ("height_slopes", f"9:12: nodes.slope.backend: 'slope' is bound to opencl, but {ABSENT}"),
+        ("pixel_size", "'pixel' is bound to opencl, but node 'pixel_size' has no OpenCL kernel"),
+    ],
+)
+def test_a_node_that_is_bound_to_what_cannot_run_it_is_refused(
+    write: Write, op: str, message: str
+) -> None:
+    with pytest.raises(GraphError) as caught:
+        planned(write(SLOPES.replace(f"{{op: {op}", f"{{backend: opencl, op: {op}")), None)
+    assert message in str(caught.value)
+
+
+def test_a_bound_node_whose_library_is_missing_is_refused(
+    write: Write, device: OpenCL, without_vkfft: None
+) -> None:
+    text = SLOPES.replace("{op: integrate_dct", "{backend: opencl, op: integrate_dct")
+    with pytest.raises(GraphError, match="bound to opencl, but pyvkfft is not installed"):
+        planned(write(text), device)
+
+
+def test_a_constant_stands_where_its_readers_are(device: OpenCL) -> None:
+    for name, placed in (("opencl", device), ("numpy", None)):
+        placement = planned("paper_no_shadow", placed).placements["shadow"]
+        assert placement.backend == name
+        assert placement.why == "neutral: a constant stands in"
+        assert not placement.fallback

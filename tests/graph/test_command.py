@@ -1,0 +1,507 @@
+"""The command line: exit codes, one clear line, no traceback, nothing half written."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import jsonschema
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from tactograph.graph import command, run
+from tactograph.graph.read import read_graph, shipped_names
+from tactograph.graph.run import open_pipeline
+from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
+
+WRITING = """
+format: 1
+params:
+  capture: {kind: path, help: the images}
+  file: {kind: path}
+  out: {kind: path}
+nodes:
+  frames: {op: read_capture, with: {folder: $capture}}
+  lit:    {op: label_lit, in: {light: frames.image}}
+  height: {op: read_height, with: {file: $file}}
+  pixel:  {op: pixel_size, with: {mm: 0.1}}
+  score:  {op: evaluate_height, in: {height: height, pixel: pixel, truth: frames.truth}}
+  save:
+    op: write_result
+    in: {height: height, shadow: lit, image: frames.image, pixel: pixel, metrics: score, name: frames.name}
+    with: {folder: $out, mesh: false, pictures: false}
+outputs: {score: score}
+"""
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> Path:
+    """A stream of three captures of 24 x 32 pixels."""
+    folder = tmp_path / "captures"
+    random = np.random.default_rng(1)
+    for name in ("a", "b", "c"):
+        (folder / name).mkdir(parents=True)
+        for led in range(1, 5):
+            image = random.integers(50, 200, (24, 32)).astype(np.uint8)
+            cv2.imwrite(str(folder / name / f"led{led}.png"), image)
+    return folder
+
+
+def one_line(done: Outcome, code: int = 2) -> str:
+    """The line on stderr of a command that failed as it should."""
+    assert done.code == code
+    assert "Traceback" not in done.out + done.err
+    assert done.err.count("\n") == 1
+    assert done.err.startswith("tactograph: ")
+    return done.err
+
+
+def test_help_lists_every_command(tactograph: Command) -> None:
+    done = tactograph("--help")
+    assert done.code == 0
+    for name in command.COMMANDS:
+        assert f"\n  {name} " in done.out
+
+
+@pytest.mark.parametrize("name", command.COMMANDS)
+def test_every_command_has_help(tactograph: Command, name: str) -> None:
+    done = tactograph(name, "--help")
+    assert done.code == 0
+    assert "Usage: tactograph" in done.out
+
+
+def test_the_version_is_told(tactograph: Command) -> None:
+    assert tactograph("--version").out.startswith("tactograph, version ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("fly",),
+        ("run",),
+        ("run", "paper", "--backend", "cuda"),
+        ("run", "paper", "--no-such-option"),
+        ("run", "paper", "--repeats", "0"),
+        ("compare", "paper"),
+        ("check",),
+    ],
+)
+def test_a_command_that_is_typed_wrong_exits_with_2(
+    tactograph: Command, words: tuple[str, ...]
+) -> None:
+    done = tactograph(*words)
+    assert done.code == 2
+    assert "Error: " in done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("run", "reconstrukt"), "did you mean 'reconstruct'?"),
+        (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
+        (("run", "paper", "capture"), "'capture': write values as name=value"),
+        (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),
+        (("run", "paper", "capture=a", "capture=b"), "capture is given twice"),
+        (("run", "paper", "capture="), "capture=: a path is needed"),
+        (("run", "paper"), "paper needs "),
+        (("run", "paper", "capture=nowhere", "calibration=cal.npz"), "no such "),
+        (("run", "calibrate", "ball_radius_mm=big"), "ball_radius_mm=big: a number is needed"),
+        (("run", "calibrate", "ball_radius_mm=true"), "a number is needed"),
+        (("run", "calibrate", "ball_radius_mm=1__0"), "'1__0' is not a number"),
+        (("run", "calibrate", "ball_center_px=1,x"), "'x' is not a number"),
+        (("run", "simulate", "seed=1.5"), "seed=1.5: a whole number is needed"),
+        (("run", "simulate", f"seed={'9' * 5000}"), "is not a number"),
+        (("run", "paper", "--set", "shadow"), "--set shadow: write it as node.param=value"),
+        (("run", "paper", "--set", "shadow.threshold=1__0"), "'1__0' is not a number"),
+        (("check", "paper", "--set", "shadwo.threshold=1"), "did you mean 'shadow'?"),
+        (("check", "paper", "--set", "shadow.threshold=-1"), "greater than 0, not -1"),
+        (("check", "paper", "--set", "shadow.thresh=1"), "did you mean 'threshold'?"),
+        (("resolve", "papre"), "did you mean 'paper'?"),
+        (("explain", "paper", "x=1"), "has no parameter 'x'"),
+        (("explain", "paper", "--device", "abacus"), "no OpenCL device's name contains 'abacus'"),
+        (("draw", "paper", "--out", "x.pdf"), "the name has to end in .dot, .mmd or .svg"),
+        (("nodes", "flat_feild"), "did you mean 'flat_field'?"),
+    ],
+)
+def test_wrong_input_is_one_line_and_exit_code_2(
+    tactograph: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    message: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = one_line(tactograph(*words))
+    assert message in said
+    assert len(said) < 400
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_slip_in_a_graph_file_is_one_line_with_its_place(
+    tactograph: Command, write: Write
+) -> None:
+    file = write(SLOPES.replace("op: height_slopes", "op: heigt_slopes"))
+    for name in ("run", "check", "explain", "draw"):
+        assert f"{file}:9:12: nodes.slope.op: no node" in one_line(tactograph(name, file))
+
+
+def test_a_graph_is_run(tactograph: Command, write: Write, height_file: str) -> None:
+    done = tactograph("run", write(SLOPES), f"file={height_file}")
+    assert done.code == 0, done.err
+    assert done.err == ""
+    assert "1: " in done.out
+    assert "ms on opencl" in done.out
+
+
+def test_each_item_of_a_stream_is_a_line(
+    toys: list[str], tactograph: Command, write: Write
+) -> None:
+    done = tactograph("run", write(STREAM), "count=4", "--backend", "numpy")
+    assert [line[:2] for line in done.out.splitlines()] == ["1:", "2:", "3:", "4:"]
+    assert "mean 4" in done.out
+
+
+def test_quiet_is_quiet(toys: list[str], tactograph: Command, write: Write) -> None:
+    assert tactograph("run", write(STREAM), "--quiet") == Outcome(0, "", "")
+
+
+def test_a_warning_is_printed_once(toys: list[str], tactograph: Command, write: Write) -> None:
+    text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
+    assert tactograph("run", write(text)).err == "warning: a warning\n"
+
+
+def test_a_fallback_is_one_line_on_the_terminal(
+    toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, "no OpenCL device works"))
+    done = tactograph("run", write(STREAM))
+    line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
+    assert (done.code, done.err) == (0, f"fallback: {line}\n")
+    assert f"fallback: {line}" in tactograph("explain", write(STREAM)).out
+    assert f"--strict: {line}" in one_line(tactograph("run", write(STREAM), "--strict"))
+    assert "--backend opencl: no" in one_line(
+        tactograph("run", write(STREAM), "--backend", "opencl")
+    )
+
+
+def test_a_result_holds_where_everything_ran_and_every_fallback(
+    tactograph: Command,
+    write: Write,
+    captures: Path,
+    height_file: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, "no OpenCL device works"))
+    file = write(WRITING)
+    out = tmp_path / "out"
+    done = tactograph("run", file, f"capture={captures}", f"file={height_file}", f"out={out}")
+    assert done.code == 0, done.err
+    assert sorted(f.name for f in out.iterdir()) == ["a", "b", "c"]
+    result = json.loads((out / "b" / "result.json").read_text())
+    assert result["graph"]["hash"] == read_graph(file).hash
+    assert result["capture"] == "b"
+    assert result["device"] is None
+    line = "lit runs on numpy: opencl is preferred, but no OpenCL device works"
+    assert result["fallbacks"] == [line]
+    nodes = {node["node"]: node for node in result["nodes"]}
+    assert nodes["lit"]["backend"] == "numpy"
+    assert nodes["height"]["once"]
+    assert not nodes["lit"]["once"]
+    assert nodes["lit"]["ms"] >= 0
+
+
+def test_what_a_stream_wrote_before_a_damaged_capture_is_whole(
+    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
+) -> None:
+    damaged = captures / "b" / "led3.png"
+    damaged.write_bytes(damaged.read_bytes()[:200])
+    out = tmp_path / "out"
+    done = tactograph(
+        "run", write(WRITING), f"capture={captures}", f"file={height_file}", f"out={out}", "--quiet"
+    )
+    assert str(damaged) in one_line(done)
+    assert [f.name for f in out.iterdir()] == ["a"]
+    assert sorted(f.name for f in (out / "a").iterdir()) == sorted(
+        ["height.npy", "height.tiff", "result.json", "shadow.png"]
+    )
+
+
+def test_a_capture_of_another_size_is_refused_before_anything_is_written(
+    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
+) -> None:
+    np.save(height_file, np.zeros((24, 31), np.float32))
+    out = tmp_path / "out"
+    said = one_line(
+        tactograph("run", write(WRITING), f"capture={captures}", f"file={height_file}", f"out={out}")
+    )
+    assert "the size W is 3" in said
+    assert "frames.image" in said
+    assert "height.read_height" in said
+    assert not out.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_the_users_error(
+    tactograph: Command, write: Write, captures: Path, height_file: str
+) -> None:
+    done = tactograph(
+        "run", write(WRITING), f"capture={captures}", f"file={height_file}",
+        f"out={height_file}/out", "--quiet",
+    )  # fmt: skip
+    assert "cannot be written" in one_line(done)
+
+
+def test_a_node_that_fails_is_exit_code_1_and_one_line(
+    toys: list[str], tactograph: Command, write: Write
+) -> None:
+    text = STREAM.replace("flat_field", "failing").replace(", flat: cal.flat, dark: cal.dark", "")
+    said = one_line(tactograph("run", write(text)), code=1)
+    assert "node 'light' (failing) failed: RuntimeError: a careless node" in said
+
+
+def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*args: object, **keywords: object) -> None:
+        raise RuntimeError("two\nlines")
+
+    monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
+    monkeypatch.setattr("tactograph.graph.read.read_graph", fail)
+    said = one_line(tactograph("check", "paper"), code=1)
+    assert "internal error: RuntimeError: two lines" in said
+
+
+@pytest.mark.parametrize(("error", "code"), [(MemoryError, 1), (KeyboardInterrupt, 130)])
+def test_an_end_from_outside_shows_no_traceback(
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    error: type[BaseException],
+    code: int,
+) -> None:
+    def fail(*args: object, **keywords: object) -> None:
+        raise error
+
+    monkeypatch.setattr("tactograph.graph.read.read_graph", fail)
+    done = tactograph("check", "paper")
+    assert done.code == code
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_every_shipped_graph_is_verified_explained_and_drawn(
+    tactograph: Command, name: str
+) -> None:
+    checked = tactograph("check", name)
+    assert checked.code == 0, checked.err
+    assert "nothing wrong" in checked.out
+    explained = tactograph("explain", name)
+    assert explained.code == 0, explained.err
+    assert read_graph(name).hash in explained.out
+    assert tactograph("draw", name).out.startswith(f'digraph "{name}"')
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_a_resolved_graph_is_a_graph_file_of_the_same_hash(
+    tactograph: Command, write: Write, name: str
+) -> None:
+    done = tactograph("resolve", name)
+    assert done.code == 0, done.err
+    assert read_graph(write(done.out)).hash == read_graph(name).hash
+
+
+@pytest.mark.parametrize(
+    "value", ["no", "'1e-3'", "1e-3", ".inf", "'null'", "'0x10'", "'2020-01-01'", "' x'", "'#'",
+              "[1, '2', {a: null}]", "'%'", '"a\\nb"', '"\\u00e9"', "'&a'", "123456789012345678901"]
+)  # fmt: skip
+def test_resolving_keeps_every_value_as_it_was(
+    tactograph: Command, write: Write, value: str
+) -> None:
+    file = write(SLOPES.replace("mm: 0.1", f"mm: {value}"))
+    again = write(tactograph("resolve", file).out, "again.yaml")
+    assert read_graph(again).nodes == read_graph(file).nodes
+    assert read_graph(again).hash == read_graph(file).hash
+
+
+def test_check_lists_what_is_needed_and_what_is_not_used(
+    tactograph: Command, write: Write
+) -> None:
+    done = tactograph("check", write(SLOPES.replace("height: again", "height: height")))
+    assert "not used by any output: again" in done.out
+    assert "needed; a height map" in done.out
+
+
+def test_check_takes_a_value_that_is_not_given_to_be_right(
+    tactograph: Command, write: Write
+) -> None:
+    text = SLOPES.replace("params:", "params:\n  way: {kind: text}\n  crop: {kind: numbers}")
+    text = text.replace("{file: $file}", "{file: $file, crop: $crop}")
+    text = text.replace("outputs:", "  more: {op: read_capture, with: {folder: x, lights: $way}}\n"
+                        "outputs: {more: more.image}\n#")  # fmt: skip
+    for name in ("check", "explain", "draw"):
+        done = tactograph(name, write(text))
+        assert done.code == 0, done.err
+
+
+def test_check_verifies_a_graph_that_is_bound_to_a_device(
+    tactograph: Command, write: Write
+) -> None:
+    text = SLOPES.replace("{op: height_slopes", "{backend: opencl, op: height_slopes")
+    done = tactograph("check", write(text))
+    assert done.code == 0, done.err
+
+
+def test_explain_says_why_each_step_runs_where_it_does(
+    tactograph: Command, write: Write, height_file: str
+) -> None:
+    done = tactograph("explain", write(SLOPES))
+    assert done.code == 0, done.err
+    for words in ("preferred", "has no OpenCL kernel", "shared by all readers", "upload", "once"):
+        assert words in done.out
+
+
+def test_explain_prints_brackets_as_they_are(
+    tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
+    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, why))
+    assert "tactograph[vkfft]" in " ".join(tactograph("explain", write(SLOPES)).out.split())
+
+
+def test_explain_says_what_was_taken_out(toys: list[str], tactograph: Command, write: Write) -> None:
+    text = STREAM.replace("dark: cal.dark}}", "dark: cal.dark}, neutral: true}")
+    out = tactograph("explain", write(text)).out
+    assert "light: taken out; its readers read frames.image" in out
+    assert "cal: not run; nothing reads it" in out
+
+
+@pytest.mark.parametrize(("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart LR")])
+def test_draw_writes_a_file(
+    tactograph: Command, tmp_path: Path, suffix: str, start: str
+) -> None:
+    file = tmp_path / f"plan{suffix}"
+    done = tactograph("draw", "paper", "--out", file)
+    assert (done.code, done.out) == (0, ""), done.err
+    assert file.read_text().startswith(start)
+
+
+def test_draw_writes_svg_where_graphviz_is(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    dot = programs / "dot"
+    dot.write_text("#!/bin/sh\n/bin/cat > /dev/null\necho '<svg/>'\n")
+    dot.chmod(0o755)
+    monkeypatch.setenv("PATH", str(programs))
+    assert tactograph("draw", "paper", "--out", tmp_path / "plan.svg").code == 0
+    assert (tmp_path / "plan.svg").read_text() == "<svg/>\n"
+
+
+def test_draw_says_so_where_graphviz_is_not(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said = one_line(tactograph("draw", "paper", "--out", tmp_path / "plan.svg"))
+    assert "SVG needs graphviz" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -> None:
+    done = tactograph("nodes")
+    assert done.code == 0
+    assert "flat_field " in done.out
+    page = tactograph("nodes", "flat_field").out
+    for words in ("image: float32 K x H x W [1]", "floor: default 0.02", "Neutral: image"):
+        assert words in page
+
+
+def test_devices_lists_every_device_with_its_verdict(tactograph: Command) -> None:
+    done = tactograph("devices", "--require")
+    assert done.code == 0, done.err
+    assert "works" in done.out
+    assert "in use by default: " in done.out
+
+
+def test_without_a_device_devices_says_so(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tactograph.graph.backends.devices._handles", lambda: iter(()))
+    done = tactograph("devices")
+    assert (done.code, done.out) == (0, "no OpenCL device works here; graphs run on numpy\n")
+    assert "apt-get install" in one_line(tactograph("devices", "--require"))
+
+
+def test_a_device_that_computes_wrongly_is_passed_over(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "tactograph.graph.backends.devices._run_probe",
+        lambda handle: "a test kernel ran but gave wrong numbers",
+    )
+    done = tactograph("devices")
+    assert done.code == 0
+    assert "bad  " in done.out
+    assert "graphs run on numpy" in done.out
+    assert "gave wrong numbers" in one_line(tactograph("devices", "--require"))
+
+
+def test_schema_prints_a_schema(tactograph: Command) -> None:
+    done = tactograph("schema")
+    assert done.code == 0
+    jsonschema.Draft202012Validator.check_schema(json.loads(done.out))
+
+
+def test_a_resolved_graph_is_plain_yaml(tactograph: Command) -> None:
+    text = tactograph("resolve", "calibrate_known_shape").out
+    data = YAML(typ="safe", pure=True).load(text)
+    assert "ball" not in data["nodes"]
+    assert "extends" not in data
+
+
+def test_device_takes_part_of_a_name(write: Write, tactograph: Command, height_file: str) -> None:
+    name = open_pipeline(read_graph(write(SLOPES)), {"file": height_file}).plan.device
+    assert name is not None
+    done = tactograph("explain", write(SLOPES), "--device", name[:8].upper())
+    assert done.code == 0, done.err
+
+
+def process(*words: str, **more: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "tactograph.graph.command", *words],
+        env={**os.environ, **more},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_process_ends_with_the_code_and_the_line() -> None:
+    done = process("run", "nowhere.yaml")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr == "tactograph: nowhere.yaml: there is no such graph file\n"
+
+
+def test_a_pipe_that_closes_early_is_no_error() -> None:
+    shell = f"{sys.executable} -m tactograph.graph.command schema | head -c 1; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, check=False)
+    assert done.stdout == "{0\n"
+    assert done.stderr == ""
+
+
+def test_help_loads_neither_numpy_nor_the_planner() -> None:
+    code = (
+        "import sys, tactograph.graph.command as c\n"
+        "sys.argv = ['tactograph', '--help']\n"
+        "try: c.main()\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'networkx', 'pydantic', 'pyopencl', 'cv2'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
