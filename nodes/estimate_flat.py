@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -54,7 +54,7 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
     return np.maximum(np.stack(planes), 1e-3).astype(np.float32)
 
 
-def _robust(basis: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _robust(basis: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
     """Least squares with what departs left out, over and over."""
     kept = np.ones(len(values), bool)
     for _ in range(ROUNDS):

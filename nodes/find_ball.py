@@ -294,8 +294,9 @@ def _descend(
     first = np.array(start)[free]
     corners = first - step * start.radius * np.vstack([np.zeros(len(free)), np.eye(len(free))])
     # No target for the residual: its scale is the light's, the circle's is the pixel.
-    stop: Any = {"initial_simplex": corners, "xatol": 0.02, "fatol": np.inf, "maxfev": 100}
-    result = optimize.minimize(
+    stop = {"initial_simplex": corners, "xatol": 0.02, "fatol": np.inf, "maxfev": 100}
+    minimize: Any = optimize.minimize  # its stubs know no initial simplex
+    result = minimize(
         lambda values: _residual(samples, circle(values), limit),
         first,
         method="Nelder-Mead",
