@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 RUN    := $(BIN)/tactograph run
 DEMO   := demo
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint ablation clean
 
 # The package and its dependencies; again whenever pyproject.toml changes.
 $(VENV)/.installed: pyproject.toml
@@ -28,9 +28,9 @@ demo: $(VENV)/.installed
 	@echo "--- look at"
 	@ls $(DEMO)/cal.png $(DEMO)/report/*/*/*/height.png $(DEMO)/report/*/*/*/shadow_view.png
 
-# What the tests need beyond that: VkFFT and an OpenCL device that works.
+# What the tests need beyond that: VkFFT, an OpenCL device that works, and a browser.
 $(VENV)/.tested: $(VENV)/.installed
-	sh tests/install_opencl.sh $(BIN)
+	sh tests/install_system.sh $(BIN)
 	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint,vkfft]'
 	@touch $@
 
@@ -45,6 +45,10 @@ lint: $(VENV)/.tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	MYPYPATH=.typing $(BIN)/mypy -p tactograph.graph -p tactograph.nodes
+
+# The figures and pictures of docs/ablation.md; several minutes.
+ablation: $(VENV)/.installed
+	TACTOGRAPH=$(BIN)/tactograph PYTHON=$(BIN)/python sh benchmarks/ablation.sh out/ablation
 
 clean:
 	rm -rf $(VENV) .typing $(DEMO) build *.egg-info

@@ -16,6 +16,8 @@ from typing import Any
 
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.model import Graph
+from tactograph.graph.node import Node
+from tactograph.graph.plan import Step
 from tactograph.graph.run import Result, open_pipeline, with_changes
 from tactograph.graph.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.views import save_views, views_of
@@ -133,8 +135,9 @@ def make_jobs(study: Study) -> list[Job]:
     """
     jobs = [
         Job(graph, backend, capture, point, seed)
-        for capture in (study.captures or [None])
+        for capture in (None, *study.captures)
         for graph in study.graphs
+        if takes_capture(graph) == (capture is not None)
         for backend in study.backends
         for point in points(graph, study.sweeps)
         for seed in seeds(graph, study.seed, study.repeats, study.given[graph.name])
@@ -191,7 +194,7 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> R
         raise InputError(f"{job.graph.name} yielded nothing")
     row.figures = {name: fmean(many) for name, many in figures.items()}
     row.milliseconds = {name: fmean(many) for name, many in times.items()}
-    row.backends = {s.name: s.backend for s in first.plan.steps if s.name in times}
+    row.backends = {step.name: step.backend for step in _computing(first)}
     row.device = first.plan.device
     row.fallbacks = first.plan.fallbacks
     return first
@@ -211,16 +214,15 @@ def _times_of(result: Result) -> dict[str, float]:
 
     Reading, writing and rating it are no part of that; nor is what was made once.
     """
-    times: dict[str, float] = {}
-    for step in result.plan.steps:
-        task = result.plan.tasks.get(step.name)
-        if not step.stream or (task is not None and not _computes(task.node)):
-            continue
-        times[step.name] = result.times.get(step.name, 0.0)
-    return times
+    return {s.name: result.times.get(s.name, 0.0) for s in _computing(result) if s.stream}
 
 
-def _computes(node: Any) -> bool:
+def _computing(result: Result) -> list[Step]:
+    tasks = result.plan.tasks
+    return [s for s in result.plan.steps if s.name not in tasks or _computes(tasks[s.name].node)]
+
+
+def _computes(node: Node) -> bool:
     if node.source or node.sink:
         return False
     return any(port.kind != "object" for port in node.outputs.values())

@@ -13,6 +13,7 @@ import inspect
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from tactograph.graph.ports import PortType, is_record, read_port, record_ports
@@ -69,8 +70,10 @@ class Node:
     package: str = "tactograph"
     provenance: str | None = None
     grid: tuple[str, ...] | None = None
+    lanes: bool = False
     launch: LaunchFunction | None = None
     requires: tuple[str, str] | None = None
+    on_cpu: str | None = None
     make_example: Callable[..., dict[str, Any]] | None = None
     kernel_package: str = "tactograph.kernels"
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
@@ -98,7 +101,7 @@ class Node:
     def has_kernel(self) -> bool:
         return self.grid is not None or self.launch is not None
 
-    @property
+    @cached_property
     def symbols(self) -> tuple[str, ...]:
         """The size symbols in the order in which they first appear: the kernel's order."""
         seen: dict[str, None] = {}
@@ -107,15 +110,20 @@ class Node:
         return tuple(seen)
 
     @typing.overload
-    def opencl(self, *, grid: str) -> Node: ...
+    def opencl(self, *, grid: str, lanes: bool = False) -> Node: ...
 
     @typing.overload
     def opencl(
-        self, *, requires: tuple[str, str] | None = None
+        self, *, requires: tuple[str, str] | None = None, on_cpu: str | None = None
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(
-        self, *, grid: str | None = None, requires: tuple[str, str] | None = None
+        self,
+        *,
+        grid: str | None = None,
+        lanes: bool = False,
+        requires: tuple[str, str] | None = None,
+        on_cpu: str | None = None,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
 
@@ -126,10 +134,18 @@ class Node:
             engine then launches the kernel of the node's own name.  Without it the call is
             a decorator for a function that is handed a `Launch`, for nodes of several
             launches.
+        lanes
+            Whether a work-item does LANES consecutive elements of the grid, which is then
+            counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.
         requires
             A module that the launch function needs, and what to install to get it.
+        on_cpu
+            Why the NumPy function is the better one if the device is a CPU: it is then
+            taken wherever numpy is among the graph's preferences.
         """
         self.requires = requires
+        self.lanes = lanes
+        self.on_cpu = on_cpu
         if grid is not None:
             self.grid = tuple(grid.split())
             return self

@@ -90,7 +90,9 @@ class PatchModel(_Strict):
 class GraphModel(_Strict):
     """A graph file, or, with `extends`, a change to another one."""
 
-    format: Annotated[Literal[1], BeforeValidator(_whole)] = Field(description="The version of this file format.")
+    format: Annotated[Literal[1], BeforeValidator(_whole)] = Field(
+        description="The version of this file format."
+    )
     title: str = ""
     extends: str | None = Field(None, description="Another graph file, or a shipped one's name.")
     params: dict[Name, ParamModel] = {}

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from tactograph.graph.compare import Row, Study, content_hash
 from tactograph.graph.dump import dump_graph
@@ -43,7 +42,9 @@ class Record:
     format: int = FORMAT
 
 
-def make_record(study: Study, values: Sequence[str], rows: Sequence[Row], argv: list[str]) -> Record:
+def make_record(
+    study: Study, values: Sequence[str], rows: Sequence[Row], argv: list[str]
+) -> Record:
     """Describe a comparison that has been run."""
     return Record(
         command=shlex.join(["tactograph", *argv]),
@@ -82,12 +83,31 @@ def read_record(folder: Path) -> Record:
     try:
         record = Record(**json.loads(file.read_text()))
     except OSError as error:
-        raise InputError(f"{file}: {error.strerror or error}; --again wants a report's folder") from None
+        raise InputError(
+            f"{file}: {error.strerror or error}; --again wants a report's folder"
+        ) from None
     except (ValueError, TypeError):
         raise InputError(f"{file}: damaged, or from another version") from None
     if record.format != FORMAT:
         raise InputError(f"{file}: format {record.format}; this version reads {FORMAT}")
     return record
+
+
+def read_rows(folder: Path) -> list[Row]:
+    """Read the runs in ``table.json``.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is damaged.
+    """
+    file = folder / "table.json"
+    try:
+        return [Row(**row) for row in json.loads(file.read_text())]
+    except OSError as error:
+        raise InputError(f"{file}: {error.strerror or error}") from None
+    except (ValueError, TypeError):
+        raise InputError(f"{file}: damaged, or from another version") from None
 
 
 def study_again(record: Record, folder: Path) -> Study:
@@ -127,18 +147,20 @@ def what_changed(then: Record, now: Record) -> list[str]:
         *((f"capture {n}", a, b) for n, a, b in _pairs(then.capture_hashes, now.capture_hashes)),
         ("device", ", ".join(then.devices_used), ", ".join(now.devices_used)),
     ]
-    return [f"{name} was {old or 'absent'}, is {new or 'absent'}" for name, old, new in pairs if old != new]
+    return [
+        f"{name} was {old or 'absent'}, is {new or 'absent'}"
+        for name, old, new in pairs
+        if old != new
+    ]
 
 
-def deviation(then: Sequence[Mapping[str, Any]], now: Sequence[Row]) -> str:
+def deviation(then: Sequence[Row], now: Sequence[Row]) -> str:
     """Say how far the figures of a repeated comparison are from the former ones."""
-    former = {Row(**row).key: Row(**row) for row in then}
+    former = {row.key: row.figures for row in then}
     count, worst, where = 0, 0.0, ""
     for row in now:
-        old = former.get(row.key)
-        for name, figure in row.figures.items() if old else ():
-            assert old is not None
-            before = old.figures.get(name, figure)
+        for name in row.figures.keys() & former.get(row.key, {}).keys():
+            before, figure = former[row.key][name], row.figures[name]
             apart = abs(figure - before) / max(abs(before), abs(figure), 1e-12)
             count += 1
             if apart > worst:

@@ -70,6 +70,8 @@ class Pipeline:
         self._times: dict[str, float] = {}
         self._notes: list[str] = []
         self._prepared = False
+        self._once = self._split(stream=False)
+        self._stream = self._split(stream=True)
         for task in plan.tasks.values():
             on_device = plan.placements[task.id].backend == "opencl" and not task.filled
             if device is not None and on_device:
@@ -136,28 +138,25 @@ class Pipeline:
     def _prepare(self) -> None:
         """Run, once, what does not depend on the stream."""
         if not self._prepared:
-            steps = [step for step in self.plan.steps if not step.stream]
             known: dict[Symbol, Bound] = {}
-            self._steps(steps, known, {})
+            self._steps(self._once, known, {})
             self._known, self._prepared = known, True
 
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
-        steps = [step for step in self.plan.steps if step.stream]
-        self._steps(steps, dict(self._known), given, repeats)
+        self._steps(self._stream, dict(self._known), given, repeats)
         outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
         item = {value: made for value, made in self._host.items() if value.node in given}
         return Result(outputs, dict(self._times), self.plan, list(self._notes), item)
 
     def _steps(
         self,
-        steps: list[Step],
+        steps: tuple[list[Step], list[Step]],
         known: dict[Symbol, Bound],
         given: Mapping[str, Any],
         repeats: int = 1,
     ) -> None:
         """Run steps in order; sinks last, when every time is known."""
-        sinks = [step for step in steps if self._is_sink(step)]
-        computing = [step for step in steps if not self._is_sink(step)]
+        computing, sinks = steps
         runs: list[dict[str, float]] = []
         for _ in range(repeats):
             self._compute(computing, known, given)
@@ -177,8 +176,11 @@ class Pipeline:
             self._device.finish()
             self._times |= {name: milliseconds(timer) for name, timer in timers.items()}
 
-    def _is_sink(self, step: Step) -> bool:
-        return step.kind == "run" and self.plan.tasks[step.name].node.sink
+    def _split(self, *, stream: bool) -> tuple[list[Step], list[Step]]:
+        """The steps that compute and the sinks, of the stream or of what runs once."""
+        steps = [step for step in self.plan.steps if step.stream == stream]
+        sinks = [s for s in steps if s.kind == "run" and self.plan.tasks[s.name].node.sink]
+        return [step for step in steps if step not in sinks], sinks
 
     def _stand_in(self, name: str, array: NDArray[Any]) -> Any:
         record = self.plan.tasks[name].node.output_record

@@ -145,7 +145,7 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
     shown = [*lines, *over_all(lines)]
     table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
     for heading in _row_headings(lines):
-        table.add_column(heading, overflow="fold")
+        table.add_column(heading, no_wrap=True)
     for name in columns(lines):
         table.add_column(words(name), justify="right")
     for line in shown:

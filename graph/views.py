@@ -67,7 +67,8 @@ def save_views(views: list[View], folder: Path) -> None:
     """Write ``views.npz`` and, what they are, ``views.json``."""
     about = [{"name": v.name, "kind": v.kind, "unit": v.unit} for v in views]
     (folder / "views.json").write_text(json.dumps(about, indent=1) + "\n")
-    np.savez_compressed(folder / "views.npz", **{v.name: v.array for v in views})
+    arrays: dict[str, Any] = {view.name: view.array for view in views}
+    np.savez_compressed(folder / "views.npz", **arrays)
 
 
 def load_views(folder: Path) -> dict[str, View]:
@@ -75,7 +76,9 @@ def load_views(folder: Path) -> dict[str, View]:
     try:
         about = json.loads((folder / "views.json").read_text())
         with np.load(folder / "views.npz", allow_pickle=False) as arrays:
-            return {a["name"]: View(a["name"], a["kind"], a["unit"], arrays[a["name"]]) for a in about}
+            return {
+                a["name"]: View(a["name"], a["kind"], a["unit"], arrays[a["name"]]) for a in about
+            }
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

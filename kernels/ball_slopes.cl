@@ -1,6 +1,6 @@
 #include "common.clh"
 
-// Slope of a ball inside its contact circle; zero, and masked out, outside.
+// Slope and height of a ball inside its contact circle; zero, and masked out, outside.
 __kernel void ball_slopes(
     __global const float *restrict light,
     __global const float *restrict center,
@@ -8,6 +8,7 @@ __kernel void ball_slopes(
     const float pixel,
     __global float *restrict slope,
     __global uchar *restrict mask,
+    __global float *restrict height,
     const int K, const int H, const int W,
     const float radius_mm,
     const float margin_px)
@@ -24,4 +25,6 @@ __kernel void ball_slopes(
     slope[i] = inside ? -dx / z : 0.0f;
     slope[H * W + i] = inside ? -dy / z : 0.0f;
     mask[i] = inside;
+    const float reach = contact * pixel;
+    height[i] = inside ? z - sqrt(fmax(ball - reach * reach, 0.0f)) : 0.0f;
 }

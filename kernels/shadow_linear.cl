@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "lanes.clh"
 
 // Label the darkest LED where the null vector's product with the light departs from zero.
 __kernel void shadow_linear(
@@ -9,17 +10,15 @@ __kernel void shadow_linear(
     const int K, const int H, const int W,
     const float threshold)
 {
-    GRID_2(y, x, H, W)
-    const int i = y * W + x;
-    float departure = 0.0f, least = INFINITY;
-    int darkest = 0;
+    GRID_LANES(i, count, H * W)
+    floats departure = 0.0f, least = INFINITY;
+    ints darkest = 1;
     for (int k = 0; k < K; ++k) {
-        const float value = light[k * H * W + i];
+        const floats value = load_floats(light + k * H * W + i, count);
         departure += null[k] * value;
-        if (value < least) {
-            least = value;
-            darkest = k;
-        }
+        darkest = value < least ? (ints)(1 << k) : darkest;
+        least = LESS_OF(value, least);
     }
-    out[i] = fabs(departure) > threshold * spread ? 1 << darkest : 0;
+    const ints shadowed = fabs(departure) > (floats)(threshold * spread);
+    store_bytes(shadowed ? darkest : (ints)(0), out + i, count);
 }

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tactograph.graph.ports import Port
 
 F4 = NDArray[np.float32]
+I4 = NDArray[np.int32]
 U1 = NDArray[np.uint8]
 
 Light = Annotated[F4, Port("K H W", "1")]
@@ -26,6 +27,8 @@ Slope = Annotated[F4, Port("2 H W", "mm/mm", low=-2, high=2)]
 """Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2."""
 Height = Annotated[F4, Port("H W", "mm", low=-1, high=5)]
 """Height z above the film at rest."""
+HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
+"""Standard deviation of the height; zero on the film at rest."""
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
 """A bit per LED: bit k-1 stands for LED k."""
 Mask = Annotated[U1, Port("H W", "flag", high=1)]
@@ -59,3 +62,12 @@ class KnownSlopes(NamedTuple):
 
     slope: Slope
     mask: Mask
+
+
+class ShadowRises(NamedTuple):
+    """Heights measured by shadows: pixel `top` lies `rise` above pixel `foot`, C times."""
+
+    top: Annotated[I4, Port("C", "pixel number")]
+    foot: Annotated[I4, Port("C", "pixel number")]
+    rise: Annotated[F4, Port("C", "mm")]
+    led: Annotated[U1, Port("C", "LED number")]

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt
 
 from tactograph.graph import Close, Port, node
-from tactograph.nodes import F4, KnownSlopes, Light, PixelSize
+from tactograph.nodes import F4, Height, Light, Mask, PixelSize, Slope
+
+
+class KnownBall(NamedTuple):
+    """The slope and height of a ball in the film, and the pixels where they hold."""
+
+    slope: Slope
+    mask: Mask
+    height: Height
 
 
 @node(tolerance=Close(1e-5, 1e-5, why="square root and division near the rim"))
@@ -20,10 +28,11 @@ def ball_slopes(
     *,
     radius_mm: Annotated[float, Gt(0)],
     margin_px: Annotated[float, Ge(0)] = 0.5,
-) -> KnownSlopes:
+) -> KnownBall:
     """Return the slope of a ball of known radius inside its contact circle (paper 3.1).
 
-    With z = sqrt(R^2 - r^2), p = -(x - c_x) / z and q = -(y - c_y) / z.
+    With z = sqrt(R^2 - r^2), p = -(x - c_x) / z and q = -(y - c_y) / z.  The ball rises
+    z - sqrt(R^2 - c^2) above the film at rest, c being the radius of its contact.
 
     Parameters
     ----------
@@ -42,8 +51,8 @@ def ball_slopes(
 
     Returns
     -------
-    KnownSlopes
-        Slope 2 x H x W (zero outside) and the mask of the contact.
+    KnownBall
+        Slope 2 x H x W, the mask of the contact, height H x W in mm; zero outside.
     """
     height, width = light.shape[1:]
     y, x = np.mgrid[:height, :width].astype(np.float32)
@@ -55,7 +64,14 @@ def ball_slopes(
     inside = (rim > 0) & (square < rim * rim) & (square < ball)
     z = np.sqrt(np.where(inside, ball - square, np.float32(1)))
     slope = np.stack([-dx / z, -dy / z]) * inside
-    return KnownSlopes(np.asarray(slope + np.float32(0), np.float32), inside.astype(np.uint8))
+    reach = np.float32(contact) * np.float32(pixel)
+    base = np.sqrt(np.maximum(ball - reach * reach, np.float32(0)))
+    rise = np.where(inside, z - base, np.float32(0))
+    return KnownBall(
+        np.asarray(slope + np.float32(0), np.float32),
+        inside.astype(np.uint8),
+        np.asarray(rise, np.float32),
+    )
 
 
 ball_slopes.opencl(grid="H W")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -9,40 +10,52 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, LutLight, LutLit, LutSlope
+from tactograph.nodes import F4, I4, LutLight, LutLit, LutSlope
 
 LEAF = 8
-FAR = np.float32(1e15)
-"""Fills the last leaf; no light is ever near it."""
-SLACK = np.float32(4e-6)
-"""Boxes are wider by this, so that rounding never hides an entry from the search."""
+"""Entries in a leaf; the kernel's LEAF."""
+WIDE = 16
+"""Boxes that are tested at once: the leaves of a middle, the middles of a top."""
+TOP = WIDE * WIDE * LEAF
+FAR = np.float32(1e18)
+"""Where the boxes lie that fill up the last group; farther than any light."""
+SLACK = 4e-6
+"""Boxes are wider by this part of the largest light, so that rounding hides no entry."""
 
 
 class LutIndex(NamedTuple):
-    """K + 1 tables, each a k-d tree: table 0 of all lights, table k without LED k.
+    """K + 1 tables, each a tree: table 0 of all lights, table k without LED k.
 
-    A tree is complete: node i has the children 2i and 2i + 1, its boxes lie in that order
-    from 1, its leaves hold the same number of entries each.
+    A tree has `tops`, each of 16 middles, each of 16 leaves, each of 8 entries.  Boxes lie
+    16 siblings side by side: first those of the tops, then those of each top's middles,
+    then those of each middle's leaves.
     """
 
     entries: Annotated[F4, Port("M K", "1")]
-    """Light of the entries in leaf order; the column of the LED left out is zero."""
-    slopes: Annotated[F4, Port("M 2", "mm/mm", low=-2, high=2)]
-    boxes: Annotated[F4, Port("B 2 K", "1")]
-    """Lowest and highest coordinate along the table's principal axes."""
+    """Light of the entries leaf by leaf; the column of the LED left out is zero."""
+    numbers: Annotated[I4, Port("M", "entry number")]
+    """Which entry of its table each is; the last places repeat entries."""
+    slopes: Annotated[F4, Port("E 2", "mm/mm", low=-2, high=2)]
+    """Slope of every table's entries, by their numbers."""
+    boxes: Annotated[F4, Port("B 2 K 16", "1")]
+    """Lowest and highest coordinate along the table's principal axes, from its centre."""
     axes: Annotated[F4, Port("T K K", "1")]
-    tables: Annotated[NDArray[np.int32], Port("T 4", "1")]
-    """Number of leaves, entries in a leaf, first box, first entry."""
+    centres: Annotated[F4, Port("T K", "1")]
+    tables: Annotated[I4, Port("T 4", "1")]
+    """Number of tops, first row of `boxes`, of `entries`, of `slopes`."""
     trees: tuple[cKDTree, ...]
-    """The same tables as SciPy's trees, for the host; positions are those of `entries`."""
+    """The same tables as SciPy's trees, for the host, by number."""
 
 
 class _Table(NamedTuple):
     entries: F4
+    numbers: I4
     slopes: F4
     boxes: F4
     axes: F4
-    leaves: int
+    centre: F4
+    tops: int
+    tree: cKDTree
 
 
 @node
@@ -61,49 +74,55 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
     Returns
     -------
     LutIndex
-        A table that no pixel belongs to has no leaves.
+        A table that no pixel belongs to has no tops.
     """
     count = light.shape[1]
-    every = (1 << count) - 1
-    tables = [_table(light, slope, lit, every, None)]
-    tables += [_table(light, slope, lit, every & ~(1 << k), k) for k in range(count)]
-    first_box = np.cumsum([0, *(len(t.boxes) for t in tables)])
-    first_entry = np.cumsum([0, *(len(t.entries) for t in tables)])
-    info = [
-        (t.leaves, len(t.entries) // max(t.leaves, 1), first_box[i], first_entry[i])
-        for i, t in enumerate(tables)
+    # Sorting lets go of the interpreter's lock, so threads help.
+    with ThreadPoolExecutor() as pool:
+        tables = list(pool.map(lambda k: _table(light, slope, lit, k), (None, *range(count))))
+    starts = [
+        np.cumsum([0, *(len(part) for part in parts)])
+        for parts in zip(*((t.boxes, t.entries, t.slopes) for t in tables), strict=True)
     ]
     return LutIndex(
         np.concatenate([t.entries for t in tables]),
+        np.concatenate([t.numbers for t in tables]),
         np.concatenate([t.slopes for t in tables]),
         np.concatenate([t.boxes for t in tables]),
         np.stack([t.axes for t in tables]),
-        np.array(info, np.int32),
-        tuple(cKDTree(t.entries) for t in tables),
+        np.stack([t.centre for t in tables]),
+        np.array([(t.tops, *(s[i] for s in starts)) for i, t in enumerate(tables)], np.int32),
+        tuple(t.tree for t in tables),
     )
 
 
-def _table(
-    light: LutLight, slope: LutSlope, lit: LutLit, needed: int, dropped: int | None
-) -> _Table:
-    """One table: the pixels that all `needed` LEDs reach, the dropped light put to zero."""
+def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -> _Table:
+    """One table: the pixels that all the other LEDs reach, the dropped light put to zero."""
+    count = light.shape[1]
+    needed = (1 << count) - 1 & ~(0 if dropped is None else 1 << dropped)
     chosen = (lit & needed) == needed
     points = light[chosen].copy()
-    count = light.shape[1]
     if dropped is not None:
         points[:, dropped] = 0
     # Two lights do not determine a slope: without a fourth LED there is nothing to drop.
     if len(points) == 0 or (dropped is not None and count < 4):
-        none = np.zeros((0, count), np.float32)
-        axes = np.eye(count, dtype=np.float32)
-        return _Table(none, none[:, :2], np.zeros((0, 2, count), np.float32), axes, 0)
+        return _empty(count)
     points, slopes = _merged(points, slope[chosen])
-    axes = np.linalg.eigh(np.cov(points.T.astype(np.float64)))[1].T[::-1].astype(np.float32)
-    order, leaves = _leaf_order(points @ axes.T)
-    padding = np.full((leaves * -(-len(points) // leaves) - len(points), count), FAR)
-    entries = np.concatenate([points, padding])[order]
-    values = np.concatenate([slopes, np.zeros((len(padding), 2), np.float32)])[order]
-    return _Table(entries, values, _boxes(entries, axes, leaves), axes, leaves)
+    axes, centre = _principal_axes(points)
+    places = (points @ axes.T.astype(np.float64) - centre).astype(np.float32)
+    order = _leaf_order(places)
+    boxes = _boxes(places[order], np.float32(SLACK * np.abs(points).max()))
+    numbers = order.ravel().astype(np.int32)
+    tops = len(numbers) // TOP
+    return _Table(points[numbers], numbers, slopes, boxes, axes, centre, tops, cKDTree(points))
+
+
+def _empty(count: int) -> _Table:
+    none = np.zeros((0, count), np.float32)
+    axes = np.eye(count, dtype=np.float32)
+    boxes = np.zeros((0, 2, count, WIDE), np.float32)
+    numbers = np.zeros(0, np.int32)
+    return _Table(none, numbers, none[:, :2], boxes, axes, axes[0], 0, cKDTree(none))
 
 
 def _merged(points: F4, slopes: F4) -> tuple[F4, F4]:
@@ -114,41 +133,52 @@ def _merged(points: F4, slopes: F4) -> tuple[F4, F4]:
     return distinct, means.astype(np.float32)
 
 
-def _leaf_order(coordinates: F4) -> tuple[NDArray[np.int64], int]:
-    """Halve the points along their widest extent until a part holds at most LEAF of them.
-
-    Returns the order of the points, those past the end standing for the padding.
-    """
-    count = len(coordinates)
-    leaves = 1 << max(0, int(np.ceil(np.log2(count / LEAF))))
-    total = leaves * -(-count // leaves)
-    # The padding is spread along the widest axis like points at its end.
-    places = np.concatenate(
-        [coordinates, np.broadcast_to(coordinates.max(0), (total - count, coordinates.shape[1]))]
-    )
-    order = np.arange(total)[None, :]
-    while len(order) < leaves:
-        there = places[order]
-        widest = np.ptp(there, axis=1).argmax(axis=1)
-        key = np.take_along_axis(there, widest[:, None, None], axis=2)[..., 0]
-        half = np.argpartition(key, order.shape[1] // 2, axis=1)
-        order = np.take_along_axis(order, half, axis=1).reshape(2 * len(order), -1)
-    return order.ravel(), leaves
+def _principal_axes(points: F4) -> tuple[F4, F4]:
+    """The axes in rows, the widest first, and the mean light along them."""
+    mean = points.mean(axis=0, dtype=np.float64)
+    away = points - mean
+    axes = np.linalg.eigh(away.T @ away)[1].T[::-1].astype(np.float32)
+    return axes, (axes.astype(np.float64) @ mean).astype(np.float32)
 
 
-def _boxes(entries: F4, axes: F4, leaves: int) -> F4:
-    """The boxes of all nodes in heap order; box 0 is not used."""
-    rotated = np.where(entries[:, :1] < FAR, entries @ axes.T, np.nan)
-    parts = rotated.reshape(leaves, -1, axes.shape[0])
-    found = np.zeros((2 * leaves, 2, axes.shape[0]), np.float32)
-    # A leaf of nothing but padding keeps an inverted box, which is far from everything.
-    low = np.where(np.isnan(parts), FAR, parts).min(axis=1)
-    high = np.where(np.isnan(parts), -FAR, parts).max(axis=1)
-    while True:
-        count = len(low)
-        found[count : 2 * count, 0] = low - SLACK
-        found[count : 2 * count, 1] = high + SLACK
+def _leaf_order(places: F4) -> NDArray[np.intp]:
+    """The numbers of the entries, a leaf a row; entries are repeated until all are full."""
+    tops = -(-len(places) // TOP)
+    todo = [np.resize(np.arange(len(places)), (1, tops * TOP))]
+    done = []
+    while todo:
+        part = todo.pop()
+        count = part.shape[1] // TOP
         if count == 1:
-            return found
-        low = low.reshape(count // 2, 2, -1).min(axis=1)
-        high = high.reshape(count // 2, 2, -1).max(axis=1)
+            done.append(part)
+            continue
+        part = _split(places, part, count // 2 * TOP)
+        todo += [part[:, count // 2 * TOP :], part[:, : count // 2 * TOP]]
+    order = np.concatenate(done)
+    while order.shape[1] > LEAF:
+        half = order.shape[1] // 2
+        order = _split(places, order, half).reshape(2 * len(order), half)
+    return order
+
+
+def _split(places: F4, order: NDArray[np.intp], at: int) -> NDArray[np.intp]:
+    """Part every row of entries along its own widest extent: the `at` lowest come first."""
+    there = places[order]
+    widest = np.ptp(there, axis=1).argmax(axis=1)
+    key = np.take_along_axis(there, widest[:, None, None], axis=2)[..., 0]
+    return np.take_along_axis(order, np.argpartition(key, at, axis=1), axis=1)
+
+
+def _boxes(leaves: F4, slack: np.float32) -> F4:
+    """Boxes of tops, middles and leaves, from the places of the entries leaf by leaf."""
+    count = leaves.shape[2]
+    level = np.stack([leaves.min(axis=1) - slack, leaves.max(axis=1) + slack], axis=1)
+    levels = [level]
+    for _ in range(2):
+        siblings = level.reshape(-1, WIDE, 2, count)
+        level = np.stack([siblings[:, :, 0].min(axis=1), siblings[:, :, 1].max(axis=1)], axis=1)
+        levels.append(level)
+    missing = np.full((-len(level) % WIDE, 2, count), FAR)
+    levels[-1] = np.concatenate([level, missing])
+    grouped = np.concatenate([x.reshape(-1, WIDE, 2, count) for x in reversed(levels)])
+    return np.ascontiguousarray(grouped.transpose(0, 2, 3, 1))

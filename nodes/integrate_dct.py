@@ -10,7 +10,7 @@ from scipy.fft import dctn, idctn
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes._fourier import REQUIRES, cosine_transform
+from tactograph.nodes._fourier import ON_CPU, REQUIRES, cosine_transform
 
 
 @node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
@@ -34,20 +34,25 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     ndarray
         H x W in mm, its mean being zero.
     """
-    divergence = _staggered(slope[0], 1) + _staggered(slope[1], 0)
+    divergence = _divergence(slope)
     spectrum = dctn(divergence, type=2, norm="ortho", workers=-1)
     spectrum *= inverse_laplacian(divergence.shape)
     height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
-    return np.asarray(height * np.float32(pixel), np.float32)
+    height *= np.float32(pixel)
+    return np.asarray(height, np.float32)
 
 
-def _staggered(slope: F4, axis: int) -> F4:
-    """Divergence, along one axis, of the slope half-way between neighbours."""
-    first = slope[:, :-1] if axis == 1 else slope[:-1]
-    second = slope[:, 1:] if axis == 1 else slope[1:]
-    between = (first + second) * np.float32(0.5)
-    pad = ((0, 0), (1, 1)) if axis == 1 else ((1, 1), (0, 0))
-    return np.diff(np.pad(between, pad), axis=axis)
+def _divergence(slope: Slope) -> F4:
+    """Divergence of the slopes half-way between neighbours; none across the border."""
+    p, q = slope
+    across = (p[:, :-1] + p[:, 1:]) * np.float32(0.5)
+    down = (q[:-1] + q[1:]) * np.float32(0.5)
+    divergence = np.zeros(p.shape, np.float32)
+    divergence[:, :-1] = across
+    divergence[:, 1:] -= across
+    divergence[:-1] += down
+    divergence[1:] -= down
+    return divergence
 
 
 @lru_cache(maxsize=8)
@@ -63,7 +68,7 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
     return inverse
 
 
-@integrate_dct.opencl(requires=REQUIRES)
+@integrate_dct.opencl(requires=REQUIRES, on_cpu=ON_CPU)
 def _launch(run: Launch) -> None:
     """Divergence, DCT-II, division by the eigenvalues, DCT-III."""
     height, width = shape = run.sizes["H"], run.sizes["W"]

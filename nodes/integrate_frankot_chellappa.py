@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes._fourier import REQUIRES, cosine_transform, fourier_transform
+from tactograph.nodes._fourier import ON_CPU, REQUIRES, cosine_transform, fourier_transform
+
+C8 = NDArray[np.complex64]
 
 
 @node(tolerance=Close(5e-4, 5e-4, why="two float32 transforms of different libraries"))
@@ -44,9 +48,21 @@ def integrate_frankot_chellappa(
 
 def _periodic(slope: Slope) -> F4:
     p, q = slope
-    v, u = _frequencies(p.shape)
-    spectrum = -1j * (u * rfft2(p, workers=-1) + v * rfft2(q, workers=-1)) * _inverse(u, v)
-    return np.asarray(irfft2(spectrum.astype(np.complex64), s=p.shape, workers=-1))
+    by_v, by_u = _multipliers(p.shape)
+    spectrum = rfft2(p, workers=-1)
+    spectrum *= by_u
+    other = rfft2(q, workers=-1)
+    other *= by_v
+    spectrum += other
+    return np.asarray(irfft2(spectrum, s=p.shape, workers=-1, overwrite_x=True))
+
+
+@lru_cache(maxsize=8)
+def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
+    """-i v / (u^2 + v^2) and -i u / (u^2 + v^2): what the spectra of q and p are weighted by."""
+    v, u = _frequencies(shape)
+    inverse = np.complex64(-1j) * _inverse(u, v)
+    return v * inverse, u * inverse
 
 
 def _mirrored(slope: Slope) -> F4:
@@ -87,7 +103,7 @@ def _inverse(u: F4, v: F4) -> F4:
     return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
 
 
-@integrate_frankot_chellappa.opencl(requires=REQUIRES)
+@integrate_frankot_chellappa.opencl(requires=REQUIRES, on_cpu=ON_CPU)
 def _launch(run: Launch) -> None:
     """Transform both slopes, combine them, transform back."""
     if run.settings["border"] == "periodic":

@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Labels, Light, Slope
 from tactograph.nodes.index_lut import LutIndex, index_lut
 
 SPARE = 3
 """So many neighbours more are asked for, to settle ties in float32 as the kernel does."""
+MOST_LIGHT = 1e15
+TILE = 32
+"""The kernel's TILE on CPUs."""
 
 
 @node(
@@ -28,7 +32,7 @@ def lut_nearest(
     *,
     neighbours: Annotated[int, Interval(ge=1, le=16)] = 1,
 ) -> Slope:
-    """Return the slope of the entry nearest in light: exact, by a k-d tree (3.1 and 3.3).
+    """Return the slope of the entry nearest in light: exact (3.1 and 3.3).
 
     A pixel that all LEDs reach is looked up in the table of all lights, a shadowed one in
     the table without its shadowed LED; if several are, without the darkest of them.  Of
@@ -37,7 +41,7 @@ def lut_nearest(
     Parameters
     ----------
     light
-        K x H x W.
+        K x H x W.  NaN counts as dark.
     shadow
         H x W, bit k-1 set where LED k is shadowed.
     index
@@ -51,7 +55,7 @@ def lut_nearest(
         Slope 2 x H x W; zero where the table needed is empty.
     """
     count, height, width = light.shape
-    lights = light.reshape(count, -1)
+    lights = np.nan_to_num(light.reshape(count, -1), posinf=MOST_LIGHT, neginf=-MOST_LIGHT)
     table = _tables(lights, shadow.ravel())
     slope = np.zeros((2, height * width), np.float32)
     for number, tree in enumerate(index.trees):
@@ -70,7 +74,7 @@ def _tables(lights: F4, shadow: NDArray[np.uint8]) -> NDArray[np.intp]:
     """0 for lit pixels, else the number of the darkest LED among the shadowed ones."""
     bits = (shadow[None, :] >> np.arange(len(lights), dtype=np.uint8)[:, None]) & 1
     darkest = np.argmin(np.where(bits > 0, lights, np.inf), axis=0)
-    return np.where(shadow > 0, darkest + 1, 0)
+    return np.where(bits.any(axis=0), darkest + 1, 0)
 
 
 def _mean_slope(tree: cKDTree, query: F4, slopes: F4, neighbours: int) -> F4:
@@ -89,17 +93,31 @@ def _mean_slope(tree: cKDTree, query: F4, slopes: F4, neighbours: int) -> F4:
     return total / np.float32(nearest.shape[1])
 
 
-lut_nearest.opencl(grid="H W")
+@lut_nearest.opencl()
+def _launch(run: Launch) -> None:
+    """A work-item per tile and lanes, or per pixel; several neighbours always per pixel."""
+    height, width = grid = run.sizes["H"], run.sizes["W"]
+    inputs = [run.inputs[name] for name, port in lut_nearest.inputs.items() if port.kind == "array"]
+    arguments = [*inputs, run.outputs["lut_nearest"], height, width]
+    constants = {"LIGHTS": run.sizes["K"]}
+    neighbours = run.settings["neighbours"]
+    if neighbours > 1:
+        run.kernel("lut_nearest_several", grid, *arguments, neighbours, constants=constants)
+    elif run.lanes == 1:
+        run.kernel("lut_nearest", grid, *arguments, constants=constants)
+    else:
+        tiles = (-(-height // TILE), -(-width // TILE))
+        run.kernel("lut_nearest", tiles, *arguments, local=(1, 1), constants=constants)
 
 
 @lut_nearest.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Tables of random light, and labels of which every one occurs."""
-    entries = rng.random((700, K)).astype(np.float32)
-    slopes = rng.uniform(-2, 2, (700, 2)).astype(np.float32)
-    lit = ((1 << K) - 1 & ~np.where(rng.random(700) < 0.5, 1 << rng.integers(0, K, 700), 0)).astype(
-        np.uint8
-    )
+    """Tables of random light, in large images of many tops; labels of which every one occurs."""
+    count = 700 if H * W < 5000 else 40_000
+    entries = rng.random((count, K)).astype(np.float32)
+    slopes = rng.uniform(-2, 2, (count, 2)).astype(np.float32)
+    dark = np.where(rng.random(count) < 0.5, 1 << rng.integers(0, K, count), 0)
+    lit = (((1 << K) - 1) & ~dark).astype(np.uint8)
     index = index_lut(entries, slopes, lit)
     shadow = np.where(rng.random((H, W)) < 0.5, rng.integers(0, 1 << K, (H, W)), 0)
     made = {f"index.{name}": value for name, value in index._asdict().items()}

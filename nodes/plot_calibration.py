@@ -61,9 +61,14 @@ def plot_calibration(
     _draw_coverage(coverage, lut_slope)
     _draw_residual(figure, residual, light, mask, slope, lit, reflectance)
     _draw_null(histogram, light, mask, lit, null, spread)
-    figure.suptitle("  ".join(f"{name} {value:.4g}" for name, value in quality.items()), fontsize=9)
+    figure.suptitle(_title(quality), fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
         figure.savefig(target, dpi=100)
+
+
+def _title(quality: Metrics) -> str:
+    """The figures that are not of one LED alone."""
+    return "  ".join(f"{name} {value:.4g}" for name, value in quality.items() if "/" not in name)
 
 
 def _draw_found(axes: Axes, light: Light, mask: Mask) -> None:

@@ -7,10 +7,11 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, Labels, LutSlope, Mask, Metrics, Spread
+from tactograph.nodes import F4, Labels, LightPositions, LutSlope, Mask, Metrics, Spread
 
 POOR_RESIDUAL = 0.05
 NARROW = 0.5
+POOR_LIGHTS = 0.03
 
 
 @node
@@ -20,6 +21,8 @@ def rate_calibration(
     lut_slope: LutSlope,
     mask: Mask,
     lit: Labels,
+    lights: LightPositions,
+    mismatch: Annotated[F4, Port("K", "1")],
     goodness: float | None = None,
 ) -> Metrics:
     """Return the figures that tell a good calibration from a bad one, and warn of a bad one.
@@ -34,6 +37,8 @@ def rate_calibration(
         N x 2, the slopes in the tables.
     mask, lit
         The pixels of known slope, and the LEDs that reach them.
+    lights, mismatch
+        K x 3 in mm, and the root mean square of the light that they do not explain, K.
     goodness
         Of the ball that was found, 0 to 1.
 
@@ -42,7 +47,10 @@ def rate_calibration(
     dict
         ``entries``; ``steepest_slope`` that the tables cover in every direction;
         ``residual_percent``, the largest of the LEDs'; ``spread_percent``;
-        ``fully_lit_percent`` of the known pixels; ``ball_goodness``.
+        ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
+        largest of the LEDs'; ``ball_goodness``; and for a look at the sensor, for each LED
+        ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x (right)
+        towards y (down), ``distance_mm/led1`` from the middle of the image.
     """
     count = len(residual)
     steepest = _covered_everywhere(lut_slope)
@@ -57,6 +65,12 @@ def rate_calibration(
             f"the tables cover slopes up to {steepest:.2f} only; press deeper, or use a "
             "smaller ball"
         )
+    poorest = int(np.argmax(mismatch))
+    if mismatch[poorest] > POOR_LIGHTS:
+        warn(
+            f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
+            "above a matt film: check the ball's radius, its contact and the pixel size"
+        )
     known = mask > 0
     rated = {
         "entries": float(len(lut_slope)),
@@ -64,8 +78,21 @@ def rate_calibration(
         "residual_percent": float(100 * residual[worst]),
         "spread_percent": 100 * spread,
         "fully_lit_percent": float(100 * (lit[known] == (1 << count) - 1).mean()),
+        "near_light_residual_percent": float(100 * mismatch[poorest]),
     }
-    return rated if goodness is None else {**rated, "ball_goodness": goodness}
+    if goodness is not None:
+        rated["ball_goodness"] = goodness
+    return rated | _directions(lights)
+
+
+def _directions(lights: LightPositions) -> Metrics:
+    """Where each LED stands, in words that can be checked against the sensor."""
+    rated: Metrics = {}
+    for k, (x, y, z) in enumerate(lights.astype(np.float64), start=1):
+        rated[f"slant_deg/led{k}"] = float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+        rated[f"azimuth_deg/led{k}"] = float(np.degrees(np.arctan2(y, x)))
+        rated[f"distance_mm/led{k}"] = float(np.sqrt(x * x + y * y + z * z))
+    return rated
 
 
 def _covered_everywhere(lut_slope: LutSlope, sectors: int = 16) -> float:

@@ -15,9 +15,11 @@ from tactograph.nodes import (
     F4,
     Dark,
     Light,
+    LightPositions,
     LutLight,
     LutLit,
     LutSlope,
+    Noise,
     NullVector,
     PixelSize,
     Reflectance,
@@ -39,6 +41,8 @@ class Calibration(NamedTuple):
     residual: Annotated[F4, Port("K", "1")]
     null: NullVector
     spread: Spread
+    lights: LightPositions
+    noise: Noise
 
 
 _SHAPES = {
@@ -52,6 +56,8 @@ _SHAPES = {
     "residual": "K",
     "null": "K",
     "spread": "",
+    "lights": "K 3",
+    "noise": "2",
 }
 
 
@@ -80,6 +86,8 @@ def read_calibration(*, file: Path) -> Calibration:
     found["spread"] = float(found["spread"])
     if found["pixel_size"] <= 0:
         raise InputError(f"{file}: the pixel size {found['pixel_size']} is not positive")
+    if (found["lights"][:, 2] <= 0).any():
+        raise InputError(f"{file}: 'lights' holds an LED that is not above the film")
     return Calibration(**found)
 
 

@@ -14,10 +14,12 @@ from tactograph.nodes import (
     F4,
     Dark,
     Light,
+    LightPositions,
     LutLight,
     LutLit,
     LutSlope,
     Metrics,
+    Noise,
     NullVector,
     PixelSize,
     Reflectance,
@@ -36,6 +38,8 @@ UNITS = {
     "residual": "root mean square of the reflectance fit per LED",
     "null": "unit vector a with a.I = 0",
     "spread": "standard deviation of a.I on lit pixels",
+    "lights": "mm, x y z per LED, from the middle of the image on the film at rest",
+    "noise": "a captured light I has the variance noise[0] I + noise[1]",
 }
 
 
@@ -51,6 +55,8 @@ def write_calibration(
     residual: Annotated[F4, Port("K", "1")],
     null: NullVector,
     spread: Spread,
+    lights: LightPositions,
+    noise: Noise,
     quality: Metrics,
     *,
     file: Path,
@@ -70,6 +76,8 @@ def write_calibration(
         K x 9 and K.
     null, spread
         Length K, and a number.
+    lights, noise
+        K x 3 in mm, and (shot, read).
     quality
         How good the calibration is, for people and for ``result.json``.
     file
@@ -103,4 +111,6 @@ def write_calibration(
             residual=residual,
             null=null,
             spread=np.float32(spread),
+            lights=lights,
+            noise=noise,
         )

@@ -14,17 +14,21 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance, node
 from tactograph.graph.whole import whole_files
-from tactograph.nodes import F4, Height, Labels, Light, Metrics, PixelSize
+from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
 
 FILES = (
     "height.npy",
     "height.tiff",
     "height.ply",
     "height.png",
+    "error.npy",
+    "error.png",
     "shadow.png",
     "shadow_view.png",
     "result.json",
 )
+BAND = 1.645
+"""Half of the 90 % band, in standard deviations."""
 LED_COLOURS = (
     "#e6a03c",
     "#3c8fe6",
@@ -45,6 +49,7 @@ def write_result(
     pixel: PixelSize,
     metrics: Metrics,
     name: str,
+    error: HeightError | None = None,
     *,
     folder: Path,
     mesh: bool = True,
@@ -55,7 +60,8 @@ def write_result(
 
     ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
     y down, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
-    pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``.
+    pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``; with an error
+    ``error.npy`` and ``error.png`` too.
 
     Parameters
     ----------
@@ -71,6 +77,8 @@ def write_result(
         Figures to keep in ``result.json``.
     name
         The capture's name in a stream; empty for a single capture.
+    error
+        H x W, the height's standard deviation in mm, where the graph knows it.
     folder
         Made if needed.
     mesh, pictures
@@ -85,10 +93,14 @@ def write_result(
         np.save(target / "height.npy", height)
         cv2.imwrite(str(target / "height.tiff"), height)
         cv2.imwrite(str(target / "shadow.png"), shadow)
+        if error is not None:
+            np.save(target / "error.npy", error)
         if mesh:
             surface_mesh(height, pixel).export(target / "height.ply")
         if pictures:
-            _draw_height(height, pixel, target / "height.png")
+            _draw_height(height, error, pixel, target / "height.png")
+            if error is not None:
+                _draw_error(error, pixel, target / "error.png")
             _draw_shadow(shadow, image, target / "shadow_view.png")
         text = json.dumps({**provenance.as_dict(), "capture": name, "metrics": metrics}, indent=1)
         (target / "result.json").write_text(text + "\n")
@@ -107,8 +119,8 @@ def surface_mesh(height: Height, pixel: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _draw_height(height: Height, pixel: float, file: Path) -> None:
-    """The height map in mm, and the cross-section through its highest point."""
+def _draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
+    """The height map in mm, and the cross-section through its highest point with its error."""
     rows, columns = height.shape
     top = int(np.unravel_index(int(height.argmax()), height.shape)[0])
     figure = Figure(figsize=(10, 4), layout="constrained")
@@ -119,9 +131,27 @@ def _draw_height(height: Height, pixel: float, file: Path) -> None:
     left.axhline((top + 0.5) * pixel, color="white", linewidth=0.7, linestyle="--")
     left.set(xlabel="x / mm", ylabel="y / mm", title="height above the film at rest")
     figure.colorbar(picture, ax=left, label="mm")
-    right.plot((np.arange(columns) + 0.5) * pixel, height[top], linewidth=1)
+    across = (np.arange(columns) + 0.5) * pixel
+    right.plot(across, height[top], linewidth=1)
+    if error is not None:
+        half = BAND * error[top]
+        right.fill_between(across, height[top] - half, height[top] + half, alpha=0.35, label="90 %")
+        right.legend(loc="upper right")
     right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {top * pixel:.2f} mm")
     right.grid(alpha=0.3)
+    figure.savefig(file, dpi=110)
+
+
+def _draw_error(error: HeightError, pixel: float, file: Path) -> None:
+    """The height's standard deviation in micrometres."""
+    rows, columns = error.shape
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    extent = (0, columns * pixel, rows * pixel, 0)
+    picture = axes.imshow(1e3 * error, cmap="magma", extent=extent)
+    axes.set(xlabel="x / mm", ylabel="y / mm", title="standard deviation of the height")
+    figure.colorbar(picture, ax=axes, label="µm")
     figure.savefig(file, dpi=110)
 
 

@@ -117,7 +117,8 @@ def _is_simulator(handle: cl.Device) -> bool:
 def _probed(handle: cl.Device) -> Device:
     import pyopencl as cl
 
-    kind = "GPU" if handle.type & cl.device_type.GPU else "CPU or other"
+    kinds = {"GPU": cl.device_type.GPU, "CPU": cl.device_type.CPU}
+    kind = next((name for name, bit in kinds.items() if handle.type & bit), "other")
     simulator = _is_simulator(handle)
     try:
         trouble = _run_probe(handle)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -26,7 +27,7 @@ class DeviceArray:
 
     @property
     def nbytes(self) -> int:
-        return int(np.prod(self.shape, dtype=np.int64)) * self.dtype.itemsize
+        return math.prod(self.shape) * self.dtype.itemsize
 
 
 def local_size(axes: int) -> tuple[int, ...]:
@@ -59,6 +60,11 @@ class Launch:
         self.sizes = sizes
 
     @property
+    def lanes(self) -> int:
+        """How many elements a work-item should do side by side; the kernels' LANES."""
+        return self._device.lanes
+
+    @property
     def queue(self) -> cl.CommandQueue:
         return self._device.queue
 
@@ -68,6 +74,7 @@ class Launch:
         grid: tuple[int, ...],
         *arguments: Any,
         local: tuple[int, ...] | None = None,
+        constants: Mapping[str, int] | None = None,
     ) -> None:
         """Enqueue one kernel of the node's ``.cl`` file.
 
@@ -81,11 +88,14 @@ class Launch:
             Device arrays, ints (as C int), floats (as C float) or pyopencl local memory.
         local
             Work-group size, fastest axis first, where the kernel relies on it.
+        constants
+            What the source sees as macros, so that loops over them can be unrolled; the
+            file is compiled once for each set of values.
         """
         local = local or local_size(len(grid))
-        kernel = self._compiled.kernels[name]
-        kernel.set_args(*map(_argument, arguments))
-        cl.enqueue_nd_range_kernel(self.queue, kernel, global_size(grid, local), local)
+        compiled = self._device.compile(self._compiled.node, constants) if constants else None
+        kernel = (compiled or self._compiled).kernels[name]
+        kernel.enqueue(self.queue, grid, local, map(_argument, arguments))
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
         """A buffer for this launch alone, from the pool."""

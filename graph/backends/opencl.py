@@ -6,10 +6,11 @@ has been read for the last time; on an in-order queue the next owner cannot over
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyopencl as cl
@@ -25,52 +26,92 @@ from tactograph.graph.node import Node
 Timer = tuple[cl.Event, cl.Event]
 
 
+class Kernel:
+    """A kernel that remembers its plain arguments: setting one costs more than a launch."""
+
+    def __init__(self, kernel: cl.Kernel) -> None:
+        self._kernel = kernel
+        self._known: dict[int, Any] = {}
+
+    def enqueue(
+        self,
+        queue: cl.CommandQueue,
+        grid: tuple[int, ...],
+        local: tuple[int, ...],
+        arguments: Iterable[Any],
+    ) -> cl.Event:
+        """Launch over `grid`, slowest axis first, in work-groups of `local`, fastest first."""
+        for index, value in enumerate(arguments):
+            if not isinstance(value, np.generic):
+                self._kernel.set_arg(index, value)
+            elif self._known.get(index) != value:
+                self._kernel.set_arg(index, value)
+                self._known[index] = value
+        return cl.enqueue_nd_range_kernel(queue, self._kernel, global_size(grid, local), local)
+
+
+Convert = Callable[[Any], list[Any]]
+"""From a parameter's value to kernel arguments."""
+
+
 @dataclass
 class Compiled:
     """A node's kernels on one device, and what its launches keep from one to the next."""
 
     node: Node
-    kernels: dict[str, cl.Kernel]
+    kernels: dict[str, Kernel]
+    converters: dict[str, Convert]
     kept: dict[Any, Any]
 
 
 class OpenCL:
-    """One OpenCL device with its queue, its buffers and its compiled nodes."""
+    """One OpenCL device with its queue, its buffers and its compiled nodes.
 
-    def __init__(self, device: Device) -> None:
+    `lanes` is how many elements a work-item does side by side; None takes what suits the
+    device: CPUs' compilers do not all vectorise across work-items, GPUs want one each.
+    """
+
+    def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         self.name = device.name
+        self.is_cpu = device.kind == "CPU"
+        self.lanes = lanes or (16 if self.is_cpu else 1)
         self.context = cl.Context([device.handle])
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.pool = pyopencl.tools.MemoryPool(pyopencl.tools.ImmediateAllocator(self.queue))
         self.poison: int | None = None
-        self._compiled: dict[int, Compiled] = {}
+        self._compiled: dict[tuple[int, tuple[tuple[str, int], ...]], Compiled] = {}
         self._options = ["-cl-std=CL1.2"]
         correctly_rounded = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
         if device.handle.single_fp_config & correctly_rounded:
             self._options.append("-cl-fp32-correctly-rounded-divide-sqrt")
 
-    def compile(self, node: Node) -> Compiled:
+    def compile(self, node: Node, constants: Mapping[str, int] | None = None) -> Compiled:
         """Compile a node's kernels, or return them; pyopencl caches binaries on disk.
+
+        `constants` are defined as macros, besides LANES.
 
         Raises
         ------
         NodeError
             If the source does not match the declaration, or does not compile.
         """
-        if id(node) not in self._compiled:
+        key = id(node), tuple((constants or {}).items())
+        if key not in self._compiled:
             program = cl.Program(self.context, kernel_source(node))
+            values = {"LANES": self.lanes, **(constants or {})}
+            macros = [f"-D{name}={value}" for name, value in values.items()]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # compilers' remarks on their own speed
                 try:
-                    program = program.build(options=self._options)
+                    program = program.build(options=[*self._options, *macros])
                 except cl.RuntimeError as error:
                     lines = [line for line in str(error).splitlines() if "error" in line.lower()]
                     reason = lines[0] if lines else str(error)
                     raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
-            kernels = {kernel.function_name: kernel for kernel in program.all_kernels()}
-            self._compiled[id(node)] = Compiled(node, kernels, {})
-        return self._compiled[id(node)]
+            kernels = {kernel.function_name: Kernel(kernel) for kernel in program.all_kernels()}
+            self._compiled[key] = Compiled(node, kernels, _converters(node), {})
+        return self._compiled[key]
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
         """Take a buffer from the pool; an empty array still gets some bytes to point at.
@@ -78,7 +119,7 @@ class OpenCL:
         With `poison` set, every byte of it holds that value, so that a test can tell an
         element that a kernel failed to write.
         """
-        nbytes = -(-max(int(np.prod(shape, dtype=np.int64)) * dtype.itemsize, 1) // 4) * 4
+        nbytes = -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
         buffer: Any = self.pool.allocate(nbytes)
         if self.poison is not None:
             # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
@@ -127,11 +168,12 @@ class OpenCL:
             node.launch(Launch(self, compiled, inputs, outputs, settings, sizes))
             return outputs, (before, cl.enqueue_marker(self.queue))
         assert node.grid is not None
-        kernel = compiled.kernels[node.name]
-        kernel.set_args(*_arguments(node, inputs, outputs, settings, sizes))
         grid = tuple(sizes[symbol] for symbol in node.grid)
-        local = local_size(len(grid))
-        event = cl.enqueue_nd_range_kernel(self.queue, kernel, global_size(grid, local), local)
+        if node.lanes:
+            grid = (-(-math.prod(grid) // self.lanes),)
+        arguments = _arguments(compiled, inputs, outputs, settings, sizes)
+        kernel = compiled.kernels[node.name]
+        event = kernel.enqueue(self.queue, grid, local_size(len(grid)), arguments)
         return outputs, (event, event)
 
     def finish(self) -> None:
@@ -145,32 +187,43 @@ def milliseconds(timer: Timer) -> float:
 
 
 def _arguments(
-    node: Node,
+    compiled: Compiled,
     inputs: Mapping[str, Any],
     outputs: Mapping[str, DeviceArray],
     settings: Mapping[str, Any],
     sizes: Mapping[str, int],
-) -> list[Any]:
-    arguments: list[Any] = []
+) -> Iterator[Any]:
+    """What the kernel takes, in the order of `kernel_source.expected_arguments`."""
+    node = compiled.node
     for name, port in node.inputs.items():
         value = inputs.get(name)
         if port.kind == "array":
-            arguments.append(value.buffer if value is not None else None)
+            yield value.buffer if value is not None else None
         elif port.kind == "number":
-            arguments.append(np.float32(value))
-    arguments += [array.buffer for array in outputs.values()]
-    arguments += [np.int32(sizes[symbol]) for symbol in node.symbols]
-    for name, parameter in node.parameters.items():
-        arguments += setting_arguments(parameter.annotation, settings[name])
-    return arguments
+            yield np.float32(value)
+    for array in outputs.values():
+        yield array.buffer
+    for symbol in node.symbols:
+        yield np.int32(sizes[symbol])
+    for name, convert in compiled.converters.items():
+        yield from convert(settings[name])
 
 
-def setting_arguments(annotation: Any, value: Any) -> list[Any]:
-    """A parameter as kernel arguments: numbers as they are, a choice by its index."""
+def _converters(node: Node) -> dict[str, Convert]:
+    """By parameter; empty for a node with a launch function, which passes its own."""
+    if node.grid is None:
+        return {}
+    return {name: _converter(p.annotation) for name, p in node.parameters.items()}
+
+
+def _converter(annotation: Any) -> Convert:
+    """Numbers are passed as they are, tuples one by one, a choice by its index."""
     found = scalar_type(annotation)
     assert found is not None
     c_type, count, choices = found
     make = np.float32 if c_type == "float" else np.int32
     if choices:
-        return [np.int32(choices.index(value))]
-    return [make(v) for v in value] if count > 1 else [make(value)]
+        return lambda value: [np.int32(choices.index(value))]
+    if count > 1:
+        return lambda value: [make(v) for v in value]
+    return lambda value: [make(value)]

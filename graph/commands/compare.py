@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from tactograph.graph.compare import Row, Study
+    from tactograph.graph.record import Record
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
@@ -52,7 +54,13 @@ def command(
     DIR/*, are further captures.  What was finished before is not run again.
     """
     from tactograph.graph.errors import InputError
-    from tactograph.graph.record import deviation, read_record, study_again, what_changed
+    from tactograph.graph.record import (
+        deviation,
+        read_record,
+        read_rows,
+        study_again,
+        what_changed,
+    )
 
     if again is None:
         values = [word for word in words if "=" in word]
@@ -62,7 +70,7 @@ def command(
     if words or over or backends or device or sweeps or seed or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
     then = read_record(again)
-    former = _read_rows(again)
+    former = read_rows(again)
     folder = out or again.with_name(f"{again.resolve().name}_again")
     rows, now = _compare(study_again(then, again), then.values, folder)
     for line in what_changed(then, now):
@@ -109,3 +117,46 @@ def _read_study(
         seed=seed,
         repeats=repeats,
     )
+
+
+def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.record import make_record, write_record
+    from tactograph.graph.report import write_report
+    from tactograph.graph.tables import print_table, write_tables
+
+    study.check()
+    rows = _run_all(study, out)
+    record = make_record(study, values, rows, sys.argv[1:])
+    write_tables(rows, out)
+    write_record(record, study, out)
+    print_table(rows, click.echo, shutil.get_terminal_size((160, 24)).columns)
+    page = write_report(study, rows, record, out)
+    click.echo(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
+    if all(row.error for row in rows):
+        raise InputError("every run failed; the reasons are above")
+    return rows, record
+
+
+def _run_all(study: Study, out: Path) -> list[Row]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from tactograph.graph.compare import make_jobs, run_job
+
+    jobs = make_jobs(study)
+    rows: list[Row] = []
+    kept = 0
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("comparing", total=len(jobs))
+        for job in jobs:
+            progress.update(bar, description=job.label)
+            row, was_there = run_job(job, study, out)
+            if row.error:
+                progress.console.print(f"failed: {job.label}", markup=False, highlight=False)
+            rows.append(row)
+            kept += was_there
+            progress.advance(bar)
+    if kept:
+        click.echo(f"{kept} of {len(jobs)} runs were there already", err=True)
+    return rows

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tactograph.graph.commands import run_options
+
+if TYPE_CHECKING:
+    from tactograph.graph.run import Result
 
 
 @click.command("run", short_help="Run a graph.")
@@ -54,18 +57,21 @@ def command(
             click.echo(_summary(count, result))
 
 
-def _summary(number: int, result: Any) -> str:
-    """One line per item: the figures among the outputs, and where and how long it ran."""
-    figures: list[str] = []
-    for value in result.outputs.values():
-        if isinstance(value, dict):
-            figures += [f"{name} {figure:.4g}" for name, figure in value.items()]
-    stream = [step for step in result.plan.steps if step.stream and step.name in result.times]
-    steps = stream or [step for step in result.plan.steps if step.name in result.times]
+def _summary(number: int, result: Result) -> str:
+    """Where and how long an item ran, and the figures among its outputs."""
+    steps = [step for step in result.plan.steps if step.name in result.times]
     by_backend: dict[str, float] = {}
-    for step in steps:
+    for step in [step for step in steps if step.stream] or steps:
         task = result.plan.tasks.get(step.name)
         if task is None or not (task.node.sink or task.node.source):
             by_backend[step.backend] = by_backend.get(step.backend, 0) + result.times[step.name]
     times = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
-    return f"{number}: {'; '.join(filter(None, [', '.join(figures), times]))}"
+    figures = {
+        name: figure
+        for value in result.outputs.values()
+        if isinstance(value, dict)
+        for name, figure in value.items()
+    }
+    width = max(map(len, figures), default=0)
+    lines = [f"  {name:<{width}}  {figure:.4g}" for name, figure in figures.items()]
+    return "\n".join([f"{number}: {times}", *lines])

@@ -9,9 +9,7 @@ from typing import Any
 
 import pytest
 
-from tactograph.graph import InputError, compare, run
-from tactograph.graph.compare import make_jobs, run_job, write_tables
-from tactograph.graph.read import read_graph
+from tactograph.graph import compare, run
 from tests.graph.conftest import Command, Write
 
 GRAPH = """
@@ -69,7 +67,7 @@ def test_every_variant_runs_on_every_capture_on_every_back_end(
         (v, c, b) for v in ("first", "second") for c in "ab" for b in ("numpy", "opencl")
     }
     assert rows[0]["figures"] == {"mean": 2.0, "truth": 1.0}
-    assert set(rows[0]["milliseconds"]) == {"light", "more", "score"}
+    assert {"light", "more"} <= set(rows[0]["milliseconds"])
     assert rows[1]["backends"]["light"] == "opencl"
     with (out / "table.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
@@ -77,13 +75,15 @@ def test_every_variant_runs_on_every_capture_on_every_back_end(
 
 
 def test_what_was_finished_is_not_run_again(
-    graphs: list[str], captures: list[Path], tmp_path: Path, toys: list[str]
+    graphs: list[str], captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command
 ) -> None:
-    (job,) = make_jobs([read_graph(graphs[0])], captures[:1], ["numpy"])
-    first = run_job(job, {}, tmp_path / "report", None)
+    words = ("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")
+    assert tactograph(*words).code == 0
+    first = table(tmp_path / "report")
     toys.clear()
-    assert run_job(job, {}, tmp_path / "report", None) == first
+    assert tactograph(*words).code == 0
     assert toys == []
+    assert table(tmp_path / "report") == first
 
 
 @pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
@@ -93,25 +93,25 @@ def test_what_has_changed_is_run_again(
     tmp_path: Path,
     toys: list[str],
     write: Write,
+    tactograph: Command,
     what: str,
 ) -> None:
-    (job,) = make_jobs([read_graph(graphs[0])], captures[:1], ["numpy"])
-    run_job(job, {}, tmp_path / "report", None)
+    out = tmp_path / "report"
+    words: list[object] = ["compare", graphs[0], "--over", captures[0], "--out", out]
+    assert tactograph(*words).code == 0
     toys.clear()
-    given: dict[str, Any] = {}
-    device = None
     if what == "value":
-        given = {"level": 2}
+        words.append("level=2")
     elif what == "graph":
-        graph = read_graph(write(GRAPH.replace("count: 1", "count: 3"), "first.yaml"))
-        (job,) = make_jobs([graph], captures[:1], ["numpy"])
+        write(GRAPH.replace("count: 1", "count: 3"), "first.yaml")
     elif what == "back end":
-        (job,) = make_jobs([read_graph(graphs[0])], captures[:1], ["opencl"])
+        words += ["--backends", "opencl"]
     elif what == "device":
-        device = "e"
+        words += ["--device", "e"]
     else:
-        (job.folder(tmp_path / "report") / "row.json").write_text('{"half')
-    assert run_job(job, given, tmp_path / "report", device).error == ""
+        (row,) = out.rglob("row.json")
+        row.write_text('{"half')
+    assert tactograph(*words).code == 0
     assert "touch 1" in toys
 
 
@@ -148,7 +148,7 @@ def test_if_every_run_fails_the_command_fails(
 ) -> None:
     done = tactograph("compare", graphs[2], "--over", captures[0], "--out", tmp_path / "report")
     assert done.code == 2
-    assert done.err == "tactograph: every run failed; the reasons are above\n"
+    assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
 def test_a_fallback_is_told(
@@ -168,19 +168,28 @@ def test_a_fallback_is_told(
 
 
 def test_two_captures_of_one_name_are_refused(
-    graphs: list[str], captures: list[Path], tmp_path: Path
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
 ) -> None:
-    (tmp_path / "more" / "a").mkdir(parents=True)
-    with pytest.raises(InputError, match="two of the runs are called first/numpy/a"):
-        make_jobs([read_graph(graphs[0])], [captures[0], tmp_path / "more" / "a"], ["numpy"])
+    more = tmp_path / "more" / "a"
+    more.mkdir(parents=True)
+    done = tactograph(
+        "compare", graphs[0], "--over", captures[0], "--over", more, "--out", tmp_path / "report"
+    )
+    assert done.code == 2
+    assert "two of the runs are called first/preferred/a" in done.err
 
 
 def test_a_capture_is_named_by_its_folder_however_it_is_reached(
-    graphs: list[str], captures: list[Path], monkeypatch: pytest.MonkeyPatch
+    graphs: list[str],
+    captures: list[Path],
+    tmp_path: Path,
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(captures[0])
-    (job,) = make_jobs([read_graph(graphs[0])], [Path()], [None])
-    assert job.folder(Path("out")) == Path("out/first/preferred/a")
+    done = tactograph("compare", graphs[0], "--over", ".", "--out", tmp_path / "report")
+    assert done.code == 0, done.err
+    assert (tmp_path / "report" / "first" / "preferred" / "a" / "row.json").is_file()
 
 
 def test_a_name_in_brackets_is_printed_as_it_is(
@@ -216,7 +225,12 @@ def test_what_is_wrong_is_said_before_anything_runs(
     assert not (tmp_path / "report").exists()
 
 
-def test_tables_appear_whole_or_not_at_all(tmp_path: Path) -> None:
-    (tmp_path / "report").write_text("a file is in the way")
-    with pytest.raises(InputError, match="cannot be written"):
-        write_tables([], tmp_path / "report")
+def test_a_report_that_cannot_be_written_is_one_line(
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+) -> None:
+    (tmp_path / "file").write_text("a file is in the way")
+    out = tmp_path / "file" / "report"
+    done = tactograph("compare", graphs[0], "--over", captures[0], "--out", out)
+    assert done.code == 2
+    assert "cannot be written" in done.err
+    assert "Traceback" not in done.err

@@ -26,9 +26,9 @@ def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -
     plan = planned(write(SLOPES), device)
     dot = to_dot(plan)
     mermaid = to_mermaid(plan)
+    assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
     for step in plan.steps:
         assert dot.count(f'\n  "{step.name}" [label=') == 1
-        assert mermaid.count(f'"{step.name}') == 1
     assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
 
 

@@ -27,22 +27,24 @@ def test_a_single_file_keeps_its_suffix_while_it_is_written(tmp_path: Path) -> N
     assert (tmp_path / "cal.npz").read_text() == "x"
 
 
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, InputError])
-def test_nothing_appears_if_the_block_raises(
-    tmp_path: Path, error: type[BaseException]
-) -> None:
-    with pytest.raises(error), whole_files(tmp_path) as stage:
-        (stage / "a.txt").write_text("a")
-        raise error("no")
+def write_and_fail(folder: Path, error: BaseException) -> None:
+    with whole_files(folder) as stage:
+        (stage / "a.txt").write_text("half")
+        raise error
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), KeyboardInterrupt(), InputError("no")])
+def test_nothing_appears_if_the_block_raises(tmp_path: Path, error: BaseException) -> None:
+    with pytest.raises(type(error)):
+        write_and_fail(tmp_path, error)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_was_there_before_stays_if_the_block_raises(tmp_path: Path) -> None:
     file = tmp_path / "a.txt"
     file.write_text("old")
-    with pytest.raises(RuntimeError), whole_file(file) as target:
-        target.write_text("half")
-        raise RuntimeError
+    with pytest.raises(RuntimeError):
+        write_and_fail(tmp_path, RuntimeError())
     assert file.read_text() == "old"
     assert list(tmp_path.iterdir()) == [file]
 
@@ -57,12 +59,8 @@ def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Pat
 
 
 def test_a_disk_that_is_full_half_way_leaves_nothing(tmp_path: Path) -> None:
-    with (
-        pytest.raises(InputError, match="cannot be written: No space left"),
-        whole_files(tmp_path) as stage,
-    ):
-        (stage / "a.txt").write_text("a")
-        raise OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(InputError, match="cannot be written: No space left"):
+        write_and_fail(tmp_path, OSError(errno.ENOSPC, "No space left on device"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -87,9 +85,14 @@ def test_a_folder_that_cannot_be_is_an_input_error(tmp_path: Path, below: str) -
         pytest.fail("the block must not run")
 
 
-def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
-    (tmp_path / "z.txt").mkdir()
-    with pytest.raises(InputError, match="z.txt is a folder"), whole_files(tmp_path) as stage:
+def write_two(folder: Path) -> None:
+    with whole_files(folder) as stage:
         (stage / "a.txt").write_text("a")
         (stage / "z.txt").write_text("z")
+
+
+def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
+    (tmp_path / "z.txt").mkdir()
+    with pytest.raises(InputError, match=r"z\.txt is a folder"):
+        write_two(tmp_path)
     assert [f.name for f in tmp_path.iterdir()] == ["z.txt"]

@@ -22,6 +22,7 @@ MUTANTS = {
         "p and q swapped": ("? -dx / z", "? -dy / z"),
         "margin ignored": ("(contact - margin_px)", "contact"),
         "sign of q": ("? -dy / z", "? dy / z"),
+        "height above the centre": ("? z - sqrt(", "? z - 0.0f * sqrt("),
     },
     "height_slopes": {
         "border not one-sided": ("/ max(right - left, 1)", "/ 2"),
@@ -34,24 +35,48 @@ MUTANTS = {
     },
     "shadow_linear": {
         "sign kept": ("fabs(departure)", "departure"),
-        "brightest instead of darkest": ("value < least", "value > least"),
+        "brightest instead of darkest": ("value < least ?", "value >= least ?"),
         "spread forgotten": ("threshold * spread", "threshold"),
     },
+    "label_lights": {
+        "noise floor ignored": ("here.light < floor_", "here.light < 0.0f * floor_"),
+        "shadows are free": ("squares + price * number", "squares"),
+        "a shadow may be bright": ("bright * bright * lanes(out", "0.0f * lanes(out"),
+        "weights forgotten": ("sum(here.weight * lanes(lit)", "sum(1e4f * lanes(lit)"),
+        "one step only": ("#define STEPS 2", "#define STEPS 1"),
+        "the steeper of a pair": ("take = first.z >= second.z", "take = first.z < second.z"),
+        "attached and prior swapped": ("if (attached)", "if (!attached)"),
+        "height ignored": (", height[at])", ", 0.0f * height[at])"),
+        "lights from the corner": ("- 0.5f * (float)(count - 1)", ""),
+        "variances swapped": ("variance[at] = spread.x", "variance[at] = spread.y"),
+        "unknown pixels not dark": (": forced;", ": 0;"),
+    },
+    "light_noise": {
+        "shot noise forgotten": ("noise[0] * fmax(image[i], 0.0f) + noise[1]", "noise[1]"),
+        "variance instead": ("sqrt(variance)", "variance"),
+        "of the image as captured": ("/ fmax(flat[i], floor_)", ""),
+    },
     "lut_nearest": {
-        "the farther child only": (
-            "const int nearer = right < left;",
-            "const int nearer = right > left; depth = 0;",
+        "boxes too small to reach": (
+            "const floats away = point[k] - there;",
+            "const floats away = 1.5f * (point[k] - there) + 0.01f;",
         ),
-        "the stack forgotten": ("if (here <= farthest(&nearest)) node = stack[depth];", ""),
+        "the first leaf only": (
+            "const int l = take(&near_leaves), leaf = 16 * middle + l;",
+            "const int l = take(&near_leaves), leaf = first;",
+        ),
+        "one leaf off": ("leaf = 16 * middle + l;", "leaf = 16 * middle + (l ^ 1);"),
         "the full table for all": ("table = k + 1;", "table = 0;"),
-        "the brightest shadowed LED": ("value[k] < least)", "value[k] > -least)"),
+        "the brightest shadowed LED": ("value < least)", "value > -least)"),
+        "pixels out of order": ("pixels[order[i]]", "pixels[i]"),
         "one neighbour too few": (
-            "nearest.wanted = neighbours;",
-            "nearest.wanted = max(neighbours - 1, 1);",
+            "several.wanted = neighbours;",
+            "several.wanted = max(neighbours - 1, 1);",
         ),
+        "a repeated entry counts twice": ("if (several->number[i] == number) return;", ";"),
     },
     "refine_taylor": {
-        "shadowed pixels too": ("shadow[i] ? 0 : steps", "steps"),
+        "shadowed pixels too": ("p = lit ? p + dp * shrink : p", "p = p + dp * shrink"),
         "limit ignored": ("limit * square", "1e9f * square"),
         "one harmonic's sign": ("l[7] * (x * x - y * y)", "l[7] * (x * x + y * y)"),
         "off-diagonal sign": ("(c * u - b * v)", "(c * u + b * v)"),
@@ -70,6 +95,44 @@ MUTANTS = {
         "upper median": ("total > middle", "total > middle + 1"),
         "added": ("- median[0]", "+ median[0]"),
         "top rows only": ("|| y >= H - border", ""),
+    },
+    "calm_film": {
+        "the window forgotten": ("fabs(sum) / width", "fabs(sum)"),
+        "noise of the first LED": ("sigma[k * size + i]", "sigma[i]"),
+        "the last LED alone": ("k < K && calm", "k < K"),
+    },
+    "majority_labels": {
+        "four votes": ("> 4u", "> 3u"),
+        "seven LEDs": ("bit < 8; ++bit) majority", "bit < 7; ++bit) majority"),
+    },
+    "misfit_variance": {
+        "less variance for less misfit": ("fmax(misfit[i] / usual, 1.0f)", "misfit[i] / usual"),
+        "all pairs open": ("open_pairs &&", ""),
+        "the whole difference": ("0.25f * apart_q", "apart_q"),
+        "a steep twin": ("clamp(twin_p, -steepest, steepest)", "twin_p"),
+    },
+    "cliff_variance": {
+        "towards the LED": ("(float)x - dx / plan", "(float)x + dx / plan"),
+        "shadowed pixels too": ("if (shadow[i] >> k & 1) continue;", ""),
+        "not squared": ("variance[i] + step * step", "variance[i] + step"),
+        "one pixel only": ("? 1 : -1", "? 0 : -1"),
+        "no margin": ("max(x - 2, 0)", "max(x - 1, 0)"),
+    },
+    "pixel_mean_slope": {
+        "one axis": ("axis < 2", "axis < 1"),
+        "limit ignored": ("most * square", "1e9f * square"),
+        "border not one-sided": ("(float)max(after - before, 1)", "2.0f"),
+    },
+    "settle_loose": {
+        "all pixels": ("> loose ?", "> -1.0f ?"),
+        "one line": ("fmin(fmin(a, b), fmin(c, d))", "a"),
+        "peaks only": ("+ fmin(fmax(fmax(a, b), fmax(c, d)), 0.0f)", ""),
+    },
+    "cast_shadows": {
+        "away from the LED": ("x + ux * t", "x - ux * t"),
+        "LEDs counted from 1": ("label |= 1 << k", "label |= 2 << k"),
+        "the image not asked": ("if (ask_image &&", "if (0 &&"),
+        "the reach forgotten": ("max(row - reach, 0)", "row"),
     },
 }
 LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]

@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.find import builtin_names, find_node
 from tactograph.graph.parity import Case, cases, compare
 
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
+LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]
+"""Nodes whose work-items do several elements side by side."""
 CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name))]
 
 
 @pytest.mark.parametrize(("name", "case"), CASES, ids=[f"{n}-{c}" for n, c in CASES])
 def test_both_back_ends_agree(device: OpenCL, name: str, case: Case) -> None:
     assert compare(find_node(name), device, case) is None
+
+
+@pytest.fixture(scope="module")
+def one_lane(device: OpenCL) -> OpenCL:
+    """The device as if it were a GPU, whose work-items do one element each."""
+    found, _ = choose_device()
+    assert found is not None
+    return OpenCL(found, lanes=1)
+
+
+@pytest.mark.parametrize("name", LANED)
+def test_one_element_per_work_item_gives_the_same(one_lane: OpenCL, name: str) -> None:
+    for case in cases(find_node(name)):
+        assert compare(find_node(name), one_lane, case) is None, str(case)
+
+
+@pytest.mark.parametrize("lights", [3, 5, 8])
+@pytest.mark.parametrize("name", LANED)
+def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
+    node = find_node(name)
+    if "K" in node.sizes and node.sizes["K"].refuses(lights):
+        pytest.skip(node.sizes["K"].why)
+    for case in cases(node, shapes=((33, 47),)):
+        other = replace(case, sizes={**case.sizes, "K": lights})
+        assert compare(node, device, other) is None, str(other)
 
 
 @pytest.mark.parametrize("name", KERNEL_NODES)

@@ -31,6 +31,8 @@ ARRAYS = (
     random(4),
     random(4),
     0.004,
+    random(4, 3),
+    random(2),
 )
 
 
@@ -74,6 +76,9 @@ SPOIL = {
     "'flat' holds NaN": lambda f: change(f, flat=np.full((4, 6, 8), np.nan, np.float32)),
     "'reflectance' has shape": lambda f: change(f, reflectance=random(3, 9)),
     "'lut_slope' is float64": lambda f: change(f, lut_slope=np.zeros((50, 2))),
+    "'lights' is missing": lambda f: change(f, lights=None),
+    "not above the film": lambda f: change(f, lights=-random(4, 3)),
+    "'noise' has shape": lambda f: change(f, noise=random(3)),
     "is not positive": lambda f: change(f, pixel_size=np.float32(0)),
 }
 

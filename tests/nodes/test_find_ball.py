@@ -103,7 +103,7 @@ def test_the_other_half_is_searched_when_one_half_is_given():
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_empty_film_is_refused_and_the_way_out_is_named(level):
     noise = np.random.default_rng(2).normal(0, 0.004, (4, *SIZE))
-    with pytest.raises(InputError, match=r"no ball .*give center_px=x,y and contact_px=r") as error:
+    with pytest.raises(InputError, match=r"no ball .*ball_center_px=x,y") as error:
         find_ball(np.float32(level + noise), PIXEL, radius_mm=4.0)
     assert "\n" not in str(error.value)
 

@@ -50,7 +50,7 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("pixel: pixel}}\n  again", "pixel: pixel, mask: pixel}}\n  again",
          "nodes.slope.in.mask: node 'height_slopes' has no input 'mask'"),
         ("{height: height, p", "{hieght: height, p",
-         "nodes.slope.in.hieght: node 'height_slopes' has no input 'hieght'; did you mean 'height'"),
+         "slope.in.hieght: node 'height_slopes' has no input 'hieght'; did you mean 'height'"),
         ("height: height,", "height: hight,",
          "nodes.slope.in.height: there is no node 'hight'; did you mean 'height'?"),
         ("slope: slope.slope", "slope: slope",
@@ -176,8 +176,8 @@ outputs: {b: b}
 @pytest.mark.parametrize(
     ("node", "message"),
     [
-        ("{op: rest_at_border, neutral: true}", "nodes.a.in: node 'rest_at_border' needs the input"),
-        ("{op: rest_at_border, in: {height: zz}, neutral: true}", "in.height: there is no node 'zz'"),
+        ("{op: rest_at_border, neutral: true}", "a.in: node 'rest_at_border' needs the input"),
+        ("{op: rest_at_border, in: {height: zz}, neutral: true}", "there is no node 'zz'"),
         ("{op: rest_at_border, in: {height: z.y}, neutral: true}", "node 'z' makes no 'y'"),
         ("{op: rest_at_border, in: {height: s}, neutral: true}", "node 's' has several outputs"),
         ("{op: integrate_dct, in: {slope: s.slope}, neutral: true}", "has no neutral value"),

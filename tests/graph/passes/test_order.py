@@ -27,8 +27,11 @@ def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> Non
 def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
     toys: list[str], write: Write, device: OpenCL
 ) -> None:
-    names = [step.name for step in planned(write(STREAM), device).steps]
-    assert names[:2] == ["frames", "cal"]
+    source = "  cal:    {op: at_rest}\n"
+    last = STREAM.replace(source, "").replace("outputs:", f"{source}outputs:")
+    more = last.replace("  light:", "  more: {op: doubled, in: {image: frames.image}}\n  light:")
+    file = write(more.replace("outputs: {", "outputs: {more: more, "))
+    assert [step.name for step in planned(file, device).steps][:2] == ["frames", "cal"]
 
 
 def test_writers_come_last_so_that_nothing_is_written_if_a_computation_fails(

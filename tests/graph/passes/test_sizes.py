@@ -24,11 +24,10 @@ def test_the_two_ends_of_an_edge_have_the_same_sizes(write: Write) -> None:
     assert plan.sizes.root["height", "W"] not in roots
 
 
-def test_fixed_sizes_that_differ_clash_before_anything_runs(
-    toys: list[str], write: Write
-) -> None:
+def test_fixed_sizes_that_differ_clash_before_anything_runs(toys: list[str], write: Write) -> None:
     text = SLOPES.replace(
-        "outputs: {", "  more: {op: three_planes, in: {planes: slope.slope}}\noutputs: {more: more, "
+        "outputs: {",
+        "  more: {op: three_planes, in: {planes: slope.slope}}\noutputs: {more: more, ",
     )
     with pytest.raises(GraphError) as caught:
         planned(write(text))

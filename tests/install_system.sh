@@ -1,11 +1,13 @@
 #!/bin/sh
-# Make sure that one OpenCL device works, and that VkFFT can be built for it.
+# Make sure that one OpenCL device works, that VkFFT can be built for it, and that reports can
+# be opened in a browser.
 set -eu
 BIN=$1
 packages=""
 "$BIN/tactograph" devices --require >/dev/null 2>&1 || packages="$packages pocl-opencl-icd"
 [ -e /usr/include/CL/cl.h ] || packages="$packages opencl-c-headers"
 ls /usr/lib/*/libOpenCL.so /usr/lib*/libOpenCL.so >/dev/null 2>&1 || packages="$packages ocl-icd-opencl-dev"
+command -v chromium >/dev/null 2>&1 || command -v chromium-browser >/dev/null 2>&1 || packages="$packages chromium"
 command -v c++ >/dev/null 2>&1 || packages="$packages g++"
 [ -n "$packages" ] || exit 0
 if [ "$(id -u)" = 0 ]; then sudo=""; else sudo="sudo -n"; fi

@@ -1,0 +1,157 @@
+"""Print, as Markdown, how accurate the shipped graphs are on captures of known shape.
+
+    python benchmarks/accuracy.py [--ablations | --limits] [--data ../shared/data/raytraced]
+
+Every rig is calibrated once, from one ball press and its flat frame; nothing is tuned per
+capture.  The true shadows are those that the true height casts from the true LEDs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import open_pipeline
+from tactograph.nodes import Labels
+from tactograph.nodes.cast_shadows import cast_shadows
+from tactograph.nodes.evaluate_shadow import evaluate_shadow
+from tactograph.nodes.read_calibration import read_calibration
+
+ROOT = Path(__file__).resolve().parents[1]
+PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
+SHAPES = ("sphere_film", "cat_film", "sphere", "cat")
+GRAPHS = ("paper_no_shadow", "paper", "reconstruct", "precise")
+ABLATIONS = (
+    "precise",
+    "precise_no_constraints",
+    "precise_no_reweighting",
+    "precise_no_cliffs",
+    "precise_no_settling",
+    "precise_no_pixel_mean",
+    "precise_no_feedback",
+    "precise_one_pass",
+    "precise_image_labels",
+)
+FIGURES = {
+    "RMSE / px": "rmse_px",
+    "largest / px": "max_error_px",
+    "over 10 % of the peak": "over_10_percent",
+    "shadow IoU, all LEDs": "shadow_iou",
+    "the worst LED": "worst_iou",
+    "in the 90 % band": "in_90_percent_band",
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/raytraced")
+    parser.add_argument("--rigs", nargs="+", default=list(PIXEL_MM))
+    parser.add_argument("--ablations", action="store_true", help="precise without each part")
+    parser.add_argument("--limits", action="store_true", help="labels from the exact height")
+    arguments = parser.parse_args()
+    if not arguments.data.is_dir():
+        parser.error(f"there are no captures in {arguments.data}")
+    with tempfile.TemporaryDirectory() as folder:
+        calibrations = {
+            rig: calibrate(arguments.data / rig, Path(folder) / f"{rig}.npz")
+            for rig in arguments.rigs
+        }
+        table = ablations if arguments.ablations else limits if arguments.limits else accuracy
+        table(arguments.data, calibrations)
+
+
+def calibrate(rig: Path, file: Path) -> Path:
+    """Calibrate a rig with its ball press and flat frame."""
+    given = {
+        "capture": str(rig / "calibration"),
+        "flat": str(rig / "flat"),
+        "ball_radius_mm": 7.0,
+        "pixel_size_mm": PIXEL_MM[rig.name],
+        "out": str(file),
+    }
+    list(open_pipeline(read_graph("calibrate"), given).items())
+    return file
+
+
+def measure(graph: str, capture: Path, calibration: Path) -> dict[str, float]:
+    """Run a graph on a capture; its metrics."""
+    given: dict[str, Any] = {"capture": str(capture), "calibration": str(calibration)}
+    (result,) = open_pipeline(read_graph(graph), given, sinks=False).items()
+    labels = evaluate_shadow(result["shadow"], true_shadows(capture))
+    each = [value for name, value in labels.items() if name.startswith("shadow_iou/")]
+    return dict(result["metrics"]) | labels | ({"worst_iou": min(each)} if each else {})
+
+
+@cache
+def true_shadows(capture: Path) -> Labels:
+    """The shadows that the true height casts from the true LEDs."""
+    lights = json.loads((capture / "scene.json").read_text())["lights_mm"]
+    return shadows_of_the_truth(capture, np.array(lights, np.float32))
+
+
+def shadows_of_the_truth(capture: Path, lights: np.ndarray) -> Labels:
+    """The shadows that the true height casts from LEDs at `lights`."""
+    height = np.load(capture / "truth_height_mm.npy").astype(np.float32)
+    return np.asarray(cast_shadows(height, lights, PIXEL_MM[capture.parent.name]), np.uint8)
+
+
+def accuracy(data: Path, calibrations: dict[str, Path]) -> None:
+    """Every graph on every capture, all figures."""
+    row("capture", "graph", *FIGURES)
+    row(*["---"] * (2 + len(FIGURES)))
+    for rig, calibration in calibrations.items():
+        for shape in SHAPES:
+            for graph in GRAPHS:
+                found = measure(graph, data / rig / shape, calibration)
+                figures = [number(found.get(name)) for name in FIGURES.values()]
+                row(f"{rig} {shape}", graph, *figures)
+
+
+def ablations(data: Path, calibrations: dict[str, Path]) -> None:
+    """RMSE and largest error in px, a row per graph, a column per capture."""
+    captures = [(rig, shape) for rig in calibrations for shape in SHAPES]
+    row("graph", *(f"{rig} {shape}" for rig, shape in captures))
+    row(*["---"] * (1 + len(captures)))
+    for graph in ABLATIONS:
+        cells = []
+        for rig, shape in captures:
+            found = measure(graph, data / rig / shape, calibrations[rig])
+            cell = f"{number(found['rmse_px'])} / {number(found['max_error_px'])}"
+            if "shadow_iou" in found:
+                cell += f" / {number(found['shadow_iou'])}"
+            cells.append(cell)
+        row(graph, *cells)
+
+
+def limits(data: Path, calibrations: dict[str, Path]) -> None:
+    """What is left of the labels' errors with the exact height, and with exact LEDs."""
+    names = [f"shadow_iou/led{k}" for k in range(1, 5)]
+    row("capture", "height, LEDs", *(f"LED {k}" for k in range(1, 5)))
+    row(*["---"] * 6)
+    for rig, calibration in calibrations.items():
+        lights = read_calibration(file=calibration).lights
+        for shape in SHAPES:
+            capture = data / rig / shape
+            exact = evaluate_shadow(shadows_of_the_truth(capture, lights), true_shadows(capture))
+            found = measure("precise", capture, calibration)
+            row(f"{rig} {shape}", "as found", *(number(found.get(name)) for name in names))
+            row("", "height exact", *(number(exact.get(name)) for name in names))
+
+
+def number(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
+
+
+def row(*cells: str) -> None:
+    print("|", " | ".join(cells), "|", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""The equations for the height: steps between neighbours, rises across shadows, film at rest."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, U1, Mask, ShadowRises, Slope, SlopeVariance
+from tactograph.nodes._springs import Springs, Ties
+
+MARGIN = 8
+KNOWN = np.float32(1e6)
+SMOOTH = np.float32(1)
+LONELY = np.float32(4)
+HOLD = np.float32(1e5)
+"""Stiffness of the film at rest; that of a step of median variance is 1."""
+
+
+class Window(NamedTuple):
+    """The part of the frame that is not at rest, and a margin."""
+
+    rows: slice
+    columns: slice
+
+    def of(self, plane: F4) -> F4:
+        return np.ascontiguousarray(plane[..., self.rows, self.columns])
+
+
+class HeightSystem(NamedTuple):
+    """Steps of height to the right and down with variances, rises, and what is at rest."""
+
+    right: F4
+    down: F4
+    right_variance: F4
+    down_variance: F4
+    at_rest: F4
+    rises: Ties
+    rise: F4
+    rise_led: U1
+
+    def residuals(self, height: F4) -> tuple[F4, F4, F4]:
+        """By how much the height departs from what is wanted, in mm."""
+        flat = height.ravel()
+        return (
+            height[:, 1:] - height[:, :-1] - self.right,
+            height[1:] - height[:-1] - self.down,
+            flat[self.rises.top] - flat[self.rises.foot] - self.rise,
+        )
+
+    def springs(self, height: F4, scale: float) -> Springs:
+        """The network, each spring weaker the farther the height departs from it.
+
+        Cauchy's weights: 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the
+        median step's, which keeps float32 accurate.
+        """
+        unit = np.float32(np.median(self.right_variance)) if self.right.size else np.float32(1)
+        right, down, rise = self.residuals(height)
+        square = np.float32(scale * scale)
+
+        def stiffness(variance: F4, residual: F4) -> F4:
+            return np.asarray(unit / (variance + residual * residual / square), np.float32)
+
+        return Springs(
+            stiffness(self.right_variance, right),
+            stiffness(self.down_variance, down),
+            self.at_rest * HOLD,
+            self.rises._replace(stiffness=stiffness(self.rises.stiffness, rise)),
+        )
+
+
+def contact_window(rest: Mask) -> Window:
+    """The smallest window around everything that is not at rest; some pixels if all is."""
+    rows, columns = (np.flatnonzero(~rest.astype(bool).all(axis=axis)) for axis in (1, 0))
+    return Window(_span(rows, rest.shape[0]), _span(columns, rest.shape[1]))
+
+
+def _span(found: NDArray[np.intp], size: int) -> slice:
+    first, last = (int(found[0]), int(found[-1])) if found.size else (0, 0)
+    return slice(max(first - MARGIN, 0), min(last + 1 + MARGIN, size))
+
+
+def height_system(
+    window: Window,
+    slope: Slope,
+    variance: SlopeVariance,
+    rest: Mask,
+    rises: ShadowRises,
+    pixel: float,
+    *,
+    bend: float,
+    floor: float,
+    rise_mm: float,
+) -> HeightSystem:
+    """Gather the equations inside a window of the frame.
+
+    Parameters
+    ----------
+    bend
+        Standard deviation of a step, in px, per difference of the slopes at its ends.
+    floor
+        Standard deviation, in px, of every step.
+    rise_mm
+        Standard deviation of a rise.
+    """
+    slopes, variances = window.of(slope), window.of(variance)
+    right, right_variance = _steps(slopes[0], variances[0], bend, floor)
+    down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
+    size = np.float32(pixel)
+    ties, rise, led = _inside(window, rises, rest.shape[1], np.float32(rise_mm * rise_mm))
+    return HeightSystem(
+        right * size,
+        np.ascontiguousarray(down.T) * size,
+        right_variance * size * size,
+        np.ascontiguousarray(down_variance.T) * size * size,
+        window.of(rest.astype(np.float32)),
+        ties,
+        rise,
+        led,
+    )
+
+
+def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
+    """Steps along the rows in px, from the slopes at both ends, and their variances.
+
+    Where all is smooth a cubic through four slopes gives (-1, 9, 9, -1) / 16 of them; else
+    two.  Where only one slope is known, it counts, but little.
+    """
+    before, after = slope[:, :-1], slope[:, 1:]
+    step = np.float32(0.5) * (before + after)
+    step[:, 1:-1] += _cubic_part(slope, variance)
+    least = np.minimum(variance[:, :-1], variance[:, 1:])
+    known = np.maximum(variance[:, :-1], variance[:, 1:]) < KNOWN
+    surer = np.where(variance[:, :-1] < variance[:, 1:], before, after)
+    turn = np.float32(bend) * (after - before)
+    both = np.float32(0.25) * (variance[:, :-1] + variance[:, 1:]) + turn * turn
+    spread = np.where(known, both, np.minimum(least, np.float32(1e3)) + LONELY)
+    return np.where(known, step, surer), spread + np.float32(floor * floor)
+
+
+def _cubic_part(slope: F4, variance: F4) -> F4:
+    """What four slopes add to the mean of the inner two; at most a quarter of their difference."""
+    outer = slope[:, :-3] + slope[:, 3:]
+    curve = (slope[:, 1:-2] + slope[:, 2:-1] - outer) / np.float32(16)
+    limit = np.float32(0.25) * np.abs(slope[:, 2:-1] - slope[:, 1:-2])
+    smooth = (variance[:, :-3] < SMOOTH) & (variance[:, 3:] < SMOOTH)
+    return np.where(smooth, np.clip(curve, -limit, limit), np.float32(0))
+
+
+def _inside(
+    window: Window, rises: ShadowRises, columns: int, variance: np.float32
+) -> tuple[Ties, F4, U1]:
+    """The rises of which both ends lie in the window, numbered by its pixels.
+
+    A tie's `stiffness` holds its variance until the network is made.
+    """
+    ends = []
+    kept = np.ones(rises.top.size, bool)
+    width = window.columns.stop - window.columns.start
+    for index in (rises.top.astype(np.int64), rises.foot.astype(np.int64)):
+        row, column = index // columns, index % columns
+        kept &= (row >= window.rows.start) & (row < window.rows.stop)
+        kept &= (column >= window.columns.start) & (column < window.columns.stop)
+        ends.append((row - window.rows.start) * width + column - window.columns.start)
+    spread = np.full(int(kept.sum()), variance, np.float32)
+    return Ties(ends[0][kept], ends[1][kept], spread), rises.rise[kept], rises.led[kept]

@@ -1,0 +1,51 @@
+"""Find the pixels that look like the untouched film."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Gt, Interval
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import Light, Mask
+
+
+@node(tolerance=Flips(1e-3, why="a threshold on a float32 mean"))
+def calm_film(
+    light: Light,
+    sigma: Light,
+    *,
+    radius_px: Annotated[int, Interval(ge=0, le=8)] = 2,
+    level: Annotated[float, Gt(0)] = 4.5,
+) -> Mask:
+    """Mark where the mean light of every LED is 1, within its noise.
+
+    Light is divided by the flat frame, so the untouched film has 1 everywhere.  The mean
+    over a square window is as many times less noisy as the window is wide, so that even the
+    gentle skirts of a press are told from the film at rest.
+
+    Parameters
+    ----------
+    light, sigma
+        K x H x W; the standard deviation of each light.
+    radius_px
+        The window is 2 radius_px + 1 wide; beyond the frame its border goes on.
+    level
+        Standard deviations of the mean that still count as noise.
+
+    Returns
+    -------
+    ndarray
+        H x W, 1 where the film looks untouched.
+    """
+    width = 2 * radius_px + 1
+    calm = np.ones(light.shape[1:], bool)
+    for plane, noise in zip(light, sigma, strict=True):
+        departure = cv2.blur(plane - 1, (width, width), borderType=cv2.BORDER_REPLICATE)
+        calm &= np.abs(departure) * np.float32(width) < np.float32(level) * noise
+    return calm.astype(np.uint8)
+
+
+calm_film.opencl(grid="H W")

@@ -1,0 +1,87 @@
+"""Trust slopes less at the edges that cast shadows: the height may jump there."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge
+from numpy.typing import NDArray
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, SlopeVariance
+
+TINY = np.float32(1e-6)
+
+
+@node(
+    neutral="variance",
+    tolerance=Flips(1e-3, 0, 1e-5, why="the neighbour away from an LED by a rounded direction"),
+)
+def cliff_variance(
+    variance: SlopeVariance,
+    light: Light,
+    shadow: Labels,
+    lights: LightPositions,
+    pixel: PixelSize,
+    *,
+    jump: Annotated[float, Ge(0)] = 3.0,
+) -> SlopeVariance:
+    """Add (jump * m)^2 where a pixel lit with m has darkness right behind it.
+
+    A round body is lit at a grazing angle where its shadow begins, m close to 0; a sharp
+    edge is lit well, and the step behind it shows in no slope.  The largest m over the LEDs
+    and over 3 x 3 pixels counts, for a step lies between two pixels.
+
+    Parameters
+    ----------
+    variance
+        2 x H x W.
+    light
+        K x H x W, 1 on the film at rest.
+    shadow
+        H x W, the shadowed LEDs.
+    lights
+        K x 3 in mm.
+    pixel
+        mm per px.
+    jump
+        Standard deviation of the slope across a fully lit edge.
+    """
+    cliff = np.zeros(shadow.shape, np.float32)
+    for k in range(len(light)):
+        dark = (shadow >> k & 1).astype(bool)
+        if dark.any():
+            behind = _behind(dark, lights[k] / np.float32(pixel))
+            cliff = np.maximum(cliff, np.where(behind & ~dark, light[k], np.float32(0)))
+    step = np.float32(jump) * _largest_neighbour(cliff)
+    return np.asarray(variance + step * step, np.float32)
+
+
+def _behind(dark: NDArray[np.bool_], led: F4) -> NDArray[np.bool_]:
+    """Whether the next pixel away from the LED (at `led`, in px from the centre) is dark."""
+    rows, columns = dark.shape
+    row, column = np.mgrid[:rows, :columns].astype(np.float32)
+    dx = led[0] - (column - np.float32((columns - 1) / 2))
+    dy = led[1] - (row - np.float32((rows - 1) / 2))
+    plan = np.sqrt(dx * dx + dy * dy) + TINY
+    x, y = np.rint(column - dx / plan).astype(int), np.rint(row - dy / plan).astype(int)
+    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    return inside & dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)]
+
+
+def _largest_neighbour(plane: F4) -> F4:
+    padded = np.pad(plane, 1)
+    rows, columns = plane.shape
+    shifted = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    return np.asarray(np.max(shifted, axis=0), np.float32)
+
+
+cliff_variance.opencl(grid="H W")
+
+
+@cliff_variance.example
+def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Shadows here and there, so that some cliffs are alone in their neighbourhood."""
+    sparse = rng.random((H, W)) < 0.05
+    return {"shadow": np.where(sparse, rng.integers(0, 256, (H, W)), 0).astype(np.uint8)}

@@ -1,0 +1,368 @@
+"""Tell for each pixel which LEDs light it, and find its slope from those."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.nodes import (
+    F4,
+    Height,
+    Labels,
+    Light,
+    LightPositions,
+    PixelSize,
+    Slope,
+    SlopeVariance,
+)
+from tactograph.nodes._near_light import FLATTEST, light_vectors
+
+STEPS = 2
+"""Gauss-Newton steps from the linear solution; more change nothing above the noise."""
+LONGEST = np.float32(0.3)
+"""Longest Gauss-Newton step, in radians."""
+AT_REST = np.float32(0.999)
+"""A pair's normal with a larger n_z is the film at rest: light says 1 twice by no accident."""
+ALIKE = np.float32(0.02)
+"""Light of the dark LEDs that decides between the two normals of a pair."""
+SINGULAR = np.float32(1e-4)
+"""Sine squared of the angle between two lights' gradients below which they are one."""
+FAINTEST = np.float32(0.02)
+"""Light that is expected at least, when what is there is called less than half of it."""
+UNKNOWN = np.float32(1e12)
+ONE, ZERO, TINY = np.float32(1), np.float32(0), np.float32(1e-20)
+
+
+class Labelled(NamedTuple):
+    """A slope for each pixel, and what it rests on."""
+
+    slope: Slope
+    twin: Slope
+    variance: SlopeVariance
+    used: Labels
+    shadow: Labels
+    misfit: Annotated[F4, Port("H W", "1")]
+
+
+class _Pixels(NamedTuple):
+    """The pixels in question: light and weight K x N, vectors K x 3 x N, prior normal 3 x N."""
+
+    light: F4
+    vectors: F4
+    sigma: F4
+    weight: F4
+    prior: F4
+
+    def at(self, where: NDArray[np.intp]) -> _Pixels:
+        return _Pixels(*(part[..., where] for part in self))
+
+
+class _Choice(NamedTuple):
+    """The best so far per pixel: normals 3 x N, the LEDs used, and what the choice costs."""
+
+    normal: F4
+    twin: F4
+    used: NDArray[np.uint8]
+    cost: F4
+    misfit: F4
+
+
+@node(
+    tolerance=Flips(
+        2e-3, 2e-3, 2e-3, why="sets of LEDs that explain a pixel equally well, nearly singular sets"
+    ),
+    sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
+)
+def label_lights(
+    light: Light,
+    sigma: Light,
+    lights: LightPositions,
+    height: Height,
+    prior: Slope,
+    pixel: PixelSize,
+    *,
+    pair: Literal["prior", "attached"] = "attached",
+    dark: Annotated[int, Interval(ge=0, le=2)] = 2,
+    floor: Annotated[float, Ge(0)] = 3.0,
+    price: Annotated[float, Ge(0)] = 12.0,
+    one_sided: float = 2.0,
+    steepest: Annotated[float, Gt(0)] = 30.0,
+) -> Labelled:
+    """Return the slope and the LEDs that explain a pixel's light best.
+
+    The light relative to the film at rest is n.v_k with |n| = 1 (`_near_light`, N1), where
+    LED k reaches.  An LED below ``floor`` standard deviations does not.  Of the sets of the
+    others without none, one or two of them, the one of least
+
+        sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
+        + sum over left out max((m_k - n.v_k) / sigma_k + one_sided, 0)^2
+
+    wins: a shadow costs, and has to be dark.  Three LEDs or more give n by linear least
+    squares, scaled to |n| = 1, and Gauss-Newton steps in the tangent plane; two give the
+    two unit normals that fit exactly.
+
+    Parameters
+    ----------
+    light, sigma
+        K x H x W, relative to the film at rest, and its standard deviation.
+    lights
+        K x 3 in mm from the middle of the image.
+    height
+        H x W in mm, as far as known: light comes from another direction higher up.
+    prior
+        2 x H x W, the slope expected; for ``pair: prior`` only.
+    pixel
+        mm per px.
+    pair
+        What decides between a pair's two normals, unless one is the film at rest:
+        ``prior`` the nearer to the prior; ``attached`` the one that puts the dark LEDs
+        behind the surface, else the less steep.
+    dark
+        So many LEDs are left out at most, beyond those below the floor; with 0 all count as
+        lit, also those.
+    floor
+        Light in standard deviations below which an LED surely does not reach.
+    price
+        Of leaving out an LED, as a square of standard deviations.
+    one_sided
+        Standard deviations by which a shadow is darker than the light predicted.
+    steepest
+        Largest slope returned, as 1 / n_z.
+
+    Returns
+    -------
+    Labelled
+        Slope 2 x H x W, zero where fewer than two LEDs reach; the twin that a pair of LEDs
+        allows too (else the slope again); the variance of the slope from that of the light,
+        1e12 where not known; bit k-1 of ``used`` where the slope rests on LED k, of
+        ``shadow`` where LED k does not light the pixel (not used, and less than half of
+        what the slope predicts); the misfit, the choice's sum of squares.
+    """
+    count, size = len(light), light.shape[1:]
+    pixels = _pixels(light, sigma, light_vectors(lights, height, pixel), prior)
+    below = pixels.light < np.float32(floor) * pixels.sigma
+    forced = _bits(below & (dark > 0))
+    best = _start(forced.size)
+    for left_out in _sets(count):
+        number = left_out.bit_count()
+        few = number - np.bitwise_count(forced) <= dark
+        open_ = (forced & ~np.uint8(left_out) == 0) & few & (best.cost > np.float32(price * number))
+        where = np.flatnonzero(open_)
+        if where.size:
+            tried = _try(pixels.at(where), below[:, where], left_out, pair, price, one_sided)
+            _keep_better(best, tried, where)
+    shadow = _shadow(pixels, best, forced)
+    return Labelled(
+        _slope(best.normal, steepest).reshape(2, *size),
+        _slope(best.twin, steepest).reshape(2, *size),
+        _variance(pixels, best, steepest).reshape(2, *size),
+        best.used.reshape(size),
+        shadow.reshape(size),
+        best.misfit.reshape(size),
+    )
+
+
+label_lights.opencl(grid="H W")
+
+
+@label_lights.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs around the film, and noise that is neither none nor all."""
+    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
+    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
+    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    sigma = rng.uniform(0.005, 0.02, (K, H, W))
+    return {"lights": lights.astype(np.float32), "sigma": sigma.astype(np.float32)}
+
+
+def _pixels(light: F4, sigma: F4, vectors: F4, prior: F4) -> _Pixels:
+    count = len(light)
+    spread = np.maximum(sigma.reshape(count, -1), np.float32(1e-5))
+    weight = np.asarray(ONE / (spread * spread), np.float32)
+    p, q = prior.reshape(2, -1)
+    normal = np.stack([-p, -q, np.ones_like(p)])
+    return _Pixels(light.reshape(count, -1), vectors.reshape(count, 3, -1), spread, weight, normal)
+
+
+def _start(size: int) -> _Choice:
+    """Nothing is known: level, no LED used, any choice is better."""
+    level = np.zeros((3, size), np.float32)
+    level[2] = 1
+    worst = np.full(size, np.inf, np.float32)
+    return _Choice(level, level.copy(), np.zeros(size, np.uint8), worst, np.zeros_like(worst))
+
+
+def _bits(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    numbers = np.arange(len(flags), dtype=np.uint8)[:, None]
+    return np.asarray(np.bitwise_or.reduce(flags.astype(np.uint8) << numbers, axis=0), np.uint8)
+
+
+def _sets(count: int) -> Iterator[int]:
+    """The sets of LEDs that may be left out, small ones first; two LEDs stay."""
+    sets = [s for s in range(1 << count) if s.bit_count() <= count - 2]
+    yield from sorted(sets, key=lambda s: (s.bit_count(), s))
+
+
+def _try(
+    pixels: _Pixels,
+    below: NDArray[np.bool_],
+    left_out: int,
+    pair: str,
+    price: float,
+    one_sided: float,
+) -> _Choice:
+    """Solve for the normal without some LEDs, and say what that costs."""
+    count, size = pixels.light.shape
+    used = [k for k in range(count) if not left_out >> k & 1]
+    if len(used) > 2:
+        normal = twin = _least_squares(pixels, used)
+    else:
+        normal, twin = _pair(pixels, used, left_out, pair)
+    misfit = np.zeros(size, np.float32)
+    for k in used:
+        away = pixels.light[k] - _dot(pixels.vectors[k], normal)
+        misfit += pixels.weight[k] * away * away
+    cost = misfit + np.float32(price * left_out.bit_count())
+    for k in set(range(count)) - set(used):
+        over = pixels.light[k] - np.maximum(_dot(pixels.vectors[k], normal), ZERO)
+        bright = np.maximum(over / pixels.sigma[k] + np.float32(one_sided), ZERO)
+        cost += np.where(below[k], ZERO, bright * bright)
+    labels = np.full(size, ~left_out & (1 << count) - 1, np.uint8)
+    return _Choice(normal, twin, labels, cost, misfit)
+
+
+def _keep_better(best: _Choice, tried: _Choice, where: NDArray[np.intp]) -> None:
+    better = tried.cost < best.cost[where]
+    for name in _Choice._fields:
+        getattr(best, name)[..., where[better]] = getattr(tried, name)[..., better]
+
+
+def _dot(a: F4, b: F4) -> F4:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], np.float32)
+
+
+def _unit(n: F4) -> F4:
+    return np.asarray(n / (np.sqrt(_dot(n, n)) + TINY), np.float32)
+
+
+def _least_squares(pixels: _Pixels, used: list[int]) -> F4:
+    """The unit normal from three LEDs or more."""
+    a = np.zeros((6, pixels.light.shape[1]), np.float32)
+    b = np.zeros((3, a.shape[1]), np.float32)
+    for k in used:
+        x, y, z = pixels.vectors[k]
+        a += np.stack([x * x, x * y, x * z, y * y, y * z, z * z])
+        b += pixels.vectors[k] * pixels.light[k]
+    normal = _unit(_solve(a, b))
+    normal[2] = np.maximum(normal[2], FLATTEST)
+    for _ in range(STEPS):
+        normal = _gauss_newton(pixels, used, _unit(normal))
+    return _unit(normal)
+
+
+def _solve(a: F4, b: F4) -> F4:
+    """Direction of the solution of a symmetric 3 x 3 system, by the adjugate."""
+    xx, xy, xz, yy, yz, zz = a
+    c00, c01, c02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    c11, c12, c22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    rows = ((c00, c01, c02), (c01, c11, c12), (c02, c12, c22))
+    return np.stack([row[0] * b[0] + row[1] * b[1] + row[2] * b[2] for row in rows])
+
+
+def _gauss_newton(pixels: _Pixels, used: list[int], n: F4) -> F4:
+    """One weighted step in the tangent plane, n + a (n_z, 0, -n_x) + b (0, n_z, -n_y)."""
+    h11, h12, h22, g1, g2 = np.zeros((5, n.shape[1]), np.float32)
+    for k in used:
+        v, w = pixels.vectors[k], pixels.weight[k]
+        j1, j2 = v[0] * n[2] - v[2] * n[0], v[1] * n[2] - v[2] * n[1]
+        away = pixels.light[k] - _dot(v, n)
+        h11, h12, h22 = h11 + w * j1 * j1, h12 + w * j1 * j2, h22 + w * j2 * j2
+        g1, g2 = g1 + w * j1 * away, g2 + w * j2 * away
+    trace = h11 + h22
+    determinant = h11 * h22 - h12 * h12 + np.float32(1e-6) * trace * trace + TINY
+    a = (h22 * g1 - h12 * g2) / determinant
+    b = (h11 * g2 - h12 * g1) / determinant
+    shrink = np.maximum(ONE, np.sqrt(a * a + b * b) / LONGEST)
+    a, b = a / shrink, b / shrink
+    z = np.maximum(n[2] - a * n[0] - b * n[1], FLATTEST)
+    return np.stack([n[0] + a * n[2], n[1] + b * n[2], z])
+
+
+def _pair(pixels: _Pixels, used: list[int], left_out: int, pair: str) -> tuple[F4, F4]:
+    """The two unit normals that two LEDs allow, the likelier first."""
+    first, second = _two_normals(pixels, *used)
+    if pair == "prior":
+        take = _dot(first, pixels.prior) >= _dot(second, pixels.prior)
+    else:
+        dark = [k for k in range(len(pixels.light)) if left_out >> k & 1]
+        lit = _lit_behind(pixels, dark, first), _lit_behind(pixels, dark, second)
+        alike = np.abs(lit[0] - lit[1]) < ALIKE
+        take = np.where(alike, first[2] >= second[2], lit[0] < lit[1])
+    level = np.maximum(first[2], second[2]) > AT_REST
+    take = np.where(level, first[2] >= second[2], take)
+    chosen, other = np.where(take, first, second), np.where(take, second, first)
+    chosen[2], other[2] = np.maximum(chosen[2], FLATTEST), np.maximum(other[2], FLATTEST)
+    return chosen, other
+
+
+def _two_normals(pixels: _Pixels, i: int, j: int) -> tuple[F4, F4]:
+    """Unit n with n.v_i = m_i and n.v_j = m_j; the nearest, twice, where noise leaves none."""
+    a, b = pixels.vectors[i], pixels.vectors[j]
+    cross = np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+    aa, ab, bb = _dot(a, a), _dot(a, b), _dot(b, b)
+    determinant = np.maximum(aa * bb - ab * ab, np.float32(1e-9))
+    s = (bb * pixels.light[i] - ab * pixels.light[j]) / determinant
+    t = (aa * pixels.light[j] - ab * pixels.light[i]) / determinant
+    base = a * s + b * t
+    beyond = np.sqrt(np.maximum(ONE - _dot(base, base), ZERO) / determinant)
+    return _unit(base + cross * beyond), _unit(base - cross * beyond)
+
+
+def _lit_behind(pixels: _Pixels, dark: list[int], n: F4) -> F4:
+    """The light that LEDs called dark would give; plenty for a normal the camera cannot see."""
+    total = np.where(n[2] < np.float32(0.05), np.float32(10), ZERO)
+    for k in dark:
+        total += np.maximum(_dot(pixels.vectors[k], n), ZERO)
+    return total
+
+
+def _slope(n: F4, steepest: float) -> F4:
+    z = np.maximum(n[2], np.float32(1) / np.float32(steepest))
+    return np.stack([-n[0] / z, -n[1] / z])
+
+
+def _shadow(pixels: _Pixels, best: _Choice, forced: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The LEDs whose light is not there; where the slope is not known, those below the floor."""
+    dim = []
+    for k, plane in enumerate(pixels.light):
+        expected = np.maximum(_dot(pixels.vectors[k], best.normal), FAINTEST)
+        dim.append(plane < np.float32(0.5) * expected)
+    return np.where(best.used == 0, forced, _bits(np.stack(dim)) & ~best.used)
+
+
+def _variance(pixels: _Pixels, best: _Choice, steepest: float) -> F4:
+    """(J' W J)^-1 of the tangent plane, carried to p and q.
+
+    d(p, q) = -((1 + p^2, p q), (p q, 1 + q^2)) d(a, b).
+    """
+    n = best.normal
+    h11, h12, h22 = np.zeros((3, n.shape[1]), np.float32)
+    for k, v in enumerate(pixels.vectors):
+        w = np.where(best.used >> k & 1, pixels.weight[k], ZERO)
+        j1, j2 = v[0] * n[2] - v[2] * n[0], v[1] * n[2] - v[2] * n[1]
+        h11, h12, h22 = h11 + w * j1 * j1, h12 + w * j1 * j2, h22 + w * j2 * j2
+    determinant = h11 * h22 - h12 * h12
+    known = determinant > SINGULAR * h11 * h22
+    determinant = np.where(known, determinant, ONE)
+    p, q = _slope(n, steepest)
+    a, b, c = ONE + p * p, p * q, ONE + q * q
+    by_p = (a * a * h22 - 2 * a * b * h12 + b * b * h11) / determinant
+    by_q = (b * b * h22 - 2 * b * c * h12 + c * c * h11) / determinant
+    return np.where(known, np.stack([by_p, by_q]), UNKNOWN).astype(np.float32)

@@ -1,0 +1,43 @@
+"""Say how uncertain each light is."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Close, node
+from tactograph.nodes import Light, Noise
+
+
+@node(tolerance=Close(1e-6, 1e-5, why="square root and division"))
+def light_noise(
+    image: Light,
+    flat: Light,
+    noise: Noise,
+    *,
+    floor: Annotated[float, Gt(0)] = 0.02,
+) -> Light:
+    """Return the standard deviation of the light relative to the film at rest.
+
+    sqrt(shot I + read) / I_flat: photons arrive at random, the camera's electronics add
+    their share.
+
+    Parameters
+    ----------
+    image
+        K x H x W, as captured.
+    flat
+        K x H x W, the untouched film.
+    noise
+        (shot, read), as `estimate_noise` gives it.
+    floor
+        Smallest value of the flat image that is divided by, as for `flat_field`.
+    """
+    shot, read = noise
+    variance = shot * np.maximum(image, np.float32(0)) + read
+    return np.asarray(np.sqrt(variance) / np.maximum(flat, np.float32(floor)), np.float32)
+
+
+light_noise.opencl(grid="K H W")

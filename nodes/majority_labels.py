@@ -1,0 +1,33 @@
+"""Clean labels of single pixels that disagree with their neighbours."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Labels
+
+LEDS = 8
+
+
+@node(neutral="shadow")
+def majority_labels(shadow: Labels) -> Labels:
+    """Return for every LED what the majority of 3 x 3 pixels says.
+
+    One lit pixel inside a shadow would look like the edge that casts it.
+
+    Parameters
+    ----------
+    shadow
+        H x W; beyond the frame its border goes on.
+    """
+    out = np.zeros_like(shadow)
+    for bit in range(LEDS):
+        plane = np.ascontiguousarray(shadow >> bit & 1)
+        if plane.any():
+            out |= np.asarray(cv2.medianBlur(plane, 3), np.uint8) << bit
+    return out
+
+
+majority_labels.opencl(grid="H W")

@@ -1,0 +1,67 @@
+"""Trust a slope less where its lights contradict it, or allow a second one."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Close, Port, node
+from tactograph.nodes import F4, Slope, SlopeVariance
+
+FLAT = np.float32(0.002)
+
+
+@node(neutral="variance", tolerance=Close(0, 1e-5, why="rounding of products"))
+def misfit_variance(
+    variance: SlopeVariance,
+    slope: Slope,
+    twin: Slope,
+    misfit: Annotated[F4, Port("H W", "1", high=100)],
+    *,
+    usual: Annotated[float, Gt(0)] = 12.0,
+    open_pairs: bool = False,
+    steepest: Annotated[float, Gt(0)] = 4.0,
+) -> SlopeVariance:
+    """Return the variance of the slopes, noise and doubt together.
+
+    Where the lights fit worse than noise explains, the variance grows with the misfit.
+    Two lights allow two normals; before any height is known the choice between them is a
+    guess, and half their difference is its standard deviation.
+
+    Parameters
+    ----------
+    variance
+        2 x H x W, from the noise alone.
+    slope, twin
+        2 x H x W, the slope taken and the other that its lights allow.
+    misfit
+        H x W, chi-square of the slope.
+    usual
+        Misfit that noise explains.
+    open_pairs
+        Whether the choice between slope and twin still is a guess.  A slope that is the
+        rest's own is none: it would be a coincidence.
+    steepest
+        A steeper twin counts as this steep.
+    """
+    wide = variance * np.maximum(misfit / np.float32(usual), np.float32(1))
+    if open_pairs:
+        limit = np.float32(steepest)
+        apart = np.clip(twin, -limit, limit) - slope
+        tilted = slope[0] * slope[0] + slope[1] * slope[1] > FLAT
+        differ = (twin != slope).any(axis=0)
+        wide = wide + np.where(tilted & differ, np.float32(0.25) * apart * apart, 0)
+    return np.asarray(wide, np.float32)
+
+
+misfit_variance.opencl(grid="H W")
+
+
+@misfit_variance.example
+def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Twins that are the slope itself, that differ, and that are too steep."""
+    slope = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
+    twin = np.where(rng.random((H, W)) < 0.3, slope, 8 * slope)
+    return {"slope": slope, "twin": twin.astype(np.float32)}

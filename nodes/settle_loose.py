@@ -1,0 +1,52 @@
+"""Settle single pixels that stand out where no slope holds them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Height, SlopeVariance
+
+HALF = np.float32(0.5)
+
+
+@node(neutral="height", tolerance=Close(1e-6, 1e-6))
+def settle_loose(
+    height: Height, variance: SlopeVariance, *, loose: Annotated[float, Ge(0)] = 0.09
+) -> Height:
+    """Move loose pixels towards their neighbours.
+
+    A pixel that is above, or below, the middle of its two neighbours along all four lines
+    through it moves by the least of the four departures.  A ridge stays: it stands out
+    along three lines only.
+
+    Parameters
+    ----------
+    height
+        H x W in mm; beyond the frame its border goes on.
+    variance
+        2 x H x W; only pixels of which both variances exceed `loose` move.
+    loose
+        Variance (mm/mm)^2 above which a pixel's own slopes say little.
+    """
+    padded = np.pad(height, 1, mode="edge")
+    lines = [_departure(padded, dy, dx) for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1))]
+    least = np.maximum(np.min(lines, axis=0), 0) + np.minimum(np.max(lines, axis=0), 0)
+    moves = np.minimum(variance[0], variance[1]) > np.float32(loose)
+    return np.asarray(np.where(moves, height - least, height), np.float32)
+
+
+def _departure(padded: F4, dy: int, dx: int) -> F4:
+    """Height above the middle of the neighbours at (dy, dx) and opposite."""
+    rows, columns = padded.shape[0] - 2, padded.shape[1] - 2
+
+    def shifted(down: int, right: int) -> F4:
+        return padded[1 + down : 1 + down + rows, 1 + right : 1 + right + columns]
+
+    return np.asarray(shifted(0, 0) - HALF * (shifted(dy, dx) + shifted(-dy, -dx)))
+
+
+settle_loose.opencl(grid="H W")

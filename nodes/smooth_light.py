@@ -1,0 +1,39 @@
+"""Take some noise out of the light before it becomes slope."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Light
+
+TAPS = (0.0625, 0.25, 0.375, 0.25, 0.0625)
+"""Binomial: close to a Gaussian of one pixel's standard deviation."""
+
+
+@node(neutral="light", tolerance=Close(1e-6, 1e-6, why="a sum of 25 terms"))
+def smooth_light(light: Light) -> Light:
+    """Return the light averaged over 5 x 5 pixels with binomial weights (1 4 6 4 1) / 16.
+
+    A sensor of three lights has no redundancy against which a slope could be checked, and
+    at 8 bits its noise is a degree of slope.  Pixels beyond the border repeat the border.
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    """
+    return _along(_along(light, 2), 1)
+
+
+def _along(light: F4, axis: int) -> F4:
+    """Average along one axis."""
+    last = light.shape[axis] - 1
+    at = np.arange(light.shape[axis])
+    total = np.zeros_like(light)
+    for shift, tap in enumerate(TAPS, -2):
+        total = total + np.float32(tap) * np.take(light, np.clip(at + shift, 0, last), axis)
+    return np.asarray(total, np.float32)
+
+
+smooth_light.opencl(grid="K H W")

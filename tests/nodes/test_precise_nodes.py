@@ -1,0 +1,243 @@
+"""Shadows, weights and errors, on surfaces whose heights are known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.nodes import ShadowRises
+from tactograph.nodes._springs import Springs, Ties
+from tactograph.nodes.calm_film import calm_film
+from tactograph.nodes.cast_shadows import cast_shadows
+from tactograph.nodes.height_error import height_error
+from tactograph.nodes.integrate_weighted import integrate_weighted
+from tactograph.nodes.majority_labels import majority_labels
+from tactograph.nodes.pixel_mean_slope import pixel_mean_slope
+from tactograph.nodes.rest_mask import rest_mask
+from tactograph.nodes.settle_loose import settle_loose
+from tactograph.nodes.shadow_constraints import shadow_constraints
+
+F4 = NDArray[np.float32]
+PIXEL = 0.1
+SHAPE = (40, 64)
+NO_RISES = ShadowRises(
+    np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.uint8)
+)
+
+
+def plateau(height_mm: float = 0.5) -> F4:
+    """A block with vertical walls in the middle of the film."""
+    z = np.zeros(SHAPE, np.float32)
+    z[12:28, 20:36] = height_mm
+    return z
+
+
+def dome() -> tuple[F4, F4]:
+    """A smooth bump inside the frame, and its slope."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float) * PIXEL
+    r2 = ((x - 3.2) ** 2 + (y - 2.0) ** 2) / 0.6**2
+    z = 0.3 * np.exp(-r2)
+    slope = np.stack([-2 * (x - 3.2) / 0.36 * z, -2 * (y - 2.0) / 0.36 * z])
+    return z.astype(np.float32), slope.astype(np.float32)
+
+
+def at_rest(z: F4, margin: int = 3) -> NDArray[np.uint8]:
+    rest = np.ones(SHAPE, np.uint8)
+    rows, columns = np.nonzero(np.abs(z) > 1e-4)
+    rest[
+        max(rows.min() - margin, 0) : rows.max() + margin + 1,
+        max(columns.min() - margin, 0) : columns.max() + margin + 1,
+    ] = 0
+    return rest
+
+
+def distant_led(elevation_deg: float, azimuth_deg: float = 0.0) -> F4:
+    up, around = np.radians(elevation_deg), np.radians(azimuth_deg)
+    far = 1e4
+    direction = [np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]
+    return far * np.array([direction], np.float32)
+
+
+def variance_of(value: float) -> F4:
+    return np.full((2, *SHAPE), value, np.float32)
+
+
+def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
+    shadow = cast_shadows(plateau(0.5), distant_led(45), PIXEL)
+    assert shadow[20].sum() == pytest.approx(5, abs=1)
+    assert not shadow[20, 20:].any()
+
+
+def test_a_steps_shadow_measures_its_height() -> None:
+    z = plateau(0.5)
+    led = distant_led(30, 0)
+    shadow = cast_shadows(z, led, PIXEL)
+    light = (1 - shadow)[None].astype(np.float32)
+    used = np.full(SHAPE, 0b111, np.uint8)
+    level = np.zeros((2, *SHAPE), np.float32)
+    rises = shadow_constraints(light, shadow, used, level, np.zeros(SHAPE, np.float32), led, PIXEL)
+    assert len(rises.rise) >= 14
+    step = z.ravel()[rises.top] - z.ravel()[rises.foot]
+    assert np.allclose(step, 0.5)
+    assert np.median(rises.rise) == pytest.approx(0.5, abs=0.5 * PIXEL)
+
+
+def test_no_shadow_measures_nothing() -> None:
+    lit, level = np.ones((1, *SHAPE), np.float32), np.zeros((2, *SHAPE), np.float32)
+    none, all_used = np.zeros(SHAPE, np.uint8), np.full(SHAPE, 7, np.uint8)
+    rises = shadow_constraints(lit, none, all_used, level, level[0], distant_led(30), PIXEL)
+    assert [part.size for part in rises] == [0, 0, 0, 0]
+
+
+def test_exact_slopes_give_the_exact_surface() -> None:
+    z, slope = dome()
+    found = integrate_weighted(
+        slope, variance_of(1e-6), at_rest(z), np.zeros_like(z), NO_RISES, PIXEL, steps=30
+    )
+    assert np.abs(found - z).max() < 0.01 * PIXEL
+
+
+def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
+    z = plateau(0.5)
+    rim = np.zeros(SHAPE, bool)
+    rim[10:30, 18:38] = True
+    rim[14:26, 22:34] = False
+    variance = np.where(rim, np.float32(1e12), np.float32(1e-6)) * np.ones((2, 1, 1), np.float32)
+    rows = np.arange(14, 26)
+    top, foot = rows * SHAPE[1] + 22, rows * SHAPE[1] + 12
+    rises = ShadowRises(
+        top.astype(np.int32),
+        foot.astype(np.int32),
+        np.full(12, 0.5, np.float32),
+        np.ones(12, np.uint8),
+    )
+    level = np.zeros((2, *SHAPE), np.float32)
+    arguments = (level, variance.astype(np.float32), at_rest(z), level[0])
+    lying = integrate_weighted(*arguments, NO_RISES, PIXEL)
+    standing = integrate_weighted(*arguments, rises, PIXEL, steps=30)
+    assert np.abs(lying[16:24, 24:32]).max() < 0.02
+    assert np.abs(standing[16:24, 24:32] - 0.5).max() < 0.02
+
+
+def test_outliers_are_given_up() -> None:
+    z, slope = dome()
+    spoilt = slope.copy()
+    rng = np.random.default_rng(3)
+    spoilt[:, rng.random(SHAPE) < 0.03] = 3.0
+    arguments = (spoilt, variance_of(1e-6), at_rest(z), np.zeros_like(z), NO_RISES, PIXEL)
+    robust = integrate_weighted(*arguments, rounds=8, steps=15, ease=2.0, bend=0.0)
+    plain = integrate_weighted(*arguments, rounds=1, steps=60, robust=1e6, bend=0.0)
+    assert np.abs(robust - z).mean() < 0.2 * np.abs(plain - z).mean()
+
+
+def test_the_film_at_rest_stays_at_zero() -> None:
+    z, slope = dome()
+    rest = at_rest(z)
+    noisy = slope + np.random.default_rng(1).normal(0, 0.02, slope.shape).astype(np.float32)
+    found = integrate_weighted(noisy, variance_of(4e-4), rest, z, NO_RISES, PIXEL)
+    assert np.abs(found[rest > 0]).max() < 1e-5
+
+
+def test_without_a_touch_everything_is_at_rest() -> None:
+    rng = np.random.default_rng(2)
+    light = rng.normal(1, 0.01, (4, *SHAPE)).astype(np.float32)
+    rest = rest_mask(calm_film(light, np.full_like(light, 0.01)))
+    assert rest.all()
+    none = np.zeros((2, *SHAPE), np.float32)
+    assert not integrate_weighted(none, variance_of(1), rest, none[0], NO_RISES, PIXEL).any()
+
+
+def test_a_flat_top_is_not_the_film_at_rest() -> None:
+    calm = np.ones(SHAPE, np.uint8)
+    calm[10:30, 20:44] = 0
+    calm[14:26, 24:40] = 1
+    rest = rest_mask(calm, margin_px=2)
+    assert not rest[14:26, 24:40].any()
+    assert rest[:7].all()
+
+
+def test_one_pixel_is_outvoted() -> None:
+    shadow = np.zeros(SHAPE, np.uint8)
+    shadow[5:15, 5:15] = 0b10
+    holed = shadow.copy()
+    holed[9, 9] = 0
+    assert majority_labels(holed)[9, 9] == 0b10
+
+
+def test_the_mean_slope_exceeds_the_slope_of_the_mean_normal() -> None:
+    """Slopes of normals averaged over each pixel, on a cylinder, against the true mean slope."""
+    fine, radius = 64, 5.0
+    x = (np.arange(SHAPE[1] * fine) + 0.5) / fine * PIXEL - 3.2
+    p = -x / np.sqrt(radius**2 - x**2)
+    normal = np.stack([-p, np.ones_like(p)]) / np.sqrt(1 + p * p)
+    nx, nz = normal.reshape(2, -1, fine).mean(axis=2)
+    mean = p.reshape(-1, fine).mean(axis=1)
+    slope = np.zeros((2, *SHAPE), np.float32)
+    slope[0] = -nx / nz
+    corrected = pixel_mean_slope(slope)[0, 0]
+    inner = slice(2, -2)
+    assert np.abs(corrected - mean)[inner].max() < 0.3 * np.abs(slope[0, 0] - mean)[inner].max()
+
+
+def test_a_loose_spike_settles_and_a_ridge_stays() -> None:
+    z = np.zeros(SHAPE, np.float32)
+    z[20, 30] = 1
+    z[5] = 1
+    settled = settle_loose(z, variance_of(1.0))
+    assert settled[20, 30] == 0
+    assert (settled[5] == 1).all()
+    assert np.array_equal(settle_loose(z, variance_of(0.01)), z)
+
+
+def error_of(z: F4, slope: F4, brightness: float) -> F4:
+    """The error of a dome's height when `brightness` times more photons arrive."""
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light = np.ones((4, *SHAPE), np.float32)
+    sigma = np.full_like(light, 0.01 / np.sqrt(brightness))
+    used = np.full(SHAPE, 15, np.uint8)
+    noise_alone = {"calibration": 0.0, "aperture": 0.0, "flat_noise": 0.0, "bend": 0.0}
+    return np.asarray(
+        height_error(
+            z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights, PIXEL,
+            **noise_alone,
+        )
+    )  # fmt: skip
+
+
+def test_the_error_shrinks_with_the_root_of_the_light() -> None:
+    z, slope = dome()
+    dim, bright = error_of(z, slope, 1), error_of(z, slope, 100)
+    inside = at_rest(z) == 0
+    assert np.allclose(dim[inside], 10 * bright[inside], rtol=1e-2)
+    assert not dim[~inside].any()
+
+
+def test_noise_does_to_the_height_what_the_error_says() -> None:
+    z, slope = dome()
+    inside = at_rest(z) == 0
+    stated = error_of(z, slope, 1)
+    sd = 0.01 / (np.sqrt(2) * np.cos(np.radians(60)) / np.sin(np.radians(60)))
+    rng = np.random.default_rng(7)
+    found = [
+        integrate_weighted(
+            slope + rng.normal(0, sd, slope.shape).astype(np.float32),
+            variance_of(1e-4), at_rest(z), z, NO_RISES, PIXEL, bend=0.0, robust=1e6,
+        ) - z
+        for _ in range(12)
+    ]  # fmt: skip
+    ratio = np.sqrt(np.mean(np.square(found), axis=0)[inside]).mean() / stated[inside].mean()
+    assert ratio == pytest.approx(1, abs=0.3)
+
+
+def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
+    rng = np.random.default_rng(4)
+    right, down, ground = (
+        rng.uniform(0.1, 1, shape).astype(np.float32) for shape in ((7, 8), (6, 9), (7, 9))
+    )
+    ties = Ties(np.array([3]), np.array([50]), np.array([0.7], np.float32))
+    springs = Springs(right, down, ground, ties)
+    coarse = springs.coarser()
+    z = rng.uniform(size=coarse.shape).astype(np.float32)
+    fine = z.repeat(2, axis=0).repeat(2, axis=1)[:7, :9]
+    assert np.vdot(fine, springs.apply(fine)) == pytest.approx(np.vdot(z, coarse.apply(z)), 1e-5)

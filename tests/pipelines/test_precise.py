@@ -1,0 +1,91 @@
+"""What `precise` finds, against the truth of captures by an independent renderer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import Result, open_pipeline
+
+PIXEL_MM = 1 / 14
+
+
+@pytest.fixture(scope="module")
+def calibrations(raytraced: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """One ball press and the flat frame per rig; where the LEDs are is found."""
+    folder = tmp_path_factory.mktemp("calibrations")
+    return {rig: calibrate(raytraced / rig, folder / f"{rig}.npz") for rig in ("far28", "near33")}
+
+
+def calibrate(rig: Path, file: Path) -> str:
+    given = {
+        "capture": str(rig / "calibration"),
+        "flat": str(rig / "flat"),
+        "ball_radius_mm": 7.0,
+        "pixel_size_mm": PIXEL_MM,
+        "out": str(file),
+    }
+    list(open_pipeline(read_graph("calibrate"), given).items())
+    return str(file)
+
+
+def run(graph: str, capture: Path, calibration: str, **more: str) -> Result:
+    given = {"capture": str(capture), "calibration": calibration, **more}
+    (result,) = open_pipeline(read_graph(graph), given, sinks="out" in more).items()
+    return result
+
+
+# rig, shape, RMSE, largest error (both in px), per cent of the area over a tenth of the height
+REACHED = [
+    ("far28", "sphere_film", 0.02, 0.10, 0.0),
+    ("far28", "cat_film", 0.03, 0.15, 0.0),
+    ("near33", "sphere_film", 0.08, 0.20, 0.0),
+    ("near33", "cat_film", 0.12, 0.30, 0.0),
+    ("far28", "sphere", 0.7, 4.5, 0.0),
+    ("near33", "sphere", 1.0, 5.0, 0.2),
+    ("far28", "cat", 1.5, 8.0, 3.0),
+    ("near33", "cat", 2.0, 10.0, 6.0),
+]
+
+
+@pytest.mark.parametrize(("rig", "shape", "rmse", "largest", "over"), REACHED)
+def test_heights(
+    raytraced: Path,
+    calibrations: dict[str, str],
+    rig: str,
+    shape: str,
+    rmse: float,
+    largest: float,
+    over: float,
+) -> None:
+    found = run("precise", raytraced / rig / shape, calibrations[rig])["metrics"]
+    assert found["rmse_px"] <= rmse
+    assert found["max_error_px"] <= largest
+    assert found["over_10_percent"] <= over
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_shadows_measure_what_no_slope_shows(
+    raytraced: Path, calibrations: dict[str, str], rig: str
+) -> None:
+    with_shadows = run("precise", raytraced / rig / "sphere", calibrations[rig])["metrics"]
+    without = run("precise_no_constraints", raytraced / rig / "sphere", calibrations[rig])
+    assert with_shadows["rmse_px"] < 0.2 * without["metrics"]["rmse_px"]
+
+
+@pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
+def test_the_truth_lies_in_the_band(
+    raytraced: Path, calibrations: dict[str, str], shape: str
+) -> None:
+    found = run("precise", raytraced / "near33" / shape, calibrations["near33"])["metrics"]
+    assert found["in_90_percent_band"] == pytest.approx(90, abs=6)
+
+
+def test_the_error_is_written_beside_the_height(
+    raytraced: Path, calibrations: dict[str, str], tmp_path: Path
+) -> None:
+    capture = raytraced / "near33" / "sphere_film"
+    run("precise", capture, calibrations["near33"], out=str(tmp_path))
+    assert {"height.npy", "error.npy", "error.png"} <= {file.name for file in tmp_path.iterdir()}
