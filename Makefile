@@ -24,7 +24,8 @@ demo: $(VENV)/.installed
 	@echo "--- calibrate"
 	@$(RUN) calibrate capture=$(DEMO)/calibration flat=$(DEMO)/flat ball_radius_mm=7 pixel_size_mm=0.07142857 out=$(DEMO)/cal.npz
 	@echo "--- reconstruct with and without shadow handling"
-	@$(BIN)/tactograph compare paper paper_no_shadow reconstruct --over $(DEMO)/touch calibration=$(DEMO)/cal.npz --out $(DEMO)/report
+	@$(BIN)/tactograph explain paper
+	@$(BIN)/tactograph compare paper paper_no_shadow reconstruct precise --over $(DEMO)/touch calibration=$(DEMO)/cal.npz --out $(DEMO)/report
 	@echo "--- look at"
 	@ls $(DEMO)/cal.png $(DEMO)/report/*/*/*/height.png $(DEMO)/report/*/*/*/shadow_view.png
 

@@ -21,6 +21,7 @@ COMMANDS = (
     "draw",
     "nodes",
     "devices",
+    "bench",
     "schema",
 )
 

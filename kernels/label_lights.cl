@@ -17,9 +17,19 @@ typedef struct {
     float8 x, y, z;
 } Pixel;
 
+// Not a float3: oclgrind fails on the shuffles that it implies.
 typedef struct {
-    float3 normal, twin;
+    float x, y, z;
+} Vector;
+
+typedef struct {
+    Vector normal, twin;
 } Normals;
+
+// Along x and along y.
+typedef struct {
+    float p, q;
+} Slope;
 
 #define NUMBERS (int8)(0, 1, 2, 3, 4, 5, 6, 7)
 
@@ -28,8 +38,8 @@ static float sum(const float8 a)
     return ((a.s0 + a.s1) + (a.s2 + a.s3)) + ((a.s4 + a.s5) + (a.s6 + a.s7));
 }
 
-// Both arguments are vectors: oclgrind reads beyond the number in fmax(vector, number), and
-// fails on narrowing shuffles such as a.lo.
+// Both arguments are vectors: oclgrind reads beyond the number in fmax(vector, number).  It
+// also fails on a.lo and on comparing vectors, hence lane by lane above and below.
 static float8 at_least(const float8 a, const float least)
 {
     return fmax(a, (float8)(least));
@@ -41,50 +51,61 @@ static float8 lanes(const int set)
     return convert_float8((int8)(set) >> NUMBERS & 1);
 }
 
-// The set of the LEDs whose lanes are true (-1).
-static int set_of(const int8 flags)
+// The set of LEDs for which a is below b.
+static int set_below(const float8 a, const float8 b)
 {
-    const int8 bits = flags & ((int8)(1) << NUMBERS);
-    return bits.s0 | bits.s1 | bits.s2 | bits.s3 | bits.s4 | bits.s5 | bits.s6 | bits.s7;
+    return (a.s0 < b.s0) | (a.s1 < b.s1) << 1 | (a.s2 < b.s2) << 2 | (a.s3 < b.s3) << 3
+        | (a.s4 < b.s4) << 4 | (a.s5 < b.s5) << 5 | (a.s6 < b.s6) << 6 | (a.s7 < b.s7) << 7;
 }
 
-static float dot_(const float3 a, const float3 b)
+static float dot_(const Vector a, const Vector b)
 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
+// a s + b t
+static Vector combined(const Vector a, const float s, const Vector b, const float t)
+{
+    const Vector c = {a.x * s + b.x * t, a.y * s + b.y * t, a.z * s + b.z * t};
+    return c;
+}
+
 // The light that each LED gives a film with normal n.
-static float8 shine(const Pixel *pixel, const float3 n)
+static float8 shine(const Pixel *pixel, const Vector n)
 {
     return pixel->x * n.x + pixel->y * n.y + pixel->z * n.z;
 }
 
-static float3 unit(const float3 n)
+static Vector unit(const Vector n)
 {
-    return n / (sqrt(dot_(n, n)) + TINY);
+    const float length_ = sqrt(dot_(n, n)) + TINY;
+    const Vector u = {n.x / length_, n.y / length_, n.z / length_};
+    return u;
 }
 
-static float3 visible(const float3 n)
+static Vector visible(const Vector n)
 {
-    return (float3)(n.x, n.y, fmax(n.z, FLATTEST));
+    const Vector v = {n.x, n.y, fmax(n.z, FLATTEST)};
+    return v;
 }
 
 // Direction of the unweighted linear solution, by the adjugate.
-static float3 linear(const Pixel *pixel, const int used)
+static Vector linear(const Pixel *pixel, const int used)
 {
     const float8 on = lanes(used);
     const float8 x = pixel->x * on, y = pixel->y * on, z = pixel->z * on;
     const float xx = sum(x * x), xy = sum(x * y), xz = sum(x * z);
     const float yy = sum(y * y), yz = sum(y * z), zz = sum(z * z);
-    const float3 b = (float3)(sum(x * pixel->light), sum(y * pixel->light), sum(z * pixel->light));
+    const float bx = sum(x * pixel->light), by = sum(y * pixel->light), bz = sum(z * pixel->light);
     const float c00 = yy * zz - yz * yz, c01 = xz * yz - xy * zz, c02 = xy * yz - xz * yy;
     const float c11 = xx * zz - xz * xz, c12 = xy * xz - xx * yz, c22 = xx * yy - xy * xy;
-    return (float3)(c00 * b.x + c01 * b.y + c02 * b.z, c01 * b.x + c11 * b.y + c12 * b.z,
-                    c02 * b.x + c12 * b.y + c22 * b.z);
+    const Vector n = {c00 * bx + c01 * by + c02 * bz, c01 * bx + c11 * by + c12 * bz,
+                      c02 * bx + c12 * by + c22 * bz};
+    return n;
 }
 
 // One weighted step in the tangent plane, n + a (n_z, 0, -n_x) + b (0, n_z, -n_y).
-static float3 gauss_newton(const Pixel *pixel, const float8 weight, const float3 n)
+static Vector gauss_newton(const Pixel *pixel, const float8 weight, const Vector n)
 {
     const float8 j1 = pixel->x * n.z - pixel->z * n.x, j2 = pixel->y * n.z - pixel->z * n.y;
     const float8 away = pixel->light - shine(pixel, n);
@@ -98,48 +119,49 @@ static float3 gauss_newton(const Pixel *pixel, const float8 weight, const float3
     const float shrink = fmax(1.0f, sqrt(a * a + b * b) / LONGEST);
     a /= shrink;
     b /= shrink;
-    return visible((float3)(n.x + a * n.z, n.y + b * n.z, n.z - a * n.x - b * n.y));
+    const Vector turned = {n.x + a * n.z, n.y + b * n.z, n.z - a * n.x - b * n.y};
+    return visible(turned);
 }
 
 // The unit normal from three LEDs or more.
-static float3 least_squares(const Pixel *pixel, const int used)
+static Vector least_squares(const Pixel *pixel, const int used)
 {
     const float8 weight = pixel->weight * lanes(used);
-    float3 normal = visible(unit(linear(pixel, used)));
+    Vector normal = visible(unit(linear(pixel, used)));
     for (int step = 0; step < STEPS; ++step)
         normal = gauss_newton(pixel, weight, unit(normal));
     return unit(normal);
 }
 
 // The light that LEDs called dark would give; plenty for a normal the camera cannot see.
-static float lit_behind(const Pixel *pixel, const int used, const float3 n)
+static float lit_behind(const Pixel *pixel, const int used, const Vector n)
 {
     const float total = n.z < 0.05f ? 10.0f : 0.0f;
     return total + sum(at_least(shine(pixel, n), 0.0f) * lanes(~used));
 }
 
-// The vector of equation N1 of an LED that is alone in a set, and its light.
-static float4 led_of(const Pixel *pixel, const int set)
+// The vector of equation N1 of an LED that is alone in a set.
+static Vector vector_of(const Pixel *pixel, const int set)
 {
     const float8 on = lanes(set);
-    return (float4)(sum(pixel->x * on), sum(pixel->y * on), sum(pixel->z * on),
-                    sum(pixel->light * on));
+    const Vector v = {sum(pixel->x * on), sum(pixel->y * on), sum(pixel->z * on)};
+    return v;
 }
 
 // The two unit normals that two LEDs allow, the likelier first.
-static Normals pair_of(const Pixel *pixel, const int used, const int attached, const float3 prior)
+static Normals pair_of(const Pixel *pixel, const int used, const int attached, const Vector prior)
 {
     const int one = used & -used;
-    const float4 i = led_of(pixel, one), j = led_of(pixel, used & ~one);
-    const float3 u = (float3)(i.x, i.y, i.z), v = (float3)(j.x, j.y, j.z);
-    const float3 across = (float3)(u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z,
-                                   u.x * v.y - u.y * v.x);
+    const Vector u = vector_of(pixel, one), v = vector_of(pixel, used & ~one);
+    const float i = sum(pixel->light * lanes(one)), j = sum(pixel->light * lanes(used & ~one));
+    const Vector across = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
     const float uu = dot_(u, u), uv = dot_(u, v), vv = dot_(v, v);
     const float determinant = fmax(uu * vv - uv * uv, 1e-9f);
-    const float s = (vv * i.w - uv * j.w) / determinant, t = (uu * j.w - uv * i.w) / determinant;
-    const float3 base = u * s + v * t;
+    const float s = (vv * i - uv * j) / determinant, t = (uu * j - uv * i) / determinant;
+    const Vector base = combined(u, s, v, t);
     const float beyond = sqrt(fmax(1.0f - dot_(base, base), 0.0f) / determinant);
-    const float3 first = unit(base + across * beyond), second = unit(base - across * beyond);
+    const Vector first = unit(combined(base, 1.0f, across, beyond));
+    const Vector second = unit(combined(base, 1.0f, across, -beyond));
     int take = first.z >= second.z;
     if (fmax(first.z, second.z) <= AT_REST) {
         if (attached) {
@@ -149,7 +171,7 @@ static Normals pair_of(const Pixel *pixel, const int used, const int attached, c
             take = dot_(first, prior) >= dot_(second, prior);
         }
     }
-    Normals found = {visible(take ? first : second), visible(take ? second : first)};
+    const Normals found = {visible(take ? first : second), visible(take ? second : first)};
     return found;
 }
 
@@ -160,24 +182,26 @@ static int next_set(const int bits)
     return ripple | ((1 << (popcount(bits ^ ripple) - 2)) - 1);
 }
 
-static float2 slope_of(const float3 n, const float steepest)
+static Slope slope_of(const Vector n, const float steepest)
 {
     const float z = fmax(n.z, 1.0f / steepest);
-    return (float2)(-n.x / z, -n.y / z);
+    const Slope slope = {-n.x / z, -n.y / z};
+    return slope;
 }
 
 // Variance of p and q: (J' W J)^-1 of the tangent plane, carried to the slope.
-static float2 variance_of(const Pixel *pixel, const int used, const float3 n, const float2 slope)
+static Slope variance_of(const Pixel *pixel, const int used, const Vector n, const Slope slope)
 {
     const float8 j1 = pixel->x * n.z - pixel->z * n.x, j2 = pixel->y * n.z - pixel->z * n.y;
     const float8 w = pixel->weight * lanes(used), w1 = w * j1;
     const float h11 = sum(w1 * j1), h12 = sum(w1 * j2), h22 = sum(w * j2 * j2);
     const float determinant = h11 * h22 - h12 * h12;
-    if (!(determinant > SINGULAR * h11 * h22)) return UNKNOWN;
-    const float p = slope.x, q = slope.y;
-    const float a = 1.0f + p * p, b = p * q, c = 1.0f + q * q;
-    return (float2)(a * a * h22 - 2.0f * a * b * h12 + b * b * h11,
-                    b * b * h22 - 2.0f * b * c * h12 + c * c * h11) / determinant;
+    const int known = determinant > SINGULAR * h11 * h22;
+    const float a = 1.0f + slope.p * slope.p, b = slope.p * slope.q, c = 1.0f + slope.q * slope.q;
+    const float by_p = (a * a * h22 - 2.0f * a * b * h12 + b * b * h11) / determinant;
+    const float by_q = (b * b * h22 - 2.0f * b * c * h12 + c * c * h11) / determinant;
+    const Slope variance = {known ? by_p : UNKNOWN, known ? by_q : UNKNOWN};
+    return variance;
 }
 
 // A value per LED of an array, `stride` apart; lanes beyond K repeat the last one.
@@ -212,7 +236,7 @@ __kernel void label_lights(
 {
     GRID_2(y, x, H, W)
     const int size = H * W, at = y * W + x, all = (1 << K) - 1;
-    const float3 believed = (float3)(-prior[at], -prior[size + at], 1.0f);
+    const Vector believed = {-prior[at], -prior[size + at], 1.0f};
     const float8 on = lanes(all);
     const Led8 leds = {gather(lights, 3, K), gather(lights + 1, 3, K), gather(lights + 2, 3, K)};
     const Led8 vectors = light_vectors(leds, place(x, W, pixel), place(y, H, pixel), height[at]);
@@ -221,11 +245,11 @@ __kernel void label_lights(
     here.x = vectors.x * on;
     here.y = vectors.y * on;
     here.z = vectors.z * on;
-    const int below = set_of(here.light < floor_ * here.sigma) & all;
+    const int below = set_below(here.light, floor_ * here.sigma) & all;
     const int forced = dark > 0 ? below : 0;
     float best = INFINITY, best_misfit = 0.0f;
     int best_used = 0;
-    Normals chosen = {(float3)(0.0f, 0.0f, 1.0f), (float3)(0.0f, 0.0f, 1.0f)};
+    Normals chosen = {{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}};
     const int most = min(K - 2, popcount(forced) + dark);
     for (int number = popcount(forced); number <= most && best > price * number; ++number) {
         for (int out = (1 << number) - 1; out <= all; out = number ? next_set(out) : all + 1) {
@@ -250,16 +274,16 @@ __kernel void label_lights(
         }
     }
     const float8 due = at_least(shine(&here, chosen.normal), FAINTEST);
-    const int dim = set_of(here.light < 0.5f * due) & all;
-    const float2 found = slope_of(chosen.normal, steepest);
-    const float2 other = slope_of(chosen.twin, steepest);
-    const float2 spread = variance_of(&here, best_used, chosen.normal, found);
-    slope[at] = found.x;
-    slope[size + at] = found.y;
-    twin[at] = other.x;
-    twin[size + at] = other.y;
-    variance[at] = spread.x;
-    variance[size + at] = spread.y;
+    const int dim = set_below(here.light, 0.5f * due) & all;
+    const Slope found = slope_of(chosen.normal, steepest);
+    const Slope other = slope_of(chosen.twin, steepest);
+    const Slope spread = variance_of(&here, best_used, chosen.normal, found);
+    slope[at] = found.p;
+    slope[size + at] = found.q;
+    twin[at] = other.p;
+    twin[size + at] = other.q;
+    variance[at] = spread.p;
+    variance[size + at] = spread.q;
     used[at] = best_used;
     shadow[at] = best_used ? dim & ~best_used : forced;
     misfit[at] = best_misfit;

@@ -8,11 +8,12 @@ __kernel void majority_labels(
 {
     GRID_2(y, x, H, W)
     uint votes = 0;  // four bits for each LED hold up to nine votes
-    for (int j = 0; j < 9; ++j) {
-        const int row = clamp(y + j / 3 - 1, 0, H - 1), column = clamp(x + j % 3 - 1, 0, W - 1);
-        const uint label = shadow[row * W + column];
-        for (int bit = 0; bit < 8; ++bit) votes += (label >> bit & 1u) << (4 * bit);
-    }
+    for (int dy = -1; dy <= 1; ++dy)
+        for (int dx = -1; dx <= 1; ++dx) {
+            const int row = clamp(y + dy, 0, H - 1), column = clamp(x + dx, 0, W - 1);
+            const uint label = shadow[row * W + column];
+            for (int bit = 0; bit < 8; ++bit) votes += (label >> bit & 1u) << (4 * bit);
+        }
     uint majority = 0;
     for (int bit = 0; bit < 8; ++bit) majority |= (uint)((votes >> (4 * bit) & 15u) > 4u) << bit;
     out[y * W + x] = (uchar)majority;

@@ -135,7 +135,8 @@ def find_ball(
         raise InputError(
             f"no ball of radius {radius_mm:g} mm found in the calibration capture: the best "
             f"circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
-            f"{ACCEPTED:g} is needed; give its place (ball_center_px=x,y and ball_contact_px=r), or press again"
+            f"{ACCEPTED:g} is needed; give its place "
+            "(ball_center_px=x,y and ball_contact_px=r), or press again"
         )
     return _ball(circle, goodness)
 

@@ -11,7 +11,14 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.read_capture import Layout, read_capture, read_images, read_planes
+from tactograph.nodes.read_capture import (
+    Layout,
+    _channels,
+    _normalised,
+    read_capture,
+    read_image,
+    read_images,
+)
 
 PressImages = Annotated[F4, Port("P K H W", "1")]
 """P captures of K lights, each as a fraction of full scale."""
@@ -57,7 +64,7 @@ def read_presses(
     InputError
         As `read_capture`; if a press is of another size than the flat image.
     """
-    captures = list(read_capture.function(folder=folder, lights=lights))
+    captures = list(read_capture(folder=folder, lights=lights))
     film = read_film(flat, lights, smooth_px)
     for capture in captures:
         if capture.image.shape != film.shape:
@@ -74,5 +81,6 @@ def read_film(place: Path, lights: Literal["leds", "bgr", "rgb"], smooth_px: flo
     if place.is_dir() or lights == "leds":
         stack = read_images(place, layout)
     else:
-        stack = read_planes(place, layout)
+        planes = _channels(read_image(place), place, layout)
+        stack = _normalised(np.stack(planes), [place] * len(planes), layout)
     return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

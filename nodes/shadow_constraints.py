@@ -27,6 +27,7 @@ HALF = np.float32(0.5)
 FAINTEST = np.float32(0.02)
 STEEPEST = np.float32(3)
 FARTHEST_END = np.float32(1.5)
+OUTSIDE = np.float32(-1e6)
 NEAREST_EDGE = np.float32(1.2)
 
 
@@ -175,12 +176,12 @@ def _march(
 ) -> tuple[F4, F4]:
     """How far along each ray, in px, the shadow ends and the edge that casts it lies.
 
-    The edge is NaN where there is none within the frame and the longest shadow.
+    The edge is `OUTSIDE` where there is none within the frame and the longest shadow.
     """
     rows, columns = dark.shape
     darkness = dark.astype(np.float32)
     end = np.full(rays.row.size, HALF)
-    edge = np.full(rays.row.size, np.nan, np.float32)
+    edge = np.full(rays.row.size, OUTSIDE)
     before = bilinear(part, rays.column, rays.row)
     going = np.arange(rays.row.size)
     t = step

@@ -22,7 +22,10 @@ SMALLEST = np.float32(1e-12)
 @node(
     sizes={"K": SizeLimit(2, 8, "two unknowns need two lights, and labels have 8 bits")},
     tolerance=Flips(
-        2e-3, 2e-3, 2e-3, why="Gauss-Newton on lights that hardly depend on slope amplifies rounding"
+        2e-3,
+        2e-3,
+        2e-3,
+        why="Gauss-Newton on lights that hardly depend on slope amplifies rounding",
     ),
 )
 def solve_reflectance_map(
@@ -57,9 +60,7 @@ def solve_reflectance_map(
         Longest step, as the angle in radians by which it turns the normal.
     """
     maps = _maps(reflectance, light.shape[1:])
-    rests = [
-        plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)
-    ]
+    rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]
     p = q = np.zeros(light.shape[1:], np.float32)
     for _ in range(steps):
         dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))

@@ -16,17 +16,6 @@ from tactograph.graph import Provenance, node
 from tactograph.graph.whole import whole_files
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
 
-FILES = (
-    "height.npy",
-    "height.tiff",
-    "height.ply",
-    "height.png",
-    "error.npy",
-    "error.png",
-    "shadow.png",
-    "shadow_view.png",
-    "result.json",
-)
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
 LED_COLOURS = (

@@ -39,7 +39,7 @@ MUTANTS = {
         "spread forgotten": ("threshold * spread", "threshold"),
     },
     "label_lights": {
-        "noise floor ignored": ("here.light < floor_", "here.light < 0.0f * floor_"),
+        "noise floor ignored": ("here.light, floor_", "here.light, 0.0f * floor_"),
         "shadows are free": ("squares + price * number", "squares"),
         "a shadow may be bright": ("bright * bright * lanes(out", "0.0f * lanes(out"),
         "weights forgotten": ("sum(here.weight * lanes(lit)", "sum(1e4f * lanes(lit)"),
@@ -48,7 +48,7 @@ MUTANTS = {
         "attached and prior swapped": ("if (attached)", "if (!attached)"),
         "height ignored": (", height[at])", ", 0.0f * height[at])"),
         "lights from the corner": ("- 0.5f * (float)(count - 1)", ""),
-        "variances swapped": ("variance[at] = spread.x", "variance[at] = spread.y"),
+        "variances swapped": ("variance[at] = spread.p", "variance[at] = spread.q"),
         "unknown pixels not dark": (": forced;", ": 0;"),
     },
     "light_noise": {

@@ -42,6 +42,18 @@ def test_a_node_with_a_kernel_runs_on_the_device_that_is_preferred(
     assert plan.fallbacks == []
 
 
+def test_what_the_host_does_faster_than_a_cpu_device_stays_there_and_that_is_no_fallback(
+    write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for is_cpu, backend in ((True, "numpy"), (False, "opencl")):
+        monkeypatch.setattr(device, "is_cpu", is_cpu)
+        placement = planned(write(SLOPES), device).placements["again"]
+        assert (placement.backend, placement.fallback) == (backend, False)
+    monkeypatch.setattr(device, "is_cpu", True)
+    asked = planned(write(f"prefer: [opencl]{SLOPES}"), device).placements["again"]
+    assert asked.backend == "opencl"
+
+
 def test_a_node_without_a_kernel_runs_on_numpy_and_that_is_no_fallback(
     write: Write, device: OpenCL
 ) -> None:

@@ -1,0 +1,217 @@
+"""Every shipped graph on every back end and device, against the literal flow in the same run.
+
+    python benchmarks/bench.py --out bench
+    python benchmarks/bench.py --graphs paper,reconstruct --sizes 640x480 --tables 117000
+
+From host images in memory to host height in memory.  Captures are simulated; tables are drawn
+from the calibration's own entries, or topped up with jittered copies.  Each case is a process
+of its own, in which the literal flow and the graph alternate: ratios hold on a busy machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import click
+import cv2
+import matplotlib as mpl
+import numpy as np
+from literal import Literal
+
+from tactograph.graph import load
+from tactograph.graph.backends.devices import find_devices
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import open_pipeline
+
+SIZES = "320x240,640x480,1640x1232,4928x3264"
+TABLES = "2000,20000,117000"
+MOST_FOR_LITERAL = 640 * 480
+WIDTH_MM = 640 / 28
+
+
+@click.command()
+@click.option("--graphs", default=None, help="Comma-separated; else all that take a capture.")
+@click.option("--sizes", default=SIZES)
+@click.option("--tables", default=TABLES)
+@click.option("--rounds", default=5)
+@click.option("--out", default="bench", type=click.Path(path_type=Path))
+@click.option("--one", default=None, hidden=True, help="A case, as JSON.")
+def main(
+    graphs: str | None, sizes: str, tables: str, rounds: int, out: Path, one: str | None
+) -> None:
+    if one is not None:
+        print(json.dumps(measure(**json.loads(one))))
+        return
+    names = graphs.split(",") if graphs else takers()
+    places = [None, *(d.name for d in find_devices() if d.works and not d.simulator)]
+    rows: list[dict[str, Any]] = []
+    for size in sizes.split(","):
+        stack = capture(out, size)
+        for table in map(int, tables.split(",")):
+            file = calibration(out, size, table)
+            for name in names:
+                for place in places:
+                    case = {"graph": name, "device": place, "stack": stack, "file": file}
+                    row = in_own_process({**case, "rounds": rounds})
+                    rows.append({"size": size, "table": table, **case, **row})
+                    print(as_line(rows[-1]), flush=True)
+                    (out / "bench.json").write_text(json.dumps(rows, indent=1))
+    plot(rows, out / "bench.png")
+
+
+def takers() -> list[str]:
+    """The pipelines that ship and want nothing but a capture and a calibration."""
+    needed = {"capture", "calibration"}
+    files = resources.files("tactograph.pipelines").iterdir()
+    names = sorted(f.name.removesuffix(".yaml") for f in files if f.name.endswith(".yaml"))
+    params = {name: read_graph(name).params for name in names}
+    return [n for n, p in params.items() if {k for k, v in p.items() if v.required} == needed]
+
+
+def simulated(out: Path, graph: str, size: str, **given: Any) -> Path:
+    """A capture of WIDTH_MM, rendered once."""
+    folder = out / f"{graph}_{size}_{given['seed']}"
+    if not folder.is_dir():
+        width, height = map(int, size.split("x"))
+        given |= {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
+        for _ in open_pipeline(read_graph(graph), {"out": str(folder), **given}).items():
+            pass
+    return folder
+
+
+def capture(out: Path, size: str) -> str:
+    """A ball of 5 mm pressed in half, as an array file."""
+    folder = simulated(out, "simulate", size, radius_mm=5.0, seed=3)
+    images = [cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in sorted(folder.glob("led*.png"))]
+    np.save(out / f"{size}.npy", np.stack(images))
+    return str(out / f"{size}.npy")
+
+
+def calibration(out: Path, size: str, entries: int) -> str:
+    """The calibration of 640 x 480 with another table, its flat image brought to `size`."""
+    first = out / "cal.npz"
+    if not first.is_file():
+        given = {
+            "capture": str(simulated(out, "simulate", "640x480", radius_mm=7.0, seed=1)),
+            "flat": str(simulated(out, "simulate_flat", "640x480", seed=2)),
+            "ball_radius_mm": 7.0,
+            "pixel_size_mm": WIDTH_MM / 640,
+            "out": str(first),
+        }
+        for _ in open_pipeline(read_graph("calibrate"), given).items():
+            pass
+    with np.load(first, allow_pickle=False) as found:
+        cal = dict(found)
+    rng = np.random.default_rng(0)
+    have = len(cal["lut_light"])
+    chosen = np.concatenate([rng.permutation(have), rng.integers(0, have, max(0, entries - have))])
+    for name in ("lut_light", "lut_slope", "lut_lit"):
+        cal[name] = cal[name][chosen[:entries]]
+    cal["lut_light"][have:] += rng.normal(0, 0.002, cal["lut_light"][have:].shape)
+    width, height = map(int, size.split("x"))
+    cal["pixel_size"] = np.float32(WIDTH_MM / width)
+    cal["flat"] = np.stack([cv2.resize(plane, (width, height)) for plane in cal["flat"]])
+    cal["dark"] = cv2.resize(cal["dark"], (width, height))
+    file = out / f"cal_{size}_{entries}.npz"
+    np.savez(file, **cal)
+    return str(file)
+
+
+def in_own_process(case: dict[str, Any]) -> dict[str, Any]:
+    done = subprocess.run(
+        [sys.executable, __file__, "--one", json.dumps(case)], capture_output=True, text=True
+    )
+    if done.returncode:
+        return {"error": done.stderr.strip().splitlines()[-1]}
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def measure(graph: str, device: str | None, stack: str, file: str, rounds: int) -> dict[str, Any]:
+    """Milliseconds of one case: on the wall, and of the processor by the cores there are."""
+    images = np.load(stack)
+    start = time.perf_counter()
+    backend = "numpy" if device is None else None
+    pipeline = load(graph, calibration=file, backend=backend, device=device)
+    result = pipeline(frames=images)
+    first = 1e3 * (time.perf_counter() - start)
+    pipeline(frames=images)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    literal = None
+    if images[0].size <= MOST_FOR_LITERAL:
+        scaled = images / np.float64(np.iinfo(images.dtype).max)
+        flow = Literal(file)
+        literal = lambda: flow(scaled)  # noqa: E731
+    ours, theirs, nodes = [], [], []
+    for _ in range(rounds):
+        for _ in range(5 if literal else 1):
+            ours.append(timed(lambda: nodes.append(pipeline(frames=images).times)))
+        if literal is not None:
+            theirs.append(timed(literal))
+    row: dict[str, Any] = {
+        "first_ms": first,
+        "peak_mib": peak,
+        "ms": median(wall for wall, _ in ours),
+        "cpu_ms": median(cpu for _, cpu in ours),
+        "nodes": {name: median(times[name] for times in nodes) for name in result.times},
+    }
+    if theirs:
+        row["literal_ms"] = median(wall for wall, _ in theirs)
+        row["literal_cpu_ms"] = median(cpu for _, cpu in theirs)
+        row["ratio"] = row["literal_ms"] / row["ms"]
+        row["cpu_ratio"] = row["literal_cpu_ms"] / row["cpu_ms"]
+    return row
+
+
+def timed(call: Callable[[], object]) -> tuple[float, float]:
+    """Milliseconds on the wall, and of processor time divided by the number of cores."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    call()
+    cores = os.cpu_count() or 1
+    return 1e3 * (time.perf_counter() - wall), 1e3 * (time.process_time() - cpu) / cores
+
+
+def as_line(row: dict[str, Any]) -> str:
+    head = f"{row['size']:>10} {row['table']:>7} {row['graph']:<22} {row['device'] or 'numpy':.24}"
+    if "error" in row:
+        return f"{head}: {row['error']}"
+    ratio = f", {row['ratio']:.1f} x ({row['cpu_ratio']:.1f} x by CPU)" if "ratio" in row else ""
+    return (
+        f"{head}: {row['ms']:.1f} ms ({row['cpu_ms']:.1f} by CPU){ratio}, "
+        f"first {row['first_ms']:.0f} ms, {row['peak_mib']:.0f} MiB"
+    )
+
+
+def plot(rows: list[dict[str, Any]], file: Path) -> None:
+    """Time against pixels, a line for each graph and device, at the largest table."""
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    lines: dict[str, list[tuple[int, float]]] = {}
+    largest = max(row["table"] for row in rows)
+    for row in rows:
+        if row["table"] == largest and "ms" in row:
+            width, height = map(int, row["size"].split("x"))
+            label = f"{row['graph']}, {(row['device'] or 'numpy').partition(' /')[0]}"
+            lines.setdefault(label, []).append((width * height, row["ms"]))
+    figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
+    for label, points in lines.items():
+        axes.loglog(*zip(*sorted(points), strict=True), "o-", label=label)
+    axes.set_xlabel("pixels")
+    axes.set_ylabel("ms")
+    axes.legend(fontsize="small")
+    figure.savefig(file, dpi=120)
+
+
+if __name__ == "__main__":
+    main()
