@@ -45,7 +45,7 @@ def main(data: Path, out: Path) -> None:
         out=str(calibration),
     )
     found = run(
-        "reconstruct_no_flat",
+        "paper_no_flat",
         right,
         {},
         capture=str(data),

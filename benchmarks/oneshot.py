@@ -2,7 +2,9 @@
 
     python benchmarks/oneshot.py ../shared/data/real/gelsight_mini_balls out
 
-Both graphs are those that ship.  The truth is the ball itself, where it touches: its radius
+Measured by the shipped graph `gelsight_mini`; calibrated by the nodes of `calibrate_presses`,
+called one by one so that each ball is looked for only once (it is, in each press alone).
+The truth is the ball itself, where it touches: its radius
 is known, its circle found by `find_ball`, and its centre then refined with the map of the
 other presses; the second row leaves the centres as `find_ball` gave them.  Every press
 counts, also those that a calibration of all presses would leave out.
@@ -10,23 +12,31 @@ counts, also those that a calibration of all presses would leave out.
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from tactograph.graph import Provenance
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline, with_changes
+from tactograph.graph.run import open_pipeline
 from tactograph.nodes.find_presses import find_presses
-from tactograph.nodes.fit_reflectance_map import Bench, make_bench, refine_center
+from tactograph.nodes.fit_reflectance_map import (
+    Bench,
+    fit_reflectance_map,
+    make_bench,
+    refine_center,
+)
 from tactograph.nodes.rate_presses import judge_contact
 from tactograph.nodes.read_presses import read_presses
+from tactograph.nodes.write_press_calibration import write_press_calibration
 
 RADIUS_MM, PIXEL_MM, FOLDS = 6.31 / 2, 0.0634, 5
+UNKNOWN = Provenance({}, None, [], {}, {}, [], [])
 DRAWN = ("25", "13", "2")
 HEAD = (
     "| circles of the held-out presses | normal error, mean / median / worst (degrees) "
@@ -42,19 +52,6 @@ def chosen(presses: Path, names: list[str], into: Path) -> Path:
     return into
 
 
-def calibrate(captures: Path, flat: Path, out: Path) -> None:
-    # Two folds: the rating inside is not what is measured here.
-    graph = with_changes(read_graph("calibrate_presses"), {"rating.folds": 2})
-    given = {
-        "captures": str(captures),
-        "flat": str(flat),
-        "ball_radius_mm": RADIUS_MM,
-        "pixel_size_mm": PIXEL_MM,
-        "out": str(out),
-    }
-    list(open_pipeline(graph, given).items())
-
-
 def measure(captures: Path, calibration: Path, out: Path) -> list[tuple[np.ndarray, np.ndarray]]:
     given = {"capture": str(captures), "calibration": str(calibration), "out": str(out)}
     results = open_pipeline(read_graph("gelsight_mini"), given).items()
@@ -62,36 +59,32 @@ def measure(captures: Path, calibration: Path, out: Path) -> list[tuple[np.ndarr
 
 
 def main(data: Path, out: Path) -> None:
-    folder, flat = data / "6.310mm", data / "background.png"
-    presses = read_presses(folder=folder, flat=flat)
-    found = find_presses(
-        presses.image, presses.flat, presses.names, PIXEL_MM, radius_mm=RADIUS_MM
-    ).circle.astype(np.float64)
-    bench = make_bench(presses.image, presses.flat, RADIUS_MM, PIXEL_MM, degree=4)
+    folder = data / "6.310mm"
+    image, flat, names = read_presses(folder=folder, flat=data / "background.png")
+    ball = find_presses(image, flat, names, PIXEL_MM, radius_mm=RADIUS_MM).circle
+    bench = make_bench(image, flat, RADIUS_MM, PIXEL_MM, degree=4)
     rows: dict[str, list[tuple[float, float, float]]] = {"refined": [], "as found": []}
     shown: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    with tempfile.TemporaryDirectory() as place:
-        for fold in range(FOLDS):
-            held = list(range(fold, len(presses.names), FOLDS))
-            held_names = [presses.names[i] for i in held]
-            rest = [name for name in presses.names if name not in held_names]
-            room = Path(place)
-            calibration = out / f"fold{fold}.npz"
-            calibrate(chosen(folder, rest, room / f"train{fold}"), flat, calibration)
-            test = chosen(folder, held_names, room / f"test{fold}")
-            with np.load(calibration, allow_pickle=False) as file:
-                reflectance = file["reflectance"].astype(np.float64)
-                rim = 1e-3 * json.loads(str(file["about"]))["quality"]["rim_um"]
-            for i, (slope, height) in zip(
-                held, measure(test, calibration, room / "o"), strict=True
-            ):
-                circle = refine_center(bench, reflectance, found[i], i, rim, steps=6)
-                rows["refined"].append(judge_contact(slope, height, circle, bench.radius, PIXEL_MM))
-                rows["as found"].append(
-                    judge_contact(slope, height, found[i], bench.radius, PIXEL_MM)
-                )
-                shown[presses.names[i]] = height, circle
-            print(f"fold {fold + 1} of {FOLDS} done", file=sys.stderr)
+    for fold in range(FOLDS):
+        training = ball.copy()
+        training[fold::FOLDS, 2] = 0
+        fit = fit_reflectance_map(image, flat, names, training, PIXEL_MM, radius_mm=RADIUS_MM)
+        calibration = out / f"fold{fold}.npz"
+        write_press_calibration(
+            flat, PIXEL_MM, fit.reflectance, {}, "", file=calibration, provenance=UNKNOWN
+        )
+        with tempfile.TemporaryDirectory() as room:
+            test = chosen(folder, names[fold::FOLDS], Path(room) / "test")
+            results = measure(test, calibration, Path(room) / "out")
+        reflectance = fit.reflectance.astype(np.float64)
+        held = range(fold, len(names), FOLDS)
+        for i, (slope, height) in zip(held, results, strict=True):
+            found = ball[i].astype(np.float64)
+            circle = refine_center(bench, reflectance, found, i, fit.rim, steps=6)
+            for row, truth in (("refined", circle), ("as found", found)):
+                rows[row].append(judge_contact(slope, height, truth, bench.radius, PIXEL_MM))
+            shown[names[i]] = height, circle
+        print(f"fold {fold + 1} of {FOLDS} done, {time.process_time():.0f} s", file=sys.stderr)
     report(rows)
     for name, figures in zip(shown, rows["refined"], strict=True):
         print(f"press {name}: {figures[0]:.2f} degrees, {figures[1]:.1f} um", file=sys.stderr)

@@ -1,6 +1,6 @@
 #include "common.clh"
 
-// A bit per LED that gives a pixel more light than `black`.
+// A bit per LED that gives a pixel less light than `black`.
 __kernel void label_dark(
     __global const float *restrict light,
     __global uchar *restrict out,

@@ -26,7 +26,7 @@ DEGREE = 4
 TERMS = 15
 SHADES = 9
 """Eight harmonics and the height."""
-SUBSAMPLE = 200
+SUBSAMPLE = 120
 """So many pixels of a press are fitted: 27 functions of the slope need no more."""
 INNER = 0.85
 """Share of the contact's radius that is fitted: the film leaves the ball before the rim."""

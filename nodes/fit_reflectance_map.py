@@ -163,7 +163,7 @@ def fit_presses(
     circles = circles.copy()
     for _ in range(rounds):
         reflectance = _fit_map(bench, circles, kept, rim)
-        for press in np.flatnonzero(kept):
+        for press in np.flatnonzero(kept).tolist():
             circles[press] = refine_center(bench, reflectance, circles[press], press, rim)
     return _fit_map(bench, circles, kept, rim), circles
 
@@ -231,7 +231,7 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
     """Robust least squares over all kept presses: K x 9 x 15."""
     used = (bench.degree + 1) * (bench.degree + 2) // 2
     rows, light, weight = [], [], []
-    for press in np.flatnonzero(kept):
+    for press in np.flatnonzero(kept).tolist():
         pixels = ball_pixels(bench.light[press], bench.flat, circles[press])
         place = terms(pixels.x, pixels.y, bench.shape)[:used]
         shade = _shades(bench, circles[press], pixels, rim)
@@ -253,7 +253,7 @@ def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
         weighted = basis * weight
         normal = weighted @ basis.T
         ridge = RIDGE * np.diag(np.diag(normal) + 1e-12)
-        found: F8 = np.linalg.solve(normal + ridge, weighted @ light)
+        found: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
         weight = robust_weights(light - found @ basis, even)
     return found
 
@@ -267,7 +267,10 @@ def _press_residual(bench: Bench, reflectance: F8, circle: F8, press: int, rim: 
 
 
 def _residual(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float) -> F4:
-    every = [_press_residual(bench, reflectance, circles[i], i, rim) for i in np.flatnonzero(kept)]
+    every = [
+        _press_residual(bench, reflectance, circles[i], i, rim)
+        for i in np.flatnonzero(kept).tolist()
+    ]
     return np.sqrt(np.mean(np.square(every), axis=0)).astype(np.float32)
 
 
@@ -283,7 +286,7 @@ def _outliers(
 ) -> np.ndarray:
     """Flag the kept presses that the map explains far worse than the rest."""
     residual = np.zeros(len(circles))
-    for i in np.flatnonzero(kept):
+    for i in np.flatnonzero(kept).tolist():
         residual[i] = _misfit(bench, reflectance, circles[i], i, rim)
     middle = np.median(residual[kept])
     spread = 1.4826 * np.median(np.abs(residual[kept] - middle))

@@ -16,6 +16,8 @@ from tactograph.nodes.index_lut import LutIndex, index_lut
 
 SPARE = 3
 """So many neighbours more are asked for, to settle ties in float32 as the kernel does."""
+ALIKE = 1e-5
+"""Distances that differ by less than this part may change places in float32."""
 MOST_LIGHT = 1e15
 TILE = 32
 """The kernel's TILE on CPUs."""
@@ -78,19 +80,33 @@ def _tables(lights: F4, shadow: NDArray[np.uint8]) -> NDArray[np.intp]:
 
 
 def _mean_slope(tree: cKDTree, query: F4, slopes: F4, neighbours: int) -> F4:
-    entries: NDArray[Any] = tree.data.astype(np.float32)
-    asked = min(neighbours + SPARE, len(entries))
-    _, found = tree.query(query, k=np.arange(1, asked + 1), workers=-1)
-    squares = np.zeros(found.shape, np.float32)
-    for k in range(query.shape[1]):
-        away = entries[found, k] - query[:, k, None]
-        squares += away * away
-    order = np.lexsort((found, squares), axis=1)[:, :neighbours]
-    nearest = np.take_along_axis(found, order, axis=1)
+    asked = min(neighbours + 1, len(tree.data))
+    distance: NDArray[np.float64]
+    found: NDArray[np.intp]
+    distance, found = tree.query(query, k=np.arange(1, asked + 1), workers=-1)  # type: ignore[assignment]
+    nearest = found[:, :neighbours]
+    # In float32 the next one may be as near, or nearer: settled where it is this close.
+    close = np.flatnonzero((np.diff(distance, axis=1) <= ALIKE * distance[:, 1:]).any(axis=1))
+    if len(close):
+        nearest[close] = _settled(tree, query[close], neighbours)
     total = np.zeros((2, len(query)), np.float32)
     for position in nearest.T:
         total += slopes[position].T
     return total / np.float32(nearest.shape[1])
+
+
+def _settled(tree: cKDTree, query: F4, neighbours: int) -> NDArray[np.intp]:
+    """The nearest by their distances in float32; of equals the first in the table."""
+    asked = min(neighbours + SPARE, len(tree.data))
+    _, found = tree.query(query, k=np.arange(1, asked + 1), workers=-1)
+    entries: NDArray[Any] = tree.data[found].astype(np.float32)
+    squares = np.zeros(found.shape, np.float32)
+    for k in range(query.shape[1]):
+        away = entries[..., k] - query[:, k, None]
+        squares += away * away
+    order = np.lexsort((found, squares), axis=1)[:, :neighbours]
+    settled: NDArray[np.intp] = np.take_along_axis(found, order, axis=1)
+    return settled
 
 
 @lut_nearest.opencl()

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
@@ -106,7 +107,7 @@ def rate_presses(
     return PressRating(quality, advise(pressed, bench.shape, steepest))
 
 
-def _map_without(bench: Bench, circle: F4, kept: U1, rim: float, held_out: F8) -> F8:
+def _map_without(bench: Bench, circle: F4, kept: U1, rim: float, held_out: NDArray[np.intp]) -> F8:
     training = kept > 0
     training[held_out] = False
     reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
@@ -142,9 +143,9 @@ def judge_contact(
         Mean angle between normals in degrees; root mean square of the height error, its
         mean taken out, in um; the same in per cent of the cap's height.
     """
-    y, x = np.indices(height.shape)
+    y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED * circle[2]
-    true, rise = ball_shape(x[inside].astype(float), y[inside].astype(float), circle, radius, pixel)
+    true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
     found = slope[:, inside].astype(np.float64)
     p, q = found - true
     twist = found[0] * true[1] - found[1] * true[0]
@@ -157,8 +158,8 @@ def judge_contact(
 def _pressed(bench: Bench, circles: F4) -> F4:
     """How many contacts reach the middle half of each cell of the film."""
     (rows, columns), (height, width) = CELLS, bench.shape
-    y, x = np.indices(CELLS)
-    x, y = (x + 0.5) * width / columns - 0.5, (y + 0.5) * height / rows - 0.5
+    row, column = np.indices(CELLS)
+    x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
     reach = 0.25 * min(width / columns, height / rows)
     far = np.hypot(x[..., None] - circles[:, 0], y[..., None] - circles[:, 1])
     return np.asarray((far < circles[:, 2] + reach).sum(axis=-1), np.float32)

@@ -81,6 +81,24 @@ MUTANTS = {
         "one harmonic's sign": ("l[7] * (x * x - y * y)", "l[7] * (x * x + y * y)"),
         "off-diagonal sign": ("(c * u - b * v)", "(c * u + b * v)"),
     },
+    "label_dark": {
+        "LEDs counted from 1": ("1 << k", "2 << k"),
+        "lit instead of dark": ("< black", ">= black"),
+    },
+    "smooth_light": {
+        "rows only": ("clamp(x + i - 2, 0, W - 1)", "x"),
+        "shifted": ("clamp(y + j - 2", "clamp(y + j - 1"),
+        "one plane for all": ("light + k * H * W", "light"),
+    },
+    "solve_reflectance_map": {
+        "height ignored": ("* height[i]", "* 0.0f * height[i]"),
+        "place ignored": ("* place[term]", "* (term ? 0.0f : 1.0f)"),
+        "lights weigh alike": ("= flat[k * size + i]", "= 1.0f"),
+        "no prior": ("float a = prior, b = 0.0f, c = prior", "float a = 0.0f, b = 0.0f, c = 0.0f"),
+        "limit ignored": ("limit * square", "1e9f * square"),
+        "off-diagonal sign": ("(c * s - b * t)", "(c * s + b * t)"),
+        "u and v swapped": ("monomials(column, row, place)", "monomials(row, column, place)"),
+    },
     "integrate_dct": {
         "half forgotten": ("(p[i] + p[i + 1]) * 0.5f", "(p[i] + p[i + 1])"),
         "not in mm": ("* inverse[i] * pixel", "* inverse[i]"),
