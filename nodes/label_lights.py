@@ -167,7 +167,7 @@ def label_lights(
     )
 
 
-label_lights.opencl(grid="H W")
+label_lights.opencl(grid="H W", lanes=True)
 
 
 @label_lights.example

@@ -29,7 +29,7 @@ for case in cases(node, shapes=((1, 1), (3, 5)))[:8]:
     wrong = compare(node, device, case)
     assert wrong is None or before, f"{case}: {wrong}"
 """
-# Its compiler would make vector shuffles that the simulator fails on, and leave reads out.
+# Optimised, a kernel holds vector shuffles that the simulator fails on, and fewer reads.
 AS_WRITTEN = {"PYOPENCL_NO_CACHE": "1", "PYOPENCL_BUILD_OPTIONS": "-cl-opt-disable"}
 # VkFFT's own kernels are not ours to prove, and take minutes in a simulator.
 OURS = [
