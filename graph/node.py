@@ -101,6 +101,10 @@ class Node:
     def has_kernel(self) -> bool:
         return self.grid is not None or self.launch is not None
 
+    def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
+        """The shape of an output whose symbols are all known; a KeyError names one that is not."""
+        return tuple(d if isinstance(d, int) else sizes[d] for d in self.outputs[port].dims)
+
     @cached_property
     def symbols(self) -> tuple[str, ...]:
         """The size symbols in the order in which they first appear: the kernel's order."""

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-import networkx as nx
-
 from tactograph.graph.model import Entry, Graph
 from tactograph.graph.node import Node
 
@@ -77,17 +75,6 @@ class Draft:
     outputs: dict[str, Value]
     passed: dict[str, Value] = field(default_factory=dict)
     unused: list[str] = field(default_factory=list)
-
-    @property
-    def dag(self) -> nx.DiGraph[str]:
-        dag: nx.DiGraph[str] = nx.DiGraph()
-        dag.add_nodes_from(self.tasks)
-        for task in self.tasks.values():
-            dag.add_edges_from((value.node, task.id) for value in task.reads.values())
-        return dag
-
-    def readers(self, value: Value) -> list[Task]:
-        return [t for t in self.tasks.values() if value in t.reads.values()]
 
 
 @dataclass

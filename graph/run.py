@@ -20,7 +20,7 @@ from tactograph.graph.backends.opencl import OpenCL, Timer, milliseconds
 from tactograph.graph.errors import InputError, NodeError, TactographError, collect_warnings
 from tactograph.graph.find import find_node
 from tactograph.graph.model import BACKENDS, NOT_GIVEN, Graph
-from tactograph.graph.passes.sizes import Bound, Symbol, output_shape
+from tactograph.graph.passes.sizes import Bound, Symbol
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
 from tactograph.graph.provenance import Provenance
@@ -227,7 +227,7 @@ class Pipeline:
 
     def _fill(self, task: Task, step: Step, sizes: Mapping[str, int]) -> None:
         (port,) = task.node.outputs
-        shape = output_shape(task.node, port, sizes)
+        shape = task.node.output_shape(port, sizes)
         dtype = task.node.outputs[port].dtype
         assert dtype is not None
         assert isinstance(task.node.neutral, int | float)

@@ -161,8 +161,7 @@ class OpenCL:
         outputs = {}
         for name, port in node.outputs.items():
             assert port.dtype is not None
-            shape = tuple(d if isinstance(d, int) else sizes[d] for d in port.dims)
-            outputs[name] = self.empty(shape, port.dtype)
+            outputs[name] = self.empty(node.output_shape(name, sizes), port.dtype)
         if node.launch is not None:
             before = cl.enqueue_marker(self.queue)
             node.launch(Launch(self, compiled, inputs, outputs, settings, sizes))

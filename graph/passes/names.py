@@ -42,7 +42,8 @@ def bind(
             raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
     passed = _passed_through(graph, found)
     reads = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
-    _refuse_cycles(graph, reads)
+    dag = _dag(reads)
+    _refuse_cycles(graph, dag)
     outputs = {
         name: _resolve(reference, graph, found, passed, graph.where(f"outputs.{name}"))
         for name, reference in graph.outputs.items()
@@ -52,7 +53,7 @@ def bind(
         wanted |= {n for n in reads if found[n].sink}
     if not wanted:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    live = _with_ancestors(wanted, reads)
+    live = wanted.union(*(nx.ancestors(dag, n) for n in wanted))
     tasks = {
         n: Task(
             id=n,
@@ -65,7 +66,7 @@ def bind(
         for n in graph.nodes
         if n in live
     }
-    _mark_streams(tasks)
+    _mark_streams(tasks, dag)
     unused = [n for n in reads if n not in live]
     return Draft(graph, tasks, outputs, passed, unused)
 
@@ -177,26 +178,20 @@ def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) 
     return Value(source, port or next(iter(outputs)))
 
 
-def _refuse_cycles(graph: Graph, reads: Mapping[str, Mapping[str, Value]]) -> None:
+def _dag(reads: Mapping[str, Mapping[str, Value]]) -> nx.DiGraph[str]:
     dag: nx.DiGraph[str] = nx.DiGraph()
+    dag.add_nodes_from(reads)
     dag.add_edges_from((v.node, node_id) for node_id, vs in reads.items() for v in vs.values())
+    return dag
+
+
+def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
     try:
         cycle = nx.find_cycle(dag)
     except nx.NetworkXNoCycle:
         return
     walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
     raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph runs in a circle: {walk}")
-
-
-def _with_ancestors(wanted: set[str], reads: Mapping[str, Mapping[str, Value]]) -> set[str]:
-    live: set[str] = set()
-    todo = list(wanted)
-    while todo:
-        node_id = todo.pop()
-        if node_id not in live:
-            live.add(node_id)
-            todo.extend(value.node for value in reads[node_id].values())
-    return live
 
 
 def _settings(node_id: str, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -224,16 +219,12 @@ def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any
     return param.default
 
 
-def _mark_streams(tasks: Mapping[str, Task]) -> None:
+def _mark_streams(tasks: Mapping[str, Task], dag: nx.DiGraph[str]) -> None:
     """A task is part of the stream if it, or anything it reads, yields items."""
-    changed = True
-    while changed:
-        changed = False
-        for task in tasks.values():
-            upstream = any(tasks[value.node].stream for value in task.reads.values())
-            if not task.stream and (task.node.stream or upstream):
-                task.stream = changed = True
     streams = [task for task in tasks.values() if task.node.stream]
+    for stream in streams:
+        for node_id in {stream.id, *nx.descendants(dag, stream.id)} & tasks.keys():
+            tasks[node_id].stream = True
     if len(streams) > 1:
         first, second = streams[:2]
         raise GraphError(

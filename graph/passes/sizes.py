@@ -7,10 +7,10 @@ Fixed sizes are checked before anything runs; the rest as soon as the sources ha
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from tactograph.graph.errors import GraphError, InputError
-from tactograph.graph.node import Node, SizeLimit
+from tactograph.graph.node import SizeLimit
 from tactograph.graph.plan import Draft, Task, Value
 from tactograph.graph.ports import Dim
 
@@ -33,7 +33,6 @@ class SizeClasses:
     root: dict[Symbol, Symbol]
     fixed: dict[Symbol, Bound]
     limits: dict[Symbol, list[tuple[str, SizeLimit]]]
-    fixed_dims: dict[str, dict[str, tuple[Dim, ...]]] = field(default_factory=dict)
 
     def bind(
         self, known: dict[Symbol, Bound], task: Task, port: str, shape: tuple[int, ...]
@@ -162,8 +161,3 @@ def _clash(task: Task, port: str, a: Bound, b: Bound) -> GraphError:
     return GraphError(
         f"{task.entry.where(f'in.{port}')}: sizes clash: {a.by} has {a.size}, {b.by} has {b.size}"
     )
-
-
-def output_shape(node: Node, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
-    """The shape of an output whose symbols are all known; a KeyError names one that is not."""
-    return tuple(d if isinstance(d, int) else sizes[d] for d in node.outputs[port].dims)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import networkx as nx
 
@@ -59,11 +60,11 @@ def _connect(
 
 
 def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, wanted: str) -> str:
-    kind = "upload" if wanted == "opencl" else "download"
+    kind: Literal["upload", "download"] = "upload" if wanted == "opencl" else "download"
     name = f"{kind} {value}"
     if name not in dag:
         step = Step(
-            kind="upload" if wanted == "opencl" else "download",
+            kind=kind,
             name=name,
             backend="opencl",
             reads=(value,),
