@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from tactograph.graph import InputError, Port, Provenance, node
-from tactograph.graph.whole import whole_file
+from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import (
     F4,
     Dark,
@@ -25,22 +23,31 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
+from tactograph.nodes._calibration_file import FileKind, Stored, write_arrays
 
-FORMAT = 1
-UNITS = {
-    "flat": "fraction of full scale",
-    "dark": "fraction of full scale",
-    "pixel_size": "mm/px",
-    "lut_light": "1 on the film at rest",
-    "lut_slope": "mm/mm",
-    "lut_lit": "bit k-1 is set where LED k reaches the pixel",
-    "reflectance": "nine harmonics per LED: 1 x y z xy xz yz xx-yy 3zz-1 of the unit normal",
-    "residual": "root mean square of the reflectance fit per LED",
-    "null": "unit vector a with a.I = 0",
-    "spread": "standard deviation of a.I on lit pixels",
-    "lights": "mm, x y z per LED, from the middle of the image on the film at rest",
-    "noise": "a captured light I has the variance noise[0] I + noise[1]",
-}
+CALIBRATION = FileKind(
+    "calibration",
+    1,
+    "run calibrate",
+    {
+        "flat": Stored("K H W", "fraction of full scale"),
+        "dark": Stored("H W", "fraction of full scale"),
+        "pixel_size": Stored("", "mm/px"),
+        "lut_light": Stored("N K", "1 on the film at rest"),
+        "lut_slope": Stored("N 2", "mm/mm"),
+        "lut_lit": Stored("N", "bit k-1 is set where LED k reaches the pixel", np.uint8),
+        "reflectance": Stored(
+            "K 9", "nine harmonics per LED: 1 x y z xy xz yz xx-yy 3zz-1 of the unit normal"
+        ),
+        "residual": Stored("K", "root mean square of the reflectance fit per LED"),
+        "null": Stored("K", "unit vector a with a.I = 0"),
+        "spread": Stored("", "standard deviation of a.I on lit pixels"),
+        "lights": Stored(
+            "K 3", "mm, x y z per LED, from the middle of the image on the film at rest"
+        ),
+        "noise": Stored("2", "a captured light I has the variance noise[0] I + noise[1]"),
+    },
+)
 
 
 @node
@@ -88,29 +95,18 @@ def write_calibration(
     InputError
         If the file is not called ``.npz`` or cannot be written.
     """
-    if file.suffix != ".npz":
-        raise InputError(f"out={file}: a calibration file is called something.npz")
-    about = {
-        "format": FORMAT,
-        "kind": "tactograph calibration",
-        "units": UNITS,
-        "quality": quality,
-        "made": provenance.as_dict(),
+    arrays = {
+        "flat": flat,
+        "dark": dark,
+        "pixel_size": pixel,
+        "lut_light": lut_light,
+        "lut_slope": lut_slope,
+        "lut_lit": lut_lit,
+        "reflectance": reflectance,
+        "residual": residual,
+        "null": null,
+        "spread": spread,
+        "lights": lights,
+        "noise": noise,
     }
-    with whole_file(file) as target:
-        np.savez_compressed(
-            target,
-            about=np.array(json.dumps(about)),
-            flat=flat,
-            dark=dark,
-            pixel_size=np.float32(pixel),
-            lut_light=lut_light,
-            lut_slope=lut_slope,
-            lut_lit=lut_lit,
-            reflectance=reflectance,
-            residual=residual,
-            null=null,
-            spread=np.float32(spread),
-            lights=lights,
-            noise=noise,
-        )
+    write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})

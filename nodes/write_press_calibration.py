@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
-import numpy as np
-
-from tactograph.graph import InputError, Provenance, node, warn
-from tactograph.graph.whole import whole_file
+from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Metrics, PixelSize
+from tactograph.nodes._calibration_file import FileKind, Stored, write_arrays
+from tactograph.nodes._reflectance_map import SHADES, TERMS
 from tactograph.nodes.solve_reflectance_map import ReflectanceMap
 
-KIND = "tactograph press calibration"
-FORMAT = 1
-UNITS = {
-    "flat": "fraction of full scale",
-    "pixel_size": "mm/px",
-    "reflectance": (
-        "light less 1 (the film at rest) per x, y, z - 1, xy, xz, yz, xx - yy, 3zz - 3 of the unit "
-        "normal and per mm of height; times 1, u, v, uu, uv, vv, ... to degree 4, u and v being "
-        "x and y in px from the image's middle divided by half its width"
-    ),
-}
+PRESS_CALIBRATION = FileKind(
+    "press calibration",
+    1,
+    "run calibrate_presses",
+    {
+        "flat": Stored("K H W", "fraction of full scale"),
+        "pixel_size": Stored("", "mm/px"),
+        "reflectance": Stored(
+            f"K {SHADES} {TERMS}",
+            "light less 1 (the film at rest) per x, y, z - 1, xy, xz, yz, xx - yy, 3zz - 3 of the "
+            "unit normal and per mm of height; times 1, u, v, uu, uv, vv, ... to degree 4, u and v "
+            "being x and y in px from the image's middle divided by half its width",
+        ),
+    },
+)
 
 
 @node
@@ -56,23 +58,11 @@ def write_press_calibration(
     InputError
         If the file is not called ``.npz`` or cannot be written.
     """
-    if file.suffix != ".npz":
-        raise InputError(f"out={file}: a calibration file is called something.npz")
-    about = {
-        "format": FORMAT,
-        "kind": KIND,
-        "units": UNITS,
-        "quality": quality,
-        "advice": advice,
-        "made": provenance.as_dict(),
-    }
-    with whole_file(file) as target:
-        np.savez_compressed(
-            target,
-            about=np.array(json.dumps(about)),
-            flat=flat,
-            pixel_size=np.float32(pixel),
-            reflectance=reflectance,
-        )
+    write_arrays(
+        file,
+        PRESS_CALIBRATION,
+        {"flat": flat, "pixel_size": pixel, "reflectance": reflectance},
+        {"quality": quality, "advice": advice, "made": provenance},
+    )
     if advice.startswith("press"):
         warn(advice)

@@ -254,6 +254,11 @@ def test_a_file_that_is_cut_off_is_refused(file: Path) -> None:
         read_press_calibration(file=file)
 
 
+def test_a_missing_file_names_the_graph_that_makes_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'run calibrate_presses' makes one"):
+        read_press_calibration(file=tmp_path / "cal.npz")
+
+
 def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path: Path) -> None:
     data = SHARED / "gelsight_mini_balls"
     if not data.is_dir():
