@@ -13,6 +13,7 @@ from tactograph.graph.errors import GraphError, InputError, NodeError, Tactograp
 from tactograph.graph.node import Node, SizeLimit, node
 from tactograph.graph.ports import Port
 from tactograph.graph.provenance import Provenance
+from tactograph.graph.session import Session
 from tactograph.graph.tolerance import Close, Exact, Flips
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ __all__ = [
     "Pipeline",
     "Port",
     "Provenance",
+    "Session",
     "SizeLimit",
     "TactographError",
     "load",

@@ -21,6 +21,10 @@ def to_dot(plan: Plan) -> str:
             f'shape={_SHAPES[step.kind]}, fillcolor="{_COLOURS[step.backend]}"];'
         )
     lines += [f'  "{a}" -> "{b}" [label="{port}"];' for a, b, port in edges(plan)]
+    lines += [
+        f'  "{a}" -> "{b}" [label="previous {port}", style=dashed, constraint=false];'
+        for a, b, port in recalls(plan)
+    ]
     return "\n".join([*lines, "}", ""])
 
 
@@ -34,6 +38,7 @@ def to_mermaid(plan: Plan) -> str:
             f'  {ids[step.name]}{left}"{_label(plan, step, "<br/>")}"{right}:::{step.backend}'
         )
     lines += [f"  {ids[a]} -->|{port}| {ids[b]}" for a, b, port in edges(plan)]
+    lines += [f"  {ids[a]} -.->|previous {port}| {ids[b]}" for a, b, port in recalls(plan)]
     lines += [f"  classDef {name} fill:{colour}" for name, colour in _COLOURS.items()]
     return "\n".join([*lines, ""])
 
@@ -57,6 +62,15 @@ def edges(plan: Plan) -> list[tuple[str, str, str]]:
                     maker = moved.name
             found[maker, step.name, value.port] = None
     return list(found)
+
+
+def recalls(plan: Plan) -> list[tuple[str, str, str]]:
+    """Every edge from an item to the next one as (from, to, port)."""
+    return [
+        (value.node, task.id, value.port)
+        for task in plan.tasks.values()
+        for value in task.recalls.values()
+    ]
 
 
 def _kind(plan: Plan, step: Step, node: str, port: str) -> str:

@@ -15,6 +15,8 @@ FORMAT = 1
 NOT_GIVEN = object()
 """Stands for the value of a param where only the plan matters, not the data."""
 BACKENDS = ("numpy", "opencl")
+PREVIOUS = "previous"
+"""``previous.node.port`` is the value that the port had at the item before."""
 
 
 @dataclass(frozen=True)
@@ -123,3 +125,9 @@ def split_reference(reference: str) -> tuple[str, str | None]:
     """Split ``cal.flat`` into node and port; a bare ``cal`` has no port."""
     node_id, _, port = reference.partition(".")
     return node_id, port or None
+
+
+def split_previous(reference: str) -> tuple[str, bool]:
+    """Take the ``previous.`` off a reference, and say whether it was there."""
+    bare = reference.removeprefix(f"{PREVIOUS}.")
+    return bare, bare != reference

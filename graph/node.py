@@ -18,6 +18,7 @@ from typing import Any
 
 from tactograph.graph.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.provenance import Provenance
+from tactograph.graph.session import Session
 from tactograph.graph.tolerance import Exact, Tolerance
 
 if typing.TYPE_CHECKING:
@@ -69,6 +70,8 @@ class Node:
     sizes: Mapping[str, SizeLimit]
     package: str = "tactograph"
     provenance: str | None = None
+    session: str | None = None
+    endless: bool = False
     grid: tuple[str, ...] | None = None
     lanes: bool = False
     launch: LaunchFunction | None = None
@@ -179,6 +182,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
+    endless: bool = False,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
 
@@ -188,6 +192,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
+    endless: bool = False,
 ) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
 
@@ -200,6 +205,9 @@ def node(
         How far the OpenCL output may differ from the NumPy one, and why.
     sizes
         Limits on size symbols, with the sentence a user reads when they are not met.
+    endless
+        A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
+        to end a run, not an accident.
 
     Raises
     ------
@@ -208,8 +216,8 @@ def node(
         not keyword-only, a neutral input whose type is not the output's.
     """
     if function is None:
-        return lambda f: _declare(f, neutral, tolerance, sizes or {})
-    return _declare(function, neutral, tolerance, sizes or {})
+        return lambda f: _declare(f, neutral, tolerance, sizes or {}, endless)
+    return _declare(function, neutral, tolerance, sizes or {}, endless)
 
 
 def _declare(
@@ -217,6 +225,7 @@ def _declare(
     neutral: float | str | None,
     tolerance: Tolerance | None,
     sizes: Mapping[str, SizeLimit],
+    endless: bool,
 ) -> Node:
     """Read a function's signature."""
     hints = typing.get_type_hints(function, include_extras=True)
@@ -225,6 +234,7 @@ def _declare(
     optional: set[str] = set()
     parameters: dict[str, Parameter] = {}
     provenance: str | None = None
+    session: str | None = None
     for name, argument in inspect.signature(function).parameters.items():
         annotation = hints.get(name)
         if annotation is None:
@@ -232,6 +242,8 @@ def _declare(
         if argument.kind is argument.KEYWORD_ONLY:
             if annotation is Provenance:
                 provenance = name
+            elif annotation is Session:
+                session = name
             else:
                 parameters[name] = Parameter(name, annotation, argument.default)
         elif is_record(annotation):
@@ -256,6 +268,8 @@ def _declare(
         tolerance=tolerance or Exact(),
         sizes=sizes,
         provenance=provenance,
+        session=session,
+        endless=endless,
         optional_inputs=frozenset(optional),
     )
     declared.__doc__ = function.__doc__

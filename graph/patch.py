@@ -96,8 +96,11 @@ def _insert(graph: Graph, target: str, change: Change, places: Places) -> Graph:
 
 
 def _redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
+    # A node with one output is read by its name alone, or with the output's, which is the op.
+    sole = f"{old}.{graph.nodes[old].op}" if old in graph.nodes else old
+
     def swap(reference: str) -> str:
-        return new if reference == old else reference
+        return new if reference in (old, sole) else reference
 
     nodes = {
         node_id: replace(entry, inputs={port: swap(r) for port, r in entry.inputs.items()})

@@ -27,13 +27,17 @@ class Value:
 
 @dataclass
 class Task:
-    """A node of the graph with its references and settings resolved."""
+    """A node of the graph with its references and settings resolved.
+
+    `reads` are values of the same item, `recalls` those of the item before.
+    """
 
     id: str
     node: Node
     entry: Entry
     settings: dict[str, Any]
     reads: dict[str, Value]
+    recalls: dict[str, Value] = field(default_factory=dict)
     stream: bool = False
     stand_in: bool = False
 
@@ -41,6 +45,11 @@ class Task:
     def filled(self) -> bool:
         """Whether a constant stands in for the node."""
         return self.entry.neutral
+
+    @property
+    def edges(self) -> dict[str, Value]:
+        """Every value that the node takes, of this item or the one before, by input."""
+        return {**self.reads, **self.recalls}
 
 
 @dataclass(frozen=True)

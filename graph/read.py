@@ -22,6 +22,7 @@ from tactograph.graph.strict_yaml import Document, Path_, Place, dotted, read_ya
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
+Input = Annotated[str, StringConstraints(pattern=r"^(previous\.)?[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
 Backend = Literal["numpy", "opencl"]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 
@@ -59,8 +60,11 @@ class NodeModel(_Strict):
     """A node of the graph."""
 
     op: Name = Field(description="The node's name; `tactograph nodes` lists them.")
-    inputs: dict[Name, Reference] = Field(
-        default={}, alias="in", description="Input port: node or node.port it reads."
+    inputs: dict[Name, Input] = Field(
+        default={},
+        alias="in",
+        description="Input port: node or node.port it reads; previous.node.port reads the "
+        "value of the item before.",
     )
     settings: dict[Name, Any] = Field(
         default={}, alias="with", description="Parameters; $name stands for a graph parameter."
@@ -79,7 +83,7 @@ class PatchModel(_Strict):
     backend: Name | None = Field(None, description="Run this node on the back end `to`.")
     neutral: Name | None = Field(None, description="Let this node's neutral value stand in.")
     op: Name | None = None
-    inputs: dict[Name, Reference] | None = Field(None, alias="in")
+    inputs: dict[Name, Input] | None = Field(None, alias="in")
     settings: dict[Name, Any] | None = Field(None, alias="with")
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."

@@ -6,7 +6,7 @@ import importlib.metadata
 import platform
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any
@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL, Timer, milliseconds
-from tactograph.graph.errors import InputError, NodeError, TactographError, collect_warnings
+from tactograph.graph.errors import (
+    InputError,
+    NodeError,
+    TactographError,
+    collect_warnings,
+    warn,
+)
 from tactograph.graph.find import find_node
 from tactograph.graph.model import BACKENDS, NOT_GIVEN, Graph
 from tactograph.graph.passes.sizes import Bound, Symbol
@@ -25,6 +31,7 @@ from tactograph.graph.patch import apply_patch
 from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
 from tactograph.graph.provenance import Provenance
 from tactograph.graph.read import read_graph
+from tactograph.graph.session import Session
 from tactograph.graph.strict_yaml import Place
 
 _VERSIONS = (
@@ -60,7 +67,8 @@ class Result:
 class Pipeline:
     """A verified, planned and compiled graph that keeps its buffers from call to call.
 
-    One pipeline belongs to one thread; several threads use one each.
+    One pipeline belongs to one thread; several threads use one each.  Closing it, or leaving
+    its ``with`` block, ends the stream and closes what its nodes keep.
     """
 
     def __init__(self, plan: Plan, device: OpenCL | None) -> None:
@@ -71,6 +79,12 @@ class Pipeline:
         self._known: dict[Symbol, Bound] = {}
         self._times: dict[str, float] = {}
         self._notes: list[str] = []
+        self._lasting = 0
+        self._recalled = {v for t in plan.tasks.values() for v in t.recalls.values()}
+        self._host_before: dict[Value, Any] = {}
+        self._remote_before: dict[Value, DeviceArray] = {}
+        self._sessions: dict[str, Session] = {}
+        self._iterator: Iterator[Any] | None = None
         self._total = 0.0
         self._prepared = False
         self._once = self._split(stream=False)
@@ -106,6 +120,7 @@ class Pipeline:
                 f"and were given for {sorted(stand_ins)}"
             )
         self._prepare()
+        self._begin()
         return self._item({name: self._stand_in(name, array) for name, array in stand_ins.items()})
 
     def items(self, repeats: int = 1) -> Iterator[Result]:
@@ -124,12 +139,20 @@ class Pipeline:
             )
         self._prepare()
         source = next((t for t in self.plan.tasks.values() if t.node.stream), None)
-        if source is None:
-            yield self._item({}, repeats)
-            return
+        try:
+            if source is None:
+                yield self._item({}, repeats)
+            else:
+                yield from self._all_items(source, repeats)
+        finally:
+            self.close()
+
+    def _all_items(self, source: Task, repeats: int) -> Iterator[Result]:
+        keywords = {**source.settings, **self._session(source)}
         with collect_warnings(self._notes), blaming(source):
-            iterator = iter(source.node(**source.settings))
+            iterator = self._iterator = iter(source.node(**keywords))
         while True:
+            self._begin()
             start = time.perf_counter()
             with collect_warnings(self._notes), blaming(source):
                 item = next(iterator, None)
@@ -138,18 +161,74 @@ class Pipeline:
             self._times[source.id] = 1e3 * (time.perf_counter() - start)
             yield self._item({source.id: item}, repeats)
 
+    @property
+    def endless(self) -> bool:
+        """Whether the stream only ends when it is stopped."""
+        return any(task.node.endless for task in self.plan.tasks.values())
+
+    def forget(self) -> None:
+        """Let the next item be a first one: nothing came before it."""
+        self._host_before, self._remote_before = {}, {}
+
+    def close(self) -> None:
+        """End the stream, and close what the nodes keep; the pipeline can run again."""
+        iterator, self._iterator = self._iterator, None
+        sessions, self._sessions = self._sessions, {}
+        with ExitStack() as stack:
+            for session in sessions.values():
+                stack.callback(session.close)
+            if iterator is not None and hasattr(iterator, "close"):
+                stack.callback(iterator.close)
+        self.forget()
+
+    def __enter__(self) -> Pipeline:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _begin(self) -> None:
+        """Forget the warnings of the item before, but not those of what ran once."""
+        del self._notes[self._lasting :]
+
+    def _session(self, task: Task) -> dict[str, Session]:
+        """The keyword argument by which a node gets at what it keeps, if it asks for it."""
+        if task.node.session is None:
+            return {}
+        return {task.node.session: self._sessions.setdefault(task.id, Session())}
+
     def _prepare(self) -> None:
         """Run, once, what does not depend on the stream."""
         if not self._prepared:
             known: dict[Symbol, Bound] = {}
             self._steps(self._once, known, {})
             self._known, self._prepared = known, True
+            self._lasting = len(self._notes)
 
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         self._steps(self._stream, dict(self._known), given, repeats)
         outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
         item = {value: made for value, made in self._host.items() if value.node in given}
+        self._remember()
         return Result(outputs, dict(self._times), self.plan, list(self._notes), item, self._total)
+
+    def _remember(self) -> None:
+        """Keep what the next item recalls."""
+        self._host_before = {v: self._host[v] for v in self._recalled if v in self._host}
+        taken = {v: self._remote.pop(v, None) for v in self._recalled}
+        self._remote_before = {v: array for v, array in taken.items() if array is not None}
+
+    def _recall(self, task: Task, name: str, sizes: Mapping[str, int], *, remote: bool) -> Any:
+        """The value of an input at the item before; None for a first item."""
+        before: Mapping[Value, Any] = self._remote_before if remote else self._host_before
+        found, port = before.get(task.recalls[name]), task.node.inputs[name]
+        if found is None or port.kind != "array":
+            return found
+        if tuple(d if isinstance(d, int) else sizes[d] for d in port.dims) == found.shape:
+            return found
+        with collect_warnings(self._notes):
+            warn(f"{task.id}: the images have another size than before; it starts afresh")
+        return None
 
     def _steps(
         self,
@@ -211,7 +290,7 @@ class Pipeline:
             elif step.backend == "opencl":
                 self._launch(task, sizes, timers)
             else:
-                self._run(task, known, given)
+                self._run(task, sizes, known, given)
         for value in step.release:
             self._remote.pop(value, None)
 
@@ -246,6 +325,9 @@ class Pipeline:
             for name, port in task.node.inputs.items()
             if (value := task.reads.get(name)) is not None and port.kind != "object"
         }
+        for name in task.recalls:
+            is_array = task.node.inputs[name].kind == "array"
+            inputs[name] = self._recall(task, name, sizes, remote=is_array)
         with blaming(task):
             outputs, timer = self._device.run(task.node, inputs, task.settings, sizes)
         timers[task.id] = timer
@@ -255,18 +337,20 @@ class Pipeline:
     def _run(
         self,
         task: Task,
+        sizes: Mapping[str, int],
         known: dict[Symbol, Bound],
         given: Mapping[str, Any],
     ) -> None:
         if task.id in given:
             made = given[task.id]
         else:
-            keywords = dict(task.settings)
+            keywords = {**task.settings, **self._session(task)}
+            recalled = {n: self._recall(task, n, sizes, remote=False) for n in task.recalls}
             if task.node.provenance is not None:
                 keywords[task.node.provenance] = self._provenance(known)
             start = time.perf_counter()
             with collect_warnings(self._notes), blaming(task):
-                made = task.node(*_positional(task, self._host), **keywords)
+                made = task.node(*_positional(task, self._host, recalled), **keywords)
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         for name, result in _by_port(task, made).items():
             port = task.node.outputs[name]
@@ -452,12 +536,12 @@ def blaming(task: Task) -> Iterator[None]:
         ) from error
 
 
-def _positional(task: Task, host: Mapping[Value, Any]) -> list[Any]:
+def _positional(task: Task, host: Mapping[Value, Any], recalled: Mapping[str, Any]) -> list[Any]:
     """The node's positional arguments; records put together again."""
     arguments: dict[str, Any] = {}
     for name, port in task.node.inputs.items():
         value = task.reads.get(name)
-        found = None if value is None else host[value]
+        found = recalled.get(name) if value is None else host[value]
         record, dot, fieldname = name.partition(".")
         if dot:
             arguments.setdefault(record, {})[fieldname] = found

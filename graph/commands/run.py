@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
@@ -9,7 +12,7 @@ import click
 from tactograph.graph.commands import run_options
 
 if TYPE_CHECKING:
-    from tactograph.graph.run import Result
+    from tactograph.graph.run import Pipeline, Result
 
 
 @click.command("run", short_help="Run a graph.")
@@ -48,13 +51,29 @@ def command(
     for line in pipeline.plan.fallbacks:
         click.echo(f"fallback: {line}", err=True)
     told: set[str] = set()
-    for count, result in enumerate(pipeline.items(repeats), start=1):
-        for warning in result.warnings:
-            if warning not in told:
-                click.echo(f"warning: {warning}", err=True)
-        told.update(result.warnings)
-        if not quiet:
-            click.echo(_summary(count, result))
+    with pipeline, _stoppable(pipeline):
+        for count, result in enumerate(pipeline.items(repeats), start=1):
+            for warning in result.warnings:
+                if warning not in told:
+                    click.echo(f"warning: {warning}", err=True)
+            # A fault of a camera is told whenever it comes back.
+            told = {*(() if pipeline.endless else told), *result.warnings}
+            if not quiet and (not pipeline.endless or count == 1):
+                click.echo(_summary(count, result))
+
+
+@contextmanager
+def _stoppable(pipeline: Pipeline) -> Iterator[None]:
+    """Let Ctrl-C, or SIGTERM, end an endless stream as it should end."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not pipeline.endless:
+            raise
+        click.echo("stopped", err=True)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _summary(number: int, result: Result) -> str:

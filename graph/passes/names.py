@@ -9,7 +9,7 @@ import networkx as nx
 
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.find import find_node
-from tactograph.graph.model import Entry, Graph, split_reference
+from tactograph.graph.model import PREVIOUS, Entry, Graph, split_previous, split_reference
 from tactograph.graph.node import Node
 from tactograph.graph.plan import Draft, Task, Value
 from tactograph.graph.settings import check_settings
@@ -24,7 +24,8 @@ def bind(
     ------
     GraphError
         For an unknown op, a missing or extra input, a reference to nothing, a parameter
-        that is unknown or out of range, an output nobody makes, or a cycle.
+        that is unknown or out of range, an output nobody makes, a cycle, or a `previous`
+        where there is no item before.
     InputError
         For a value given to a param that the graph does not have, or one that is needed
         and missing.
@@ -41,7 +42,11 @@ def bind(
             sources = ", ".join(n for n, node in found.items() if node.source)
             raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
     passed = _passed_through(graph, found)
-    reads = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
+    if PREVIOUS in graph.nodes:
+        raise GraphError(f"{graph.nodes[PREVIOUS].where()}: no node can be called '{PREVIOUS}'")
+    edges = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
+    reads = {n: reads for n, (reads, _) in edges.items()}
+    recalls = {n: recalls for n, (_, recalls) in edges.items()}
     dag = _dag(reads)
     _refuse_cycles(graph, dag)
     outputs = {
@@ -53,7 +58,8 @@ def bind(
         wanted |= {n for n in reads if found[n].sink}
     if not wanted:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    live = wanted.union(*(nx.ancestors(dag, n) for n in wanted))
+    needs = nx.compose(dag, _dag(recalls))
+    live = wanted.union(*(nx.ancestors(needs, n) for n in wanted))
     tasks = {
         n: Task(
             id=n,
@@ -61,12 +67,14 @@ def bind(
             entry=graph.nodes[n],
             settings={} if n in stand_ins else _settings(n, graph, found[n], given),
             reads=reads[n],
+            recalls=recalls[n],
             stand_in=n in stand_ins,
         )
         for n in graph.nodes
         if n in live
     }
     _mark_streams(tasks, dag)
+    _check_recalls(tasks)
     unused = [n for n in reads if n not in live]
     return Draft(graph, tasks, outputs, passed, unused)
 
@@ -103,24 +111,35 @@ def _passed_through(graph: Graph, found: Mapping[str, Node]) -> dict[str, Value]
 
 def _reads(
     node_id: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
-) -> dict[str, Value]:
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """The values that a node reads, and those that it recalls from the item before."""
     entry, node = graph.nodes[node_id], found[node_id]
     known = [*node.input_records, *(p for p in node.inputs if "." not in p)]
     reads: dict[str, Value] = {}
+    recalls: dict[str, Value] = {}
     for name, reference in entry.inputs.items():
         where = entry.where(f"in.{name}")
         if name not in known:
             raise GraphError(
                 f"{where}: node '{node.name}' has no input '{name}'{did_you_mean(name, known)}"
+                f" (it takes: {', '.join(known) or 'none'})"
             )
-        if name in node.input_records:
+        bare, previous = split_previous(reference)
+        if previous and name not in node.optional_inputs:
+            raise GraphError(
+                f"{where}: '{name}' of {node.name} is needed for the first item too, which has "
+                f"none before it; '{reference}' can only feed an input that may be left out"
+            )
+        if previous:
+            recalls[name] = _resolve(bare, graph, found, passed, where)
+        elif name in node.input_records:
             reads |= _record(name, reference, graph, found, node, where)
         else:
             reads[name] = _resolve(reference, graph, found, passed, where)
     for name in known:
         if name not in entry.inputs and name not in node.optional_inputs:
             raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
-    return reads
+    return reads, recalls
 
 
 def _record(
@@ -176,6 +195,17 @@ def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) 
             f"It makes: {', '.join(outputs)}"
         )
     return Value(source, port or next(iter(outputs)))
+
+
+def _check_recalls(tasks: Mapping[str, Task]) -> None:
+    """Only what changes from item to item has a value before."""
+    for task in tasks.values():
+        for name, value in task.recalls.items():
+            where = task.entry.where(f"in.{name}")
+            if not task.stream:
+                raise GraphError(f"{where}: '{task.id}' runs once; there is no item before")
+            if not tasks[value.node].stream:
+                raise GraphError(f"{where}: '{value}' is the same for all items; read it as it is")
 
 
 def _dag(reads: Mapping[str, Mapping[str, Value]]) -> nx.DiGraph[str]:

@@ -27,11 +27,14 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
         return group, file_order.get(name, len(file_order)), name
 
     names = list(nx.lexicographical_topological_sort(dag, key=rank))
-    return _with_releases([dag.nodes[name]["step"] for name in names])
+    return _with_releases([dag.nodes[name]["step"] for name in names], draft)
 
 
-def _with_releases(steps: list[Step]) -> list[Step]:
-    """Mark, per item, the last step that reads each value on the device."""
+def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
+    """Mark, per item, the last step that reads each value on the device.
+
+    What the next item recalls stays.
+    """
     last: dict[Value, int] = {}
     for index, step in enumerate(steps):
         if not step.stream:
@@ -40,6 +43,7 @@ def _with_releases(steps: list[Step]) -> list[Step]:
             for value in (*step.reads, *step.writes):
                 last[value] = index
     made = {v for s in steps if s.stream for v in s.writes}
+    made -= {v for task in draft.tasks.values() for v in task.recalls.values()}
     return [
         replace(step, release=tuple(v for v, at in last.items() if at == index and v in made))
         for index, step in enumerate(steps)

@@ -16,7 +16,7 @@ def check(draft: Draft) -> None:
         Naming both ports, if kind, element type, number of axes or unit differ.
     """
     for task in draft.tasks.values():
-        for name, value in task.reads.items():
+        for name, value in task.edges.items():
             wanted = task.node.inputs[name]
             offered = draft.tasks[value.node].node.outputs[value.port]
             clash = _clash(wanted, offered)

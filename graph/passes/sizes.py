@@ -110,7 +110,7 @@ def unify(draft: Draft) -> SizeClasses:
 
 def _edges(draft: Draft) -> Iterator[tuple[Task, str, Value]]:
     for task in draft.tasks.values():
-        for name, value in task.reads.items():
+        for name, value in task.edges.items():
             if task.node.inputs[name].kind == "array":
                 yield task, name, value
 

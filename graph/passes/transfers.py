@@ -36,6 +36,10 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
             moves = task.node.inputs[name].kind == "array" and not task.filled
             backend = placements[task.id].backend
             _connect(dag, draft, placements, value, backend if moves else None, task.id)
+        for name, value in task.recalls.items():
+            if task.node.inputs[name].kind == "array" and not task.filled:
+                # Brought over at the end of an item, for the reader at the next one.
+                _connect(dag, draft, placements, value, placements[task.id].backend, None)
     for value in draft.outputs.values():
         if draft.tasks[value.node].node.outputs[value.port].kind == "array":
             _connect(dag, draft, placements, value, "numpy", None)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, Port, SizeLimit, node, warn
+from tactograph.graph import InputError, Port, Session, SizeLimit, node, warn
 from tactograph.nodes import F4, Dark, Height, Light, Metrics
 
 CALLS: list[str] = []
@@ -55,6 +55,67 @@ def doubled(image: Light) -> Light:
 def watched(image: Light, truth: Height | None = None) -> Metrics:
     """Figures of an image."""
     return {"mean": float(image.mean()), "truth": -1.0 if truth is None else float(truth.mean())}
+
+
+@node(endless=True)
+def endless_touches(*, stop_at: int = 3) -> Iterator[Touch]:
+    """A stream that Ctrl-C ends, pressed before an item; it lets go of its camera."""
+    number = 0
+    try:
+        while True:
+            number += 1
+            if number > stop_at:
+                raise KeyboardInterrupt
+            yield Touch(np.full((3, 4, 5), number, np.float32), f"touch{number}")
+    finally:
+        CALLS.append("camera closed")
+
+
+@node
+def shrinking_touches() -> Iterator[Touch]:
+    """A stream whose images change their size."""
+    for rows in (4, 4, 3):
+        yield Touch(np.ones((3, rows, 5), np.float32))
+
+
+@node
+def summed(image: Light, before: Light | None = None) -> Light:
+    """The sum of all lights so far."""
+    return image if before is None else image + before
+
+
+summed.opencl(grid="K H W")
+
+
+@node
+def counted(before: int | None = None, image: Light | None = None) -> int:
+    """How many items there were."""
+    return (before or 0) + 1
+
+
+class _Diary:
+    """Something to be closed."""
+
+    def __init__(self) -> None:
+        CALLS.append("diary opened")
+
+    def close(self) -> None:
+        CALLS.append("diary closed")
+
+
+@node
+def kept(image: Light, *, session: Session) -> None:
+    """A sink that keeps something open."""
+    session.keep(_Diary)
+    CALLS.append(f"kept {image.mean():g}")
+
+
+@node
+def warns_once(image: Light) -> Light:
+    """Warns of the second item alone."""
+    if image.mean() == 2:
+        warn("two")
+    return image
 
 
 @node
@@ -147,5 +208,5 @@ def choosy(
 TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
-    "choosy",
+    "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
 )  # fmt: skip

@@ -1,0 +1,50 @@
+"""Camera frames with their LED, the touches they make up, and what went wrong on the way."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import Port
+from tactograph.nodes import Height, Light
+
+
+@dataclass(frozen=True)
+class RawFrame:
+    """One camera frame as it came.
+
+    `number` is counted by the camera, so that a gap is a drop.  `led` is the LED it was
+    exposed with, from 1, or 0 if all were off.  `time` is the end of the exposure in
+    seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit.
+    """
+
+    number: int
+    led: int
+    time: float
+    data: NDArray[np.uint8] | NDArray[np.uint16]
+
+
+@dataclass
+class LiveState:
+    """What a stream has counted so far: frames, touches, drops, and every fault by name."""
+
+    frames: int = 0
+    touches: int = 0
+    dropped: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class Touch(NamedTuple):
+    """The newest light of every LED, and the frames that are new in it."""
+
+    image: Light
+    name: str
+    time: Annotated[float, Port(unit="s")]
+    new: list[RawFrame]
+    state: LiveState
+    truth: Height | None = None

@@ -1,0 +1,163 @@
+"""Streams have a memory: values of the item before, and what a node keeps open."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import GraphError, Session, load
+from tactograph.graph.draw import to_dot, to_mermaid
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import Pipeline, open_pipeline
+from tests.graph.conftest import STREAM, Command, Write
+
+SUMMED = STREAM.replace(
+    "  score:",
+    "  sum:    {op: summed, in: {image: light, before: previous.sum}}\n  score:",
+).replace("{light: light,", "{light: light, sum: sum,")
+BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
+
+
+def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
+    return open_pipeline(read_graph(graph), given, backend=backend)
+
+
+@BOTH
+def test_a_previous_value_is_that_of_the_item_before(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    results = list(opened(write(SUMMED), backend).items())
+    assert [float(result["sum"].mean()) for result in results] == [1, 3, 6]
+
+
+@pytest.mark.parametrize(("light", "total"), [("numpy", "opencl"), ("opencl", "numpy")])
+def test_a_previous_value_crosses_between_back_ends(
+    toys: list[str], write: Write, light: str, total: str
+) -> None:
+    text = SUMMED.replace("dark: cal.dark}", "dark: cal.dark}, backend: " + light).replace(
+        "before: previous.sum}", "before: previous.light}, backend: " + total
+    )
+    results = list(opened(write(text), None).items())
+    assert [float(result["sum"].mean()) for result in results] == [1, 3, 5]
+
+
+@BOTH
+def test_a_stream_begins_without_memory(toys: list[str], write: Write, backend: str) -> None:
+    pipeline = opened(write(SUMMED), backend)
+    first = [float(result["sum"].mean()) for result in pipeline.items()]
+    assert [float(result["sum"].mean()) for result in pipeline.items()] == first
+
+
+def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(
+    toys: list[str], write: Write
+) -> None:
+    text = SUMMED.replace(", default: 3}", "}")
+    stack = np.ones((3, 4, 5), np.float32)
+    with load(write(text), backend="numpy") as pipeline:
+        assert pipeline(frames=stack)["sum"].max() == 1
+        assert pipeline(frames=stack)["sum"].max() == 2
+        pipeline.forget()
+        assert pipeline(frames=stack)["sum"].max() == 1
+
+
+@BOTH
+def test_images_of_another_size_start_afresh_and_say_so(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches").replace(
+        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
+        "op: doubled, in: {image: frames.image}",
+    )
+    results = list(opened(write(text), backend).items())
+    assert [float(result["sum"].mean()) for result in results] == [2, 4, 2]
+    assert ["another size" in " ".join(r.warnings) for r in results] == [False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("image: light, before: previous.sum", "image: previous.light", "first item too"),
+        ("previous.sum", "previous.summ", "did you mean 'sum'"),
+        ("previous.sum}", "previous.cal.flat}", "the same for all items"),
+        ("image: light, before: previous.sum", "image: cal.flat, before: previous.light", "once"),
+        ("previous.sum", "previous.score", "is not an array"),
+        ("sum:    {op: summed", "previous: {op: summed", "no node can be called 'previous'"),
+    ],
+)
+def test_a_previous_value_that_cannot_be_is_refused(
+    toys: list[str], write: Write, old: str, new: str, message: str
+) -> None:
+    with pytest.raises(GraphError, match=message):
+        opened(write(SUMMED.replace(old, new)))
+
+
+def test_a_node_that_only_its_successor_recalls_is_run(toys: list[str], write: Write) -> None:
+    text = STREAM.replace("op: watched,", "op: counted,").replace(
+        "in: {image: light, truth: frames.truth}", "in: {image: light, before: previous.score}"
+    )
+    assert [result["score"] for result in opened(write(text)).items()] == [1, 2, 3]
+
+
+def test_a_memory_is_drawn_as_a_dashed_edge(toys: list[str], write: Write) -> None:
+    plan = opened(write(SUMMED)).plan
+    assert '"sum" -> "sum" [label="previous summed", style=dashed' in to_dot(plan)
+    assert "-.->|previous summed|" in to_mermaid(plan)
+
+
+def test_what_a_node_keeps_is_opened_once_and_closed_with_the_stream(
+    toys: list[str], write: Write
+) -> None:
+    list(opened(write(STREAM.replace("op: noted", "op: kept"))).items())
+    diary = [line for line in toys if "diary" in line or "kept" in line]
+    assert diary == ["diary opened", "kept 1", "kept 2", "kept 3", "diary closed"]
+
+
+def test_a_stream_left_early_closes_what_its_nodes_keep(toys: list[str], write: Write) -> None:
+    with opened(write(STREAM.replace("op: noted", "op: kept"))) as pipeline:
+        next(pipeline.items())
+    assert toys[-1] == "diary closed"
+
+
+def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
+    session = Session()
+    first = session.keep(list)
+    assert session.keep(list) is first
+    session.close()
+    assert session.keep(list) is not first
+
+
+def test_a_warning_belongs_to_its_item(toys: list[str], write: Write) -> None:
+    text = STREAM.replace("  score:", "  told: {op: warns_once, in: {image: light}}\n  score:")
+    text = text.replace("score: score}", "score: score, told: told}")
+    assert [result.warnings for result in opened(write(text)).items()] == [[], ["two"], []]
+
+
+def test_ctrl_c_ends_an_endless_stream_as_it_should_end(
+    toys: list[str], write: Write, tactograph: Command
+) -> None:
+    text = STREAM.replace("touches, with: {count: $count}", "endless_touches")
+    outcome = tactograph("run", write(text.replace("op: noted", "op: kept")))
+    assert (outcome.code, outcome.err) == (0, "stopped\n")
+    assert toys[-2:] == ["camera closed", "diary closed"]
+
+
+def test_an_inserted_node_is_read_by_those_who_name_the_output_too(
+    toys: list[str], write: Write
+) -> None:
+    base = STREAM.replace("image: light, truth", "image: light.flat_field, truth")
+    write(base, "base.yaml")
+    patch = """
+format: 1
+extends: base.yaml
+patch:
+  - {insert: twice, op: doubled, in: {image: light}, after: light}
+"""
+    results = opened(write(patch, "variant.yaml")).items()
+    assert [result["score"]["mean"] for result in results] == [2, 4, 6]
+
+
+def test_an_unknown_input_is_answered_with_those_there_are(toys: list[str], write: Write) -> None:
+    with pytest.raises(GraphError, match=r"it takes: image, truth"):
+        opened(write(STREAM.replace("truth: frames.truth", "elevation: frames.truth")))
