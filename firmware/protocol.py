@@ -1,0 +1,71 @@
+"""Lines of the LED controller's protocol: ``$body*CRC`` and a newline.
+
+Only what MicroPython has is used here.
+"""
+
+VERSION = 1
+LONGEST = 120
+"""Bytes of a line at most, from ``$`` to the last digit of the checksum."""
+
+
+def crc16(data):
+    """CRC-16/CCITT-FALSE of bytes: polynomial 0x1021, start 0xFFFF."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = ((crc << 1) ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+    return crc
+
+
+def frame(body):
+    """The line, as bytes, that carries the text `body`."""
+    data = body.encode()
+    return b"$" + data + b"*%04X\n" % crc16(data)
+
+
+def unframe(line):
+    """The text in a line without its newline, or None if it is not whole and right.
+
+    Exactly one spelling of a line is right, so that a single byte that was altered is always
+    found: the checksum has capital digits, and ``$`` and ``*`` stand nowhere else.
+    """
+    if len(line) < 6 or line[:1] != b"$" or line[-5:-4] != b"*":
+        return None
+    body = line[1:-5]
+    if line[-4:] != b"%04X" % crc16(body):
+        return None
+    for byte in body:
+        if byte < 32 or byte > 126 or byte in b"$*":
+            return None
+    return body.decode()
+
+
+class Lines:
+    """Cuts a stream of bytes into lines; whatever is not a right line is counted in `bad`."""
+
+    def __init__(self):
+        self.bad = 0
+        self._line = b""
+        self._skip = False
+
+    def feed(self, data):
+        """Take bytes in; return the bodies of the lines they complete."""
+        bodies = []
+        parts = data.split(b"\n")
+        for i, part in enumerate(parts):
+            self._line += part
+            if len(self._line) > LONGEST:
+                self._line = b""
+                self._skip = True
+            if i == len(parts) - 1:
+                break
+            body = None if self._skip else unframe(self._line)
+            # An empty line is what a host sends to end a line that was cut off.
+            if body is not None:
+                bodies.append(body)
+            elif self._skip or self._line:
+                self.bad += 1
+            self._line = b""
+            self._skip = False
+        return bodies

@@ -1,0 +1,94 @@
+"""The lines between host and LED controller: framing, checksum, and what they say.
+
+The protocol is described in docs/hardware.md; ``firmware/protocol.py`` is its other end.
+"""
+
+from __future__ import annotations
+
+import binascii
+import re
+from dataclasses import dataclass, field
+
+PROTOCOL = 1
+"""The version of the protocol spoken here."""
+LONGEST = 400
+"""Bytes of a line at most."""
+_LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
+_NUMBER = re.compile(r"[0-9]{1,18}")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the controller answered to the request `number`.
+
+    `values` are its ``key=value`` words; `refusal` is the reason if it did not obey.
+    """
+
+    number: int
+    values: dict[str, str]
+    refusal: str | None = None
+
+
+@dataclass(frozen=True)
+class Event:
+    """What the controller said unasked: ``cycle``, ``ready`` or ``watchdog``."""
+
+    name: str
+    words: tuple[str, ...]
+
+
+def frame(body: str) -> bytes:
+    """The line that carries `body`, which is plain ASCII without ``$`` and ``*``."""
+    data = body.encode("ascii")
+    return b"$%s*%04X\n" % (data, binascii.crc_hqx(data, 0xFFFF))
+
+
+def unframe(line: bytes) -> str | None:
+    """The body of a line without its newline; None if a byte of it is not as it was sent."""
+    match = _LINE.fullmatch(line)
+    if match is None or binascii.crc_hqx(match[1], 0xFFFF) != int(match[2], 16):
+        return None
+    return match[1].decode("ascii")
+
+
+def parse(body: str) -> Answer | Event | None:
+    """What a body from the controller says; None if it is none of the protocol's."""
+    words = body.split(" ")
+    if words[0] == "!" and len(words) > 1:
+        return Event(words[1], tuple(words[2:]))
+    if len(words) < 2 or not _NUMBER.fullmatch(words[0]):
+        return None
+    number = int(words[0])
+    if words[1] == "no":
+        return Answer(number, {}, " ".join(words[2:]) or "refused")
+    pairs = [word.partition("=") for word in words[2:]]
+    if words[1] != "ok" or any(not equals for _, equals, _ in pairs):
+        return None
+    return Answer(number, {key: value for key, _, value in pairs})
+
+
+@dataclass
+class Lines:
+    """Cuts a stream of bytes into what the controller says, and counts in `bad` what is not right.
+
+    After garbage or a line cut off, the next whole line is understood again.
+    """
+
+    bad: int = 0
+    _rest: bytes = field(default=b"", repr=False)
+
+    def feed(self, data: bytes) -> list[Answer | Event]:
+        """Take in bytes; return what the lines they complete say."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST:
+            # The tail of an endless line is no line: keep what makes it wrong.
+            self._rest = b"?"
+        said = []
+        for line in lines:
+            body = unframe(line)
+            message = parse(body) if body is not None else None
+            if message is not None:
+                said.append(message)
+            elif line:
+                self.bad += 1
+        return said
