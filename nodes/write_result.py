@@ -15,19 +15,10 @@ from matplotlib.figure import Figure
 from tactograph.graph import Provenance, node
 from tactograph.graph.whole import whole_files
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
+from tactograph.nodes._led_colours import LED_COLOURS
 
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
-LED_COLOURS = (
-    "#e6a03c",
-    "#3c8fe6",
-    "#d1495b",
-    "#4caf7a",
-    "#8e6bbf",
-    "#c9c13b",
-    "#5bc0be",
-    "#b07d62",
-)
 
 
 @node

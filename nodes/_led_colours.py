@@ -1,0 +1,12 @@
+"""The colours of the LEDs, the same in every picture."""
+
+LED_COLOURS = (
+    "#e6a03c",
+    "#3c8fe6",
+    "#d1495b",
+    "#4caf7a",
+    "#8e6bbf",
+    "#c9c13b",
+    "#5bc0be",
+    "#b07d62",
+)

@@ -1,0 +1,383 @@
+"""A log of ROS 2 messages in MCAP files that survives a kill, a power cut and a full disk.
+
+Every message is a chunk of its own, with its checksum; what one call hands over is written to
+the system at once and synchronised with the disk in the log's own thread, so that a reader needs
+neither the end of the file nor its index (`_mcap_read.py`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from tactograph.graph import InputError
+from tactograph.nodes._ros import DEFINITIONS, Message
+
+if TYPE_CHECKING:
+    from mcap.records import Schema
+
+WhenFull = Literal["stop", "oldest"]
+FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")
+"""A running number, so that the order does not depend on the computer's clock."""
+PATIENCE_S = 0.05
+"""How long a call waits for the system to take what it hands over."""
+LONGEST_UNSYNCED_S = 0.5
+RETRY_S = 1.0
+"""Pause before a disk that failed is tried again."""
+CLOSING_S = 10.0
+SHARES = 4
+"""Files that the space on the disk is divided into at least, so that one can go."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a log may take of the disk and of memory."""
+
+    file_bytes: float = 512e6
+    file_s: float = 600.0
+    total_bytes: float = 50e9
+    when_full: WhenFull = "stop"
+    queue_bytes: float = 64e6
+    sync_s: float = 0.0
+
+    @property
+    def rotate_at(self) -> float:
+        return min(self.file_bytes, self.total_bytes / SHARES)
+
+
+def need_mcap() -> None:
+    """Raise an `InputError` that says what to install, if the libraries are not there."""
+    try:
+        import mcap.writer  # noqa: F401
+        import mcap_ros2.writer  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "MCAP files need two libraries that are not installed; pip install tactograph[mcap]"
+        ) from None
+
+
+def log_files(folder: Path) -> list[Path]:
+    """The files of a log in the order in which they were written."""
+    return sorted(f for f in folder.iterdir() if FILE_NAME.fullmatch(f.name))
+
+
+class McapLog:
+    """Writes messages into numbered files in a folder, in its own thread.
+
+    Parameters
+    ----------
+    folder
+        Made if needed; a log that is already there is continued with new files.
+    about
+        What stands in every file, as MCAP metadata named "tactograph".
+    limits
+        Of a file, of the folder, of the queue.
+
+    Attributes
+    ----------
+    dropped
+        Calls whose messages are not in the log: the disk was too slow, full or absent.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written at all.
+    """
+
+    def __init__(self, folder: Path, about: Mapping[str, str], limits: Limits) -> None:
+        need_mcap()
+        self._folder, self._about, self._limits = folder, dict(about), limits
+        self._queue: deque[tuple[Sequence[Message], int]] = deque()
+        self._waiting = 0
+        self._taken = self._done = 0
+        self._closing = False
+        self._changed = threading.Condition()
+        self._lines: deque[str] = deque()
+        self.dropped = 0
+        self._stopped = False
+        self._retry_at = 0.0
+        # How many were left out when the disk failed; None while it works.
+        self._failed_since: int | None = None
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._old = {file: file.stat().st_size for file in log_files(folder)}
+            self._file: _File | None = self._next_file()
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        self._thread = threading.Thread(target=self._run, name="mcap log", daemon=True)
+        self._thread.start()
+
+    def put(self, messages: Sequence[Message]) -> bool:
+        """Hand over messages that belong together; whether they were taken.
+
+        Returns once they are in the file, as far as the system is concerned, or after
+        `PATIENCE_S` if the disk makes it wait.
+        """
+        size = sum(message.size for message in messages)
+        with self._changed:
+            if self._waiting + size > self._limits.queue_bytes and self._queue:
+                self._drop()
+                self._say("the disk is too slow for the recording; some touches are left out")
+                return False
+            self._queue.append((messages, size))
+            self._waiting += size
+            self._taken += 1
+            mine = self._taken
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: self._done >= mine, PATIENCE_S)
+        return True
+
+    def take_lines(self) -> list[str]:
+        """What happened since the last call that a user should know, a line each."""
+        found = []
+        while self._lines:
+            found.append(self._lines.popleft())
+        return found
+
+    def close(self) -> None:
+        """Write what is waiting, end the file with its index, and wait for the disk."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join(CLOSING_S)
+
+    def _run(self) -> None:
+        while True:
+            messages: Sequence[Message] = ()
+            size = 0
+            with self._changed:
+                woken = self._changed.wait_for(self._has_work, self._sync_in())
+                if self._queue:
+                    messages, size = self._queue.popleft()
+                elif woken:
+                    break
+            if messages:
+                self._write(messages)
+            with self._changed:
+                self._waiting -= size
+                self._done += bool(messages)
+                self._changed.notify_all()
+                idle = not self._queue
+            self._sync(idle)
+        if self._file is not None:
+            self._finish(self._file)
+
+    def _has_work(self) -> bool:
+        return bool(self._queue) or self._closing
+
+    def _sync_in(self) -> float | None:
+        """Seconds until the disk has to be synchronised; None where there is nothing to do."""
+        if self._file is None or not self._file.unsynced:
+            return None
+        return max(0.0, self._file.synced_at + self._limits.sync_s - time.monotonic())
+
+    def _sync(self, idle: bool) -> None:
+        """Synchronise where it is due, but do not keep a full queue waiting for it."""
+        file = self._file
+        if file is None or not file.unsynced:
+            return
+        age = time.monotonic() - file.synced_at
+        if age >= max(self._limits.sync_s, 0.0 if idle else LONGEST_UNSYNCED_S):
+            try:
+                file.sync()
+            except OSError as error:
+                self._fail(error)
+
+    def _write(self, messages: Sequence[Message]) -> None:
+        if self._stopped or time.monotonic() < self._retry_at:
+            self._drop()
+            return
+        try:
+            if self._file is not None and self._file.is_over(self._limits):
+                file, self._file = self._file, None
+                self._finish(file)
+                self._old[file.path] = file.size
+            if not self._make_room():
+                self._drop()
+                return
+            if self._file is None:
+                self._file = self._next_file()
+            self._file.write(messages)
+        except OSError as error:
+            self._fail(error)
+            self._drop()
+            return
+        if self._failed_since is not None:
+            missing = self.dropped - self._failed_since
+            self._say(f"{self._folder}: recording again; {missing} touches were left out")
+            self._failed_since = None
+
+    def _make_room(self) -> bool:
+        """Delete the oldest files, or stop, where the folder holds all that it may."""
+        limit = self._limits.total_bytes
+        used = sum(self._old.values()) + (self._file.size if self._file else 0)
+        if used < limit:
+            return True
+        if self._limits.when_full == "stop":
+            self._stopped = True
+            self._say(
+                f"{self._folder}: holds {used / 1e9:.3g} GB, which is its limit; "
+                "recording has stopped"
+            )
+            return False
+        while self._old and used >= limit:
+            used -= self._delete_oldest()
+        return used < limit
+
+    def _delete_oldest(self) -> int:
+        oldest = next(iter(self._old))
+        oldest.unlink(missing_ok=True)
+        return self._old.pop(oldest)
+
+    def _fail(self, error: OSError) -> None:
+        """Leave the file whole as far as it goes, say so once, and try again later."""
+        if self._failed_since is None:
+            self._failed_since = self.dropped
+            self._say(
+                f"{self._folder}: recording is interrupted, {error.strerror or error}; "
+                "what was written stays readable"
+            )
+        if self._file is not None:
+            self._old[self._file.path] = self._file.size
+            self._file.abandon()
+            self._file = None
+        if self._limits.when_full == "oldest" and len(self._old) > 1:
+            self._delete_oldest()
+        self._retry_at = time.monotonic() + RETRY_S
+
+    def _finish(self, file: _File) -> None:
+        try:
+            file.finish()
+        except OSError as error:
+            self._say(
+                f"{file.path}: ends without an index, {error.strerror or error}; "
+                "what was written stays readable"
+            )
+            file.abandon()
+
+    def _next_file(self) -> _File:
+        last = max((int(file.name[:6]) for file in self._old), default=0)
+        stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S")
+        while True:
+            last += 1
+            try:
+                return _File(self._folder / f"{last:06}_{stamp}.mcap", self._about)
+            except FileExistsError:
+                continue
+
+    def _drop(self) -> None:
+        with self._changed:
+            self.dropped += 1
+
+    def _say(self, line: str) -> None:
+        if line not in self._lines:
+            self._lines.append(line)
+
+
+class _File:
+    """One MCAP file; `size` is as far as it is whole."""
+
+    def __init__(self, path: Path, about: Mapping[str, str]) -> None:
+        from mcap_ros2.writer import Writer
+
+        self.path = path
+        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self.size = 0
+        self.unsynced = True
+        self._began = self.synced_at = time.monotonic()
+        self._pending = _Pending()
+        # Chunks of size 0: each message ends its chunk.
+        self._writer = Writer(self._pending, chunk_size=0)  # type: ignore[arg-type]
+        self._schemas: dict[str, Schema] = {}
+        self._writer.add_metadata("tactograph", dict(about))
+        try:
+            self._flush()
+            # The folder's entry for the file has to be on the disk as well.
+            _sync_folder(path.parent)
+        except OSError:
+            self.abandon()
+            raise
+
+    def is_over(self, limits: Limits) -> bool:
+        age = time.monotonic() - self._began
+        return self.size >= limits.rotate_at or age >= limits.file_s
+
+    def write(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            if message.type not in self._schemas:
+                definition = DEFINITIONS[message.type]
+                self._schemas[message.type] = self._writer.register_msgdef(message.type, definition)
+            self._writer.write_message(
+                message.topic,
+                self._schemas[message.type],
+                message.body,
+                log_time=message.time,
+                sequence=message.sequence,
+            )
+        self._flush()
+
+    def sync(self) -> None:
+        os.fsync(self._handle)
+        self.synced_at = time.monotonic()
+        self.unsynced = False
+
+    def finish(self) -> None:
+        self._writer.finish()
+        self._flush()
+        os.fsync(self._handle)
+        os.close(self._handle)
+
+    def abandon(self) -> None:
+        """Close the file without its index, cut off where it is whole."""
+        for step in (lambda: os.ftruncate(self._handle, self.size), lambda: os.close(self._handle)):
+            with contextlib.suppress(OSError):
+                step()
+
+    def _flush(self) -> None:
+        data = memoryview(self._pending.take())
+        length = len(data)
+        while data:
+            data = data[os.write(self._handle, data) :]
+        self.size += length
+        self.unsynced = True
+
+
+class _Pending(io.BufferedIOBase):
+    """What the MCAP library wrote since the last `take`."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._at = 0
+
+    def write(self, data: Any) -> int:
+        self._parts.append(bytes(data))
+        self._at += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._at
+
+    def take(self) -> bytes:
+        parts, self._parts = self._parts, []
+        return b"".join(parts)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Windows has no such thing, and needs none."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

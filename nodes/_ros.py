@@ -1,0 +1,190 @@
+"""ROS 2 messages as plain dictionaries: what Foxglove, Rerun and ``ros2 bag`` know how to read.
+
+Lengths are in metres, as everywhere in ROS; times are nanoseconds since 1970.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4
+
+MM = 1e-3
+"""A millimetre in metres."""
+_RULE = "=" * 80
+_HEADER = f"""{_RULE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_RULE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+DEFINITIONS = {
+    "std_msgs/msg/String": "string data\n",
+    "sensor_msgs/msg/Image": f"""std_msgs/Header header
+uint32 height
+uint32 width
+string encoding
+uint8 is_bigendian
+uint32 step
+uint8[] data
+{_HEADER}""",
+    "sensor_msgs/msg/PointCloud2": f"""std_msgs/Header header
+uint32 height
+uint32 width
+sensor_msgs/PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense
+{_RULE}
+MSG: sensor_msgs/PointField
+uint8 INT8=1
+uint8 UINT8=2
+uint8 INT16=3
+uint8 UINT16=4
+uint8 INT32=5
+uint8 UINT32=6
+uint8 FLOAT32=7
+uint8 FLOAT64=8
+string name
+uint32 offset
+uint8 datatype
+uint32 count
+{_HEADER}""",
+    "diagnostic_msgs/msg/DiagnosticArray": f"""std_msgs/Header header
+diagnostic_msgs/DiagnosticStatus[] status
+{_RULE}
+MSG: diagnostic_msgs/DiagnosticStatus
+byte OK=0
+byte WARN=1
+byte ERROR=2
+byte STALE=3
+byte level
+string name
+string message
+string hardware_id
+diagnostic_msgs/KeyValue[] values
+{_RULE}
+MSG: diagnostic_msgs/KeyValue
+string key
+string value
+{_HEADER}""",
+}
+"""The definitions that stand in the file, so that a reader needs no ROS."""
+_ENCODINGS = {"u1": "mono8", "u2": "mono16", "f4": "32FC1"}
+_FLOAT32 = 7
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message on its way into a file."""
+
+    topic: str
+    type: str
+    time: int
+    body: Mapping[str, Any] = field(repr=False)
+    sequence: int = 0
+
+    @property
+    def size(self) -> int:
+        """Bytes that it keeps in memory, near enough."""
+        return len(self.body.get("data", b"")) + 1000
+
+
+def text_message(topic: str, time: int, text: str) -> Message:
+    """A std_msgs/String."""
+    # JSON channels of their own would make `ros2 bag play` refuse the whole file: it wants one
+    # serialisation for all topics.
+    return Message(topic, "std_msgs/msg/String", time, {"data": text})
+
+
+def image_message(
+    topic: str, time: int, image: NDArray[Any], frame: str, sequence: int = 0
+) -> Message:
+    """A sensor_msgs/Image of H x W: mono8, mono16 or 32FC1 by the array's type."""
+    rows, columns = image.shape
+    little = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
+    body = {
+        "header": _header(time, frame),
+        "height": rows,
+        "width": columns,
+        "encoding": _ENCODINGS[image.dtype.str[1:]],
+        "is_bigendian": 0,
+        "step": columns * image.dtype.itemsize,
+        "data": little.tobytes(),
+    }
+    return Message(topic, "sensor_msgs/msg/Image", time, body, sequence)
+
+
+def read_image(body: Any) -> NDArray[Any]:
+    """The array of a decoded sensor_msgs/Image, H x W.
+
+    Raises
+    ------
+    InputError
+        If its encoding is none of mono8, mono16 and 32FC1, or its size is not what it says.
+    """
+    known = {encoding: kind for kind, encoding in _ENCODINGS.items()}
+    if body.encoding not in known:
+        raise InputError(f"images are {body.encoding}; mono8 or mono16 is needed")
+    order = ">" if body.is_bigendian else "<"
+    kind = np.dtype(order + known[body.encoding])
+    if body.step < body.width * kind.itemsize or len(body.data) != body.step * body.height:
+        raise InputError(f"an image of {body.width} x {body.height} holds {len(body.data)} bytes")
+    rows = np.frombuffer(body.data, np.uint8).reshape(body.height, body.step)
+    inside = np.ascontiguousarray(rows[:, : body.width * kind.itemsize])
+    return np.asarray(inside.view(kind), kind.newbyteorder("="))
+
+
+def cloud_message(topic: str, time: int, height: F4, pixel: float, frame: str) -> Message:
+    """A height map in mm as an ordered sensor_msgs/PointCloud2: x right, y down, z up, metres."""
+    rows, columns = height.shape
+    points = np.empty((rows, columns, 3), "<f4")
+    points[..., 0] = np.arange(columns) * (pixel * MM)
+    points[..., 1] = np.arange(rows)[:, None] * (pixel * MM)
+    points[..., 2] = height * np.float32(MM)
+    body = {
+        "header": _header(time, frame),
+        "height": rows,
+        "width": columns,
+        "fields": [
+            {"name": name, "offset": 4 * i, "datatype": _FLOAT32, "count": 1}
+            for i, name in enumerate("xyz")
+        ],
+        "is_bigendian": False,
+        "point_step": 12,
+        "row_step": 12 * columns,
+        "data": points.tobytes(),
+        "is_dense": bool(np.isfinite(height).all()),
+    }
+    return Message(topic, "sensor_msgs/msg/PointCloud2", time, body)
+
+
+def diagnostics_message(
+    topic: str, time: int, name: str, warnings: list[str], values: Mapping[str, Any]
+) -> Message:
+    """A diagnostic_msgs/DiagnosticArray with one status; a warning where there are some."""
+    status = {
+        "level": 1 if warnings else 0,
+        "name": name,
+        "message": "; ".join(warnings) or "ok",
+        "hardware_id": "",
+        "values": [{"key": key, "value": str(value)} for key, value in values.items()],
+    }
+    body = {"header": _header(time, ""), "status": [status]}
+    return Message(topic, "diagnostic_msgs/msg/DiagnosticArray", time, body)
+
+
+def _header(time: int, frame: str) -> dict[str, Any]:
+    seconds, rest = divmod(time, 1_000_000_000)
+    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
