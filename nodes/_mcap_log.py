@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import IO, TYPE_CHECKING, Any, Literal, cast
 
 from tactograph.graph import InputError
 from tactograph.nodes._ros import DEFINITIONS, Message
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 WhenFull = Literal["stop", "oldest"]
 FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")
 """A running number, so that the order does not depend on the computer's clock."""
-PATIENCE_S = 0.05
-"""How long a call waits for the system to take what it hands over."""
+PATIENCE_S = 0.25
+"""How long a call waits for the system to take what it hands over; not if others wait already."""
 LONGEST_UNSYNCED_S = 0.5
 RETRY_S = 1.0
 """Pause before a disk that failed is tried again."""
@@ -120,8 +120,8 @@ class McapLog:
     def put(self, messages: Sequence[Message]) -> bool:
         """Hand over messages that belong together; whether they were taken.
 
-        Returns once they are in the file, as far as the system is concerned, or after
-        `PATIENCE_S` if the disk makes it wait.
+        Returns once they are in the file, as far as the system is concerned; but if the disk
+        makes that last longer than `PATIENCE_S`, they and what follows wait in the queue.
         """
         size = sum(message.size for message in messages)
         with self._changed:
@@ -129,12 +129,13 @@ class McapLog:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
                 return False
+            keeps_up = self._done == self._taken
             self._queue.append((messages, size))
             self._waiting += size
             self._taken += 1
-            mine = self._taken
             self._changed.notify_all()
-            self._changed.wait_for(lambda: self._done >= mine, PATIENCE_S)
+            if keeps_up:
+                self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
         return True
 
     def take_lines(self) -> list[str]:
@@ -297,7 +298,7 @@ class _File:
         self._began = self.synced_at = time.monotonic()
         self._pending = _Pending()
         # Chunks of size 0: each message ends its chunk.
-        self._writer = Writer(self._pending, chunk_size=0)  # type: ignore[arg-type]
+        self._writer = Writer(cast(IO[Any], self._pending), chunk_size=0)
         self._schemas: dict[str, Schema] = {}
         self._writer.add_metadata("tactograph", dict(about))
         try:
@@ -309,6 +310,8 @@ class _File:
             raise
 
     def is_over(self, limits: Limits) -> bool:
+        if not self._schemas:
+            return False
         age = time.monotonic() - self._began
         return self.size >= limits.rotate_at or age >= limits.file_s
 

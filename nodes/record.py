@@ -41,8 +41,9 @@ def record(
     ``folder/000001_<start>.mcap`` and so on.  A frame is a sensor_msgs/Image on the topic
     ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off), stamped with the end of its
     exposure; after the frames of a touch comes its name and the camera's state as JSON on
-    ``/touch``.  When this function returns, a kill of the program loses none of it; a power cut
-    loses what the disk has not yet been asked to keep, see `sync_ms`.
+    ``/touch``.  When this function returns, a kill of the program loses none of it, unless the
+    disk has not taken it within a quarter of a second; a power cut loses what the disk has not
+    yet been asked to keep, see `sync_ms`.
 
     A disk that is slow, full or gone does not stop the stream: touches are left out, which is
     said in one line and counted, and recording goes on once the disk does.

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 import os
+import socket
 import sys
 import time as clock
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 import numpy as np
 from annotated_types import Gt, Interval
@@ -21,6 +23,12 @@ from tactograph.nodes._live_picture import colour_height, round_up
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
 OLDEST_LATENCY_S = 10.0
+PORT = 9876
+OPENING_S = 5.0
+"""How long a viewer may take to open."""
+LOOK_EVERY_S = 1.0
+"""Pause between two looks whether the viewer is still there."""
+LOOK_S = 0.05
 FLUSH_S = 2.0
 """How long the end of the stream waits for a viewer that does not answer."""
 Viewer = Literal["spawn", "connect", "none"]
@@ -90,7 +98,15 @@ def view_rerun(
     InputError
         If Rerun is not installed, a viewer cannot be opened, or the file cannot be written.
     """
-    stream = session.keep(lambda: _Stream(_open(viewer, url, file), file, file_gb, 1 / rate_hz))
+    stream = session.keep(
+        lambda: _Stream(
+            _open(viewer, url, file),
+            None if viewer == "none" else url,
+            file,
+            1e9 * file_gb,
+            1 / rate_hz,
+        )
+    )
     now = clock.monotonic()
     if not stream.is_due(now):
         return
@@ -122,8 +138,7 @@ def rerun() -> Any:
         return importlib.import_module("rerun")
     except ImportError:
         raise InputError(
-            "view_rerun needs the Rerun SDK, which is not installed; "
-            "pip install tactograph[rerun]"
+            "view_rerun needs the Rerun SDK, which is not installed; pip install tactograph[rerun]"
         ) from None
 
 
@@ -159,10 +174,23 @@ def _spawn(rr: Any) -> None:
 
 
 def _viewer_sink(rr: Any, url: str) -> Any:
+    """The way to the viewer; one that is not there is missed now, not seconds later."""
     try:
+        _reach(url, OPENING_S)
         return rr.GrpcSink(url)
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"view_rerun: no viewer answers at {url}: {reason}") from None
     except (ValueError, RuntimeError) as error:
         raise InputError(f"view_rerun: url={url}: {error}") from None
+
+
+def _reach(url: str, patience_s: float) -> None:
+    """Raise an OSError if nothing listens there, a ValueError if it is no address."""
+    place = urlsplit(url)
+    if place.hostname is None:
+        raise ValueError("no address of a viewer, such as rerun+http://127.0.0.1:9876/proxy")
+    socket.create_connection((place.hostname, place.port or PORT), patience_s).close()
 
 
 def _file_sink(rr: Any, file: Path) -> Any:
@@ -212,10 +240,13 @@ def _layout() -> Any:
 class _Stream:
     """A Rerun recording, and what is only sent once or not too often."""
 
-    def __init__(self, recording: Any, file: Path | None, file_gb: float, pause: float) -> None:
-        self._recording, self._file, self._most = recording, file, 1e9 * file_gb
-        self._pause = pause
+    def __init__(
+        self, recording: Any, url: str | None, file: Path | None, most_bytes: float, pause: float
+    ) -> None:
+        self._recording, self._url, self._file = recording, url, file
+        self._most_bytes, self._pause = most_bytes, pause
         self._due = 0.0
+        self._look_at = clock.monotonic() + LOOK_EVERY_S
         self._touches = 0
         self._shape: tuple[int, ...] = ()
         self._colours_sent = False
@@ -225,11 +256,22 @@ class _Stream:
         if now < self._due or self._recording is None:
             return False
         self._due = now + self._pause
-        if self._file is not None and self._file.stat().st_size > self._most:
+        if self._url is not None and now >= self._look_at:
+            self._look_at = now + LOOK_EVERY_S
+            self._look(self._url)
+        if self._file is not None and self._file.stat().st_size > self._most_bytes:
             warn(f"{self._file}: is as large as it may be; view_rerun has ended")
             self.close()
             return False
         return True
+
+    def _look(self, url: str) -> None:
+        """Say so if the viewer was closed; Rerun itself takes what comes and says nothing."""
+        try:
+            _reach(url, LOOK_S)
+        except OSError:
+            self._url = None
+            warn(f"view_rerun: the viewer at {url} is gone; the stream goes on without it")
 
     def log(self, path: str, *what: Any, static: bool = False) -> None:
         self._recording.log(path, *what, static=static)
