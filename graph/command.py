@@ -15,6 +15,7 @@ from tactograph.graph.errors import TactographError
 COMMANDS = (
     "run",
     "compare",
+    "batch",
     "check",
     "resolve",
     "explain",

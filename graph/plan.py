@@ -91,6 +91,7 @@ class Plan:
     """The steps in order, and why each runs where it does."""
 
     graph: Graph
+    given: Mapping[str, Any]
     tasks: dict[str, Task]
     outputs: dict[str, Value]
     placements: dict[str, Placement]
@@ -145,6 +146,7 @@ def make_plan(
     steps = order.order(transfers.insert(draft, placements), draft)
     return Plan(
         graph=graph,
+        given=dict(given),
         tasks=draft.tasks,
         outputs=draft.outputs,
         placements=placements,

@@ -26,6 +26,7 @@ from tactograph.graph.errors import (
 )
 from tactograph.graph.find import find_node
 from tactograph.graph.model import BACKENDS, NOT_GIVEN, Graph
+from tactograph.graph.passes.names import settings_of
 from tactograph.graph.passes.sizes import Bound, Symbol
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
@@ -165,6 +166,32 @@ class Pipeline:
     def endless(self) -> bool:
         """Whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())
+
+    def aim(self, **values: Any) -> None:
+        """Give other values to params of the graph that only what runs per item takes.
+
+        So a pipeline goes on to another capture, or another folder for its results, with
+        its calibration, plan and kernels kept.
+
+        Raises
+        ------
+        InputError
+            If the graph has no such param, or what runs once depends on it.
+        """
+        graph, given = self.plan.graph, {**self.plan.given, **values}
+        for name in values:
+            if name not in graph.params:
+                raise InputError(f"{graph.name} has no parameter '{name}'")
+        words = {f"${name}" for name in values}
+        for task in self.plan.tasks.values():
+            used = [v for v in task.entry.settings.values() if isinstance(v, str) and v in words]
+            if used and not task.stream:
+                raise InputError(
+                    f"{graph.name}: '{task.id}' runs once and takes {used[0]}; "
+                    "it cannot differ from item to item"
+                )
+            if used:
+                task.settings = settings_of(task.entry, graph, task.node, given)
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""

@@ -65,7 +65,7 @@ def bind(
             id=n,
             node=found[n],
             entry=graph.nodes[n],
-            settings={} if n in stand_ins else _settings(n, graph, found[n], given),
+            settings={} if n in stand_ins else settings_of(graph.nodes[n], graph, found[n], given),
             reads=reads[n],
             recalls=recalls[n],
             stand_in=n in stand_ins,
@@ -224,8 +224,14 @@ def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
     raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph runs in a circle: {walk}")
 
 
-def _settings(node_id: str, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
-    entry = graph.nodes[node_id]
+def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
+    """A node's parameters, each `$name` replaced by what the user gave or its default.
+
+    Raises
+    ------
+    GraphError, InputError
+        As `bind`.
+    """
     settings: dict[str, Any] = {}
     for name, value in entry.settings.items():
         if isinstance(value, str) and value.startswith("$"):

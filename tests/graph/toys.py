@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -111,6 +112,13 @@ def kept(image: Light, *, session: Session) -> None:
 
 
 @node
+def filed(image: Light, *, folder: Path) -> None:
+    """A sink that writes a file."""
+    folder.mkdir(parents=True)
+    np.save(folder / "image.npy", image)
+
+
+@node
 def warns_once(image: Light) -> Light:
     """Warns of the second item alone."""
     if image.mean() == 2:
@@ -209,4 +217,5 @@ TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
+    "filed",
 )  # fmt: skip

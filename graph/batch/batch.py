@@ -1,0 +1,177 @@
+"""A batch: which captures are still to do, cut into chunks, handed to workers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from tactograph.graph.batch.captures import absolute, content_of, is_url
+from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store, open_store
+from tactograph.graph.batch.work import Chunk, Tally, find_map_types
+from tactograph.graph.dump import dump_graph
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.model import Graph
+from tactograph.graph.passes import names
+from tactograph.graph.run import placeholders
+
+TRIES = 20
+"""So many captures are tried to find out what maps look like."""
+
+
+class Workers(Protocol):
+    """Whoever does the chunks."""
+
+    name: str
+
+    def run(self, chunks: Iterator[Chunk]) -> Iterator[Tally]: ...
+
+
+def make_job(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    out: str,
+    param: str = "capture",
+    maps: Sequence[str] | None = None,
+    chunk: int = 16,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+) -> Job:
+    """Say what is to be done with every capture.
+
+    Parameters
+    ----------
+    out
+        The store.  If its name does not end in ``.zarr`` it is a folder that takes what the
+        graph's own sinks write, by capture, and the store in it holds the rest.
+    param
+        The graph's parameter that takes a capture.
+    maps
+        The outputs to keep; None for all that are an H x W map.
+
+    Raises
+    ------
+    InputError
+        If the graph lacks the parameter or a map.
+    """
+    if param not in graph.params:
+        raise InputError(
+            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
+            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
+        )
+    folders = None if out.rstrip("/").endswith(".zarr") else absolute(out)
+    if folders is not None and (is_url(folders) or "out" not in graph.params):
+        raise InputError(
+            f"--out {out}: folders are written by the graph's sinks, to a local "
+            "place, through its parameter 'out'; else give a store, NAME.zarr"
+        )
+    paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
+    fixed = {
+        name: absolute(value) if name in paths and value is not None else value
+        for name, value in given.items()
+        if name not in (param, "out")
+    }
+    return Job(
+        graph=dump_graph(graph),
+        name=graph.name,
+        hash=graph.hash,
+        given={**fixed, param: "."},
+        inputs={n: content_of(str(v)) for n, v in fixed.items() if n in paths and v is not None},
+        param=param,
+        maps=() if folders else _maps(graph, given, maps),
+        chunk=chunk,
+        backend=backend,
+        device=device,
+        strict=strict,
+        folders=folders,
+    )
+
+
+def store_place(out: str, job: Job) -> str:
+    """Where the store of a batch lies."""
+    return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
+
+
+def open_batch(out: str, job: Job, captures: Sequence[str]) -> Store:
+    """Make the store, or go on with one of the very same job; add captures that are new.
+
+    Raises
+    ------
+    InputError
+        If the store was made by another graph, other values or another calibration.
+    """
+    place = store_place(out, job)
+    store = open_store(place)
+    if store is None:
+        if not is_url(place):
+            Path(place).parent.mkdir(parents=True, exist_ok=True)
+        store = create_store(place, job)
+    elif store.job.identity != job.identity:
+        raise InputError(
+            f"{place}: was made with {_differences(store.job.identity, job.identity)}; "
+            "give another --out, or remove it"
+        )
+    there = set(store.captures)
+    store.append([capture for capture in captures if capture not in there])
+    return store
+
+
+def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
+    """The chunks in which captures are still to do."""
+    finished = (DONE,) if retry_failed else (DONE, FAILED)
+    statuses, captures = store.statuses, store.captures
+    chunks: dict[int, list[tuple[int, str]]] = {}
+    for number, status in enumerate(statuses):
+        if status not in finished:
+            chunks.setdefault(number // store.job.chunk, []).append((number, captures[number]))
+    return [Chunk(place, store.stamp, tuple(each)) for each in chunks.values()]
+
+
+def run_batch(
+    place: str, store: Store, chunks: Sequence[Chunk], workers: Workers
+) -> Iterator[Tally]:
+    """Do the chunks, and yield how each went as soon as it is written.
+
+    Raises
+    ------
+    InputError
+        If none of the first captures can be done: then it is not the captures.
+    """
+    if chunks and not store.has_maps:
+        first = [capture for chunk in chunks for _, capture in chunk.captures][:TRIES]
+        store.add_maps(find_map_types(place, store.stamp, first))
+    yield from workers.run(iter(chunks))
+
+
+def _maps(graph: Graph, given: Mapping[str, Any], wanted: Sequence[str] | None) -> tuple[str, ...]:
+    draft = names.bind(graph, {**placeholders(graph), **given}, sinks=False, stand_ins=frozenset())
+    ports = {
+        name: draft.tasks[value.node].node.outputs[value.port]
+        for name, value in draft.outputs.items()
+    }
+    arrays = [name for name, port in ports.items() if port.kind == "array"]
+    for name in wanted or ():
+        if name not in arrays:
+            raise InputError(
+                f"--maps: {graph.name} puts out no array '{name}'{did_you_mean(name, arrays)} "
+                f"(it puts out: {', '.join(arrays)})"
+            )
+    return tuple(wanted or (name for name in arrays if len(ports[name].dims) == 2))
+
+
+def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    words = {"hash": "another graph", "inputs": "another content of", "given": "other values of"}
+    found = []
+    for name in then:
+        if then[name] == now[name]:
+            continue
+        if isinstance(then[name], dict):
+            keys = sorted(
+                k for k in {*then[name], *now[name]} if then[name].get(k) != now[name].get(k)
+            )
+            found.append(f"{words[name]} {', '.join(keys)}")
+        else:
+            found.append(words.get(name, f"another {name} ({then[name]})"))
+    return " and ".join(found)

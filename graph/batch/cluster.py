@@ -1,0 +1,144 @@
+"""Workers of a Dask cluster.  Dask schedules; this only keeps a bounded number of chunks out."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from typing import Any
+
+from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.errors import InputError
+
+DEATHS = 3
+"""So often may the workers that hold a chunk die (each time as often as Dask allows)."""
+ANSWER = 30.0
+"""Seconds that a scheduler may take to answer."""
+PATIENCE = 300.0
+"""Seconds to wait for a scheduler that has gone."""
+AHEAD = 3
+"""Chunks handed out per worker thread: one running, the others on their way."""
+
+
+class Cluster:
+    """A Dask scheduler at an address, or the one that a scheduler file tells of.
+
+    Parameters
+    ----------
+    address
+        ``tcp://host:port``.
+    file
+        The scheduler file, if there is no address.
+    tell
+        Is called with a line whenever the scheduler has gone.
+
+    Raises
+    ------
+    InputError
+        If dask.distributed is not installed, or no scheduler answers.
+    """
+
+    def __init__(
+        self,
+        address: str | None = None,
+        file: str | None = None,
+        tell: Callable[[str], None] = print,
+    ) -> None:
+        self._tell = tell
+        self._where = {"address": address} if address else {"scheduler_file": file}
+        self.name = f"Dask at {address or file}"
+        self._client = self._connect()
+
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
+        """Do every chunk, and yield how each went.
+
+        Chunks whose workers or scheduler have gone are handed out again; what was written
+        before counts.  Neither the scheduler nor this process holds more than those under way.
+        """
+        from distributed import KilledWorker
+
+        waiting, deaths = deque(chunks), Counter[Chunk]()
+        running: dict[Any, Chunk] = {}
+        while waiting or running:
+            try:
+                self._hand_out(waiting, running)
+                ended = self._ended(running)
+            except (OSError, TimeoutError, CancelledError) as error:
+                waiting.extendleft(running.values())
+                running = {}
+                self._reconnect(error)
+                continue
+            for future, outcome in ended:
+                chunk = running.pop(future)
+                if isinstance(outcome, Tally):
+                    yield outcome
+                elif not isinstance(outcome, KilledWorker):
+                    raise outcome
+                elif deaths[chunk] < DEATHS:
+                    deaths[chunk] += 1
+                    waiting.appendleft(chunk)
+                else:
+                    yield fail_chunk(chunk, f"its workers died: {outcome}")
+
+    def close(self) -> None:
+        self._client.close()
+
+    def _hand_out(self, waiting: deque[Chunk], running: dict[Any, Chunk]) -> None:
+        """Keep every worker busy, and no more than that on its way."""
+        for _ in range(min(self._room() - len(running), len(waiting))):
+            running[self._client.submit(do_chunk, waiting[0], pure=False)] = waiting[0]
+            waiting.popleft()
+
+    def _room(self) -> int:
+        """How many chunks may be out; workers come and go."""
+        threads: dict[str, int] = self._client.nthreads()
+        return max(AHEAD * sum(threads.values()), 2 * AHEAD)
+
+    def _ended(self, running: dict[Any, Chunk]) -> list[tuple[Any, Tally | Exception]]:
+        """Futures that ended, with what they gave or raised.
+
+        Raises
+        ------
+        ConnectionError, CancelledError
+            If the scheduler has gone, or has forgotten them.
+        """
+        from distributed import wait
+
+        with self._client.as_current(), suppress(TimeoutError):
+            wait(list(running), timeout=2.0, return_when="FIRST_COMPLETED")
+        if self._client.status != "running":
+            raise ConnectionError("the scheduler has gone")
+        ended: list[tuple[Any, Tally | Exception]] = []
+        for future in running:
+            if future.status in ("cancelled", "lost"):
+                raise ConnectionError("the scheduler has forgotten chunks")
+            if future.status == "error":
+                ended.append((future, future.exception()))
+            elif future.status == "finished":
+                ended.append((future, future.result()))
+        return ended
+
+    def _reconnect(self, reason: Exception) -> None:
+        self._tell(f"{self.name}: {reason}; waiting for it")
+        self._client.close(timeout=2)
+        until = time.monotonic() + PATIENCE
+        while True:
+            try:
+                self._client = self._connect()
+                return
+            except InputError:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(1.0)
+
+    def _connect(self) -> Any:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise InputError("a cluster needs Dask: pip install 'tactograph[dask]'") from None
+        try:
+            return Client(**self._where, timeout=ANSWER, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise InputError(f"{self.name}: no scheduler answers: {error}") from None

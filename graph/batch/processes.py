@@ -1,0 +1,72 @@
+"""Workers on this machine: a pool of processes that survives the death of any of them."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from itertools import chain, islice
+
+from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
+
+TRIES = 2
+"""So often is a chunk done alone before it is held to be what kills its process."""
+DIED = f"its process died {TRIES + 1} times; run this capture alone to see why"
+
+
+class Processes:
+    """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there."""
+
+    def __init__(self, number: int, do: Callable[[Chunk], Tally] = do_chunk) -> None:
+        self.number = number
+        self._do = do
+        self.name = f"{number} processes"
+
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
+        """Do every chunk, and yield how each went.
+
+        When a process dies, every chunk that was under way is done again, alone: so one that
+        kills its process each time is found, written down as failed, and the rest goes on.
+        """
+        waiting = iter(chunks)
+        suspects: list[Chunk] = []
+        while True:
+            suspects = yield from self._until_death(waiting, self.number)
+            if not suspects:
+                return
+            yield from self._one_by_one(suspects)
+
+    def _one_by_one(self, suspects: list[Chunk]) -> Iterator[Tally]:
+        """Do chunks alone; give up one that ends its process every time."""
+        waiting, deaths = iter(suspects), Counter[Chunk]()
+        while died := (yield from self._until_death(waiting, 1)):
+            deaths.update(died)
+            if deaths[died[0]] < TRIES:
+                waiting = chain(died, waiting)
+            else:
+                yield fail_chunk(died[0], DIED)
+
+    def _until_death(
+        self, chunks: Iterator[Chunk], number: int
+    ) -> Generator[Tally, None, list[Chunk]]:
+        """Do chunks until none is left, or a process dies; return those that were under way."""
+        # fork would copy an OpenCL context, which no runtime allows.
+        spawn = multiprocessing.get_context("spawn")
+        running: dict[Future[Tally], Chunk] = {}
+        with ProcessPoolExecutor(number, mp_context=spawn) as pool:
+            try:
+                while True:
+                    for chunk in islice(chunks, number - len(running)):
+                        running[pool.submit(self._do, chunk)] = chunk
+                    if not running:
+                        return []
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        tally = future.result()
+                        del running[future]
+                        yield tally
+            except BrokenProcessPool:
+                return list(running.values())
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,17 @@
+"""One worker: this process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from tactograph.graph.batch.work import Chunk, Tally, do_chunk
+
+
+class Serial:
+    """Does one chunk after the other, here."""
+
+    name = "this process"
+
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
+        """Do every chunk, and yield how each went."""
+        return map(do_chunk, chunks)

@@ -1,0 +1,237 @@
+"""What came of each capture, in one Zarr (version 3) store.
+
+The arrays' first axis counts the captures.  ``capture`` (its place), ``status``, ``reason``,
+``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went; every map that the
+graph puts out (``height``, ``shadow``, …) is an array of that name with ``unit`` and ``dims``
+among its attributes.  A chunk of captures is one shard, so that one worker writes it alone,
+and one capture can be read without the others.
+"""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+from zarr.codecs import BloscCodec
+
+from tactograph.graph.batch.captures import is_url
+from tactograph.graph.errors import InputError
+
+FORMAT = 1
+PENDING, DONE, FAILED = 0, 1, 2
+STATUS = ("pending", "done", "failed")
+_WORDS = ("capture", "reason", "figures", "warnings")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Everything that decides what a capture gives, and how the captures are cut up.
+
+    `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
+    capture; `folders` where results go as folders, None if maps go into the store.
+    """
+
+    graph: str
+    name: str
+    hash: str
+    given: dict[str, Any]
+    inputs: dict[str, str]
+    param: str
+    maps: tuple[str, ...]
+    chunk: int
+    backend: str | None = None
+    device: str | None = None
+    strict: bool = False
+    folders: str | None = None
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What must not change between the parts of one store."""
+        same = ("hash", "given", "inputs", "param", "maps", "chunk", "backend", "folders")
+        return {name: value for name, value in asdict(self).items() if name in same}
+
+
+@dataclass(frozen=True)
+class MapType:
+    """Shape, element type and unit of one of the graph's outputs."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    unit: str
+    dims: tuple[str, ...]
+
+
+@dataclass
+class Entry:
+    """What came of one capture."""
+
+    status: int
+    reason: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    milliseconds: float = float("nan")
+    maps: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+
+class Store:
+    """A batch's store, open for reading and for writing whole chunks."""
+
+    def __init__(self, group: zarr.Group) -> None:
+        self._group = group
+        try:
+            about: Any = group.attrs["tactograph"]
+            job = about["job"]
+            self.format, self.stamp = about["format"], about["stamp"]
+            self.job = Job(**{**job, "maps": tuple(job["maps"])})
+        except (KeyError, TypeError) as error:
+            raise InputError(f"{group.store_path}: no store of a batch ({error})") from None
+        if self.format != FORMAT:
+            raise InputError(f"{group.store_path}: format {self.format}; this reads {FORMAT}")
+
+    def __len__(self) -> int:
+        return int(self._array("status").shape[0])
+
+    @property
+    def captures(self) -> list[str]:
+        return [str(word) for word in np.asarray(self._array("capture")[:])]
+
+    @property
+    def statuses(self) -> NDArray[np.uint8]:
+        return np.asarray(self._array("status")[:], np.uint8)
+
+    @property
+    def has_maps(self) -> bool:
+        return all(name in self._group for name in self.job.maps)
+
+    def map_types(self) -> dict[str, MapType]:
+        """The types of the maps in the store."""
+        found = {}
+        for name in self.job.maps:
+            array = self._array(name)
+            dims: Any = array.attrs["dims"]
+            unit = str(array.attrs["unit"])
+            found[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
+        return found
+
+    def append(self, captures: Sequence[str]) -> None:
+        """Add captures, all pending, behind those that are there."""
+        start, stop = len(self), len(self) + len(captures)
+        for name in self._group.array_keys():
+            array = self._array(name)
+            array.resize((stop, *array.shape[1:]))
+        if captures:
+            self._array("capture")[start:stop] = np.array(captures, object)
+
+    def add_maps(self, types: Mapping[str, MapType]) -> None:
+        """Make the arrays for the maps, once their types are known."""
+        for name in self.job.maps:
+            if name not in self._group:
+                self._add_map(name, types[name])
+
+    def _add_map(self, name: str, kind: MapType) -> None:
+        self._group.create_array(
+            name,
+            shape=(len(self), *kind.shape),
+            dtype=kind.dtype,
+            chunks=(1, *kind.shape),
+            shards=(self.job.chunk, *kind.shape),
+            compressors=BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"),
+            fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
+            dimension_names=("capture", *kind.dims),
+            attributes={"unit": kind.unit, "dims": list(kind.dims)},
+        )
+
+    def write(self, entries: Mapping[int, Entry]) -> None:
+        """Write captures of one chunk; their status last, so that only whole ones are done."""
+        first = min(entries) // self.job.chunk * self.job.chunk
+        here = slice(first, min(first + self.job.chunk, len(self)))
+        for name in self.job.maps:
+            made = {n: e.maps[name] for n, e in entries.items() if name in e.maps}
+            if made:
+                self._merge(name, here, made)
+        self._merge("reason", here, {n: e.reason for n, e in entries.items()})
+        self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
+        self._merge("warnings", here, {n: "\n".join(e.warnings) for n, e in entries.items()})
+        self._merge("milliseconds", here, {n: e.milliseconds for n, e in entries.items()})
+        self._merge("status", here, {n: e.status for n, e in entries.items()})
+
+    def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
+        """Put values among those of the chunk that are there, and write the chunk at once."""
+        array = self._array(name)
+        block = np.asarray(array[here])
+        for number, value in values.items():
+            block[number - here.start] = value
+        array[here] = block
+
+    def read(self, number: int) -> Entry:
+        """What came of one capture, without its maps."""
+        return self.read_all(slice(number, number + 1))[0]
+
+    def read_all(self, here: slice = slice(None)) -> list[Entry]:
+        """What came of the captures, without their maps."""
+        columns = [
+            self._array(name)[here]
+            for name in ("status", "reason", "figures", "warnings", "milliseconds")
+        ]
+        return [
+            Entry(int(s), str(r), json.loads(str(f) or "{}"), str(w).splitlines(), float(ms))
+            for s, r, f, w, ms in zip(*columns, strict=True)
+        ]
+
+    def map(self, name: str, number: int) -> NDArray[Any]:
+        """One map of one capture."""
+        return np.asarray(self._array(name)[number])
+
+    def _array(self, name: str) -> zarr.Array[Any]:
+        array = self._group[name]
+        assert isinstance(array, zarr.Array)
+        return array
+
+
+def create_store(place: str, job: Job) -> Store:
+    """Make an empty store.
+
+    Raises
+    ------
+    InputError
+        If something else is there, or it cannot be written.
+    """
+    try:
+        group = zarr.create_group(_at(place), zarr_format=3)
+        group.create_array("status", shape=(0,), chunks=(job.chunk,), dtype="uint8", fill_value=0)
+        group.create_array(
+            "milliseconds", shape=(0,), chunks=(job.chunk,), dtype="float32", fill_value=np.nan
+        )
+        for name in _WORDS:
+            group.create_array(name, shape=(0,), chunks=(job.chunk,), dtype=str, fill_value="")
+        about = {"format": FORMAT, "stamp": uuid.uuid4().hex, "job": asdict(job)}
+        group.attrs["tactograph"] = json.loads(json.dumps(about))
+    except (OSError, ValueError, ImportError) as error:
+        raise InputError(f"{place}: cannot be made: {error}") from None
+    return Store(group)
+
+
+def open_store(place: str) -> Store | None:
+    """Open a store, or return None if nothing is there.
+
+    Raises
+    ------
+    InputError
+        If something else is there.
+    """
+    try:
+        return Store(zarr.open_group(_at(place), mode="r+"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, ImportError) as error:
+        raise InputError(f"{place}: no store of a batch: {error}") from None
+
+
+def _at(place: str) -> Any:
+    return place if is_url(place) else zarr.storage.LocalStore(place)

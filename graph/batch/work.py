@@ -1,0 +1,175 @@
+"""What a worker does: open the graph once, then chunk after chunk."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tactograph.graph.batch.captures import at_hand, kept_at_hand
+from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
+from tactograph.graph.errors import InputError, NodeError, TactographError
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import Pipeline, Result, open_pipeline
+
+_mine = threading.local()
+"""The pipeline that this thread keeps: a pipeline belongs to one thread."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Captures that one worker does and writes together."""
+
+    out: str
+    stamp: str
+    captures: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How a chunk went."""
+
+    done: int = 0
+    failed: int = 0
+    reason: str = ""
+
+
+def do_chunk(chunk: Chunk) -> Tally:
+    """Reconstruct the captures of a chunk and write them into the store.
+
+    What another worker has done in the meantime is not done again.  A capture that fails is
+    written down with its reason.
+
+    Raises
+    ------
+    InputError
+        If the store has gone, or its graph cannot be opened here.
+    """
+    store, pipeline = _opened(chunk.out, chunk.stamp)
+    open_ones = [(n, place) for n, place in chunk.captures if store.read(n).status != DONE]
+    types = store.map_types()
+    entries = {n: _attempt(pipeline, store.job, place, types) for n, place in open_ones}
+    if entries:
+        store.write(entries)
+    reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
+    done = len(chunk.captures) - len(reasons)
+    return Tally(done, len(reasons), reasons[0] if reasons else "")
+
+
+def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, MapType]:
+    """The types of the graph's maps, from the first of the captures that can be done.
+
+    Raises
+    ------
+    InputError
+        If none can.
+    """
+    store, pipeline = _opened(out, stamp)
+    reason = ""
+    for place in captures:
+        try:
+            result = _run(pipeline, store.job, place)
+        except TactographError as error:
+            reason = str(error)
+            continue
+        return {name: _type_of(result, name) for name in store.job.maps}
+    raise InputError(f"none of the first {len(captures)} captures can be done; the last: {reason}")
+
+
+def fail_chunk(chunk: Chunk, reason: str) -> Tally:
+    """Write down that a chunk's captures could not be done."""
+    store = open_store(chunk.out)
+    assert store is not None
+    store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})
+    return Tally(0, len(chunk.captures), reason)
+
+
+def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
+    if getattr(_mine, "stamp", None) != (out, stamp):
+        store = open_store(out)
+        if store is None or store.stamp != stamp:
+            raise InputError(f"{out}: the store of this batch is not there (any more)")
+        _mine.store, _mine.pipeline = store, _open(store.job)
+        _mine.stamp = out, stamp
+    return _mine.store, _mine.pipeline
+
+
+def _open(job: Job) -> Pipeline:
+    with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
+        file = Path(folder) / f"{job.name}.yaml"
+        file.write_text(job.graph, encoding="utf-8")
+        graph = replace(read_graph(str(file)), places={})
+    paths = {name for name, param in graph.params.items() if param.kind == "path"}
+    given = {
+        name: kept_at_hand(value) if name in paths and value is not None else value
+        for name, value in job.given.items()
+    }
+    return open_pipeline(
+        graph,
+        given,
+        backend=job.backend,
+        device=job.device,
+        strict=job.strict,
+        sinks=job.folders is not None,
+    )
+
+
+def _attempt(pipeline: Pipeline, job: Job, place: str, types: dict[str, MapType]) -> Entry:
+    start = time.perf_counter()
+    try:
+        result = _run(pipeline, job, place)
+        maps = {name: result[name] for name in job.maps}
+        for name, array in maps.items():
+            if array.shape != types[name].shape:
+                raise InputError(
+                    f"{place}: '{name}' is {_by(array.shape)}, but the store holds "
+                    f"{_by(types[name].shape)}; give images of another size another --out"
+                )
+    except TactographError as error:
+        return Entry(FAILED, str(error))
+    except MemoryError:
+        return Entry(FAILED, f"{place}: out of memory")
+    figures = {
+        name: float(figure)
+        for value in result.outputs.values()
+        if isinstance(value, dict)
+        for name, figure in value.items()
+    }
+    spent = 1e3 * (time.perf_counter() - start)
+    return Entry(DONE, "", figures, result.warnings, spent, maps)
+
+
+def _run(pipeline: Pipeline, job: Job, place: str) -> Result:
+    with at_hand(place) as folder:
+        aims = {job.param: folder}
+        if job.folders is not None:
+            aims["out"] = str(Path(job.folders) / _folder_name(place))
+        pipeline.aim(**aims)
+        results = list(pipeline.items())
+    if len(results) != 1:
+        raise InputError(
+            f"{place}: holds {len(results)} captures; let --over match each of them, "
+            f"as in --over '{place}/*'"
+        )
+    return results[0]
+
+
+def _folder_name(place: str) -> str:
+    """Where a capture's results go below the batch's folder: its path without the root."""
+    return place.partition("://")[2] or place.lstrip("/")
+
+
+def _type_of(result: Result, name: str) -> MapType:
+    value = result.plan.outputs[name]
+    port = result.plan.tasks[value.node].node.outputs[value.port]
+    if result[name] is None:
+        raise NodeError(f"{result.plan.graph.name}: its output '{name}' may be absent")
+    dims = tuple(str(dim) for dim in port.dims)
+    return MapType(result[name].shape, str(result[name].dtype), port.unit, dims)
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))

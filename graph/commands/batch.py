@@ -1,0 +1,180 @@
+"""``tactograph batch``: many captures into one store."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tactograph.graph.commands import run_options
+
+if TYPE_CHECKING:
+    from tactograph.graph.batch.batch import Workers
+    from tactograph.graph.batch.store import Store
+    from tactograph.graph.batch.work import Tally
+
+EVERY = 10.0
+"""Seconds between two lines where no bar can be drawn."""
+
+
+@click.command("batch", short_help="Run a graph over many captures, into one store.")
+@click.argument("graph")
+@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@click.option(
+    "--over", multiple=True, required=True, metavar="PATTERN",
+    help="Captures, such as 'recordings/**/capture_*' (quoted), or URLs.",
+)  # fmt: skip
+@click.option(
+    "--out", required=True, metavar="PLACE",
+    help="NAME.zarr, a path or URL, for one store; else a folder of result folders.",
+)  # fmt: skip
+@click.option("--param", default="capture", show_default=True, help="Takes the capture.")
+@click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
+@click.option(
+    "--chunk", type=click.IntRange(1), default=16, show_default=True,
+    help="Captures that are done and written together.",
+)  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True,
+              help="Processes on this machine.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://host:port.")
+@click.option("--scheduler-file", metavar="FILE", help="The file a Dask scheduler wrote.")
+@click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
+@run_options
+def command(
+    graph: str,
+    values: tuple[str, ...],
+    over: tuple[str, ...],
+    out: str,
+    param: str,
+    maps: str | None,
+    chunk: int,
+    workers: int,
+    scheduler: str | None,
+    scheduler_file: str | None,
+    retry_failed: bool,
+    settings: tuple[str, ...],
+    backend: str | None,
+    device: str | None,
+    strict: bool,
+) -> None:
+    """Run GRAPH over every capture that a pattern matches.
+
+    Stopped anywhere, the same command goes on where it was.  A capture that fails is written
+    down with its reason; exit code 1 says that there are some.
+    """
+    from tactograph.graph.batch.batch import (
+        make_job,
+        open_batch,
+        open_chunks,
+        run_batch,
+        store_place,
+    )
+    from tactograph.graph.batch.captures import find_captures
+    from tactograph.graph.given import read_settings, read_words
+    from tactograph.graph.read import read_graph
+    from tactograph.graph.run import with_changes
+
+    read = with_changes(read_graph(graph), read_settings(settings))
+    job = make_job(
+        read,
+        read_words(read, values),
+        out=out,
+        param=param,
+        maps=maps.split(",") if maps else None,
+        chunk=chunk,
+        backend=backend,
+        device=device,
+        strict=strict,
+    )
+    captures = find_captures(over)
+    place = store_place(out, job)
+    store = open_batch(out, job, captures)
+    chunks = open_chunks(place, store, retry_failed=retry_failed)
+    to_do = sum(len(each.captures) for each in chunks)
+    who = _workers(workers, scheduler, scheduler_file)
+    click.echo(f"{len(store)} captures, {len(store) - to_do} of them finished before; {who.name}")
+    _show(run_batch(place, store, chunks, who), to_do)
+    failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
+    if failed:
+        raise SystemExit(1)
+
+
+def _workers(number: int, scheduler: str | None, scheduler_file: str | None) -> Workers:
+    from tactograph.graph.errors import InputError
+
+    if scheduler or scheduler_file:
+        if number > 1 or (scheduler and scheduler_file):
+            raise InputError("say one of --workers, --scheduler and --scheduler-file")
+        from tactograph.graph.batch.cluster import Cluster
+
+        return Cluster(scheduler, scheduler_file, tell=partial(click.echo, err=True))
+    if number > 1:
+        from tactograph.graph.batch.processes import Processes
+
+        return Processes(number)
+    from tactograph.graph.batch.serial import Serial
+
+    return Serial()
+
+
+def _show(tallies: Iterator[Tally], total: int) -> None:
+    """A bar with rate and time left, or a line now and then where nobody watches."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as TimeLeft
+
+    console = Console(stderr=True)
+    columns = (
+        BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]:.1f} captures/s"),
+        TimeLeft(), TextColumn("{task.fields[failed]} failed"),
+    )  # fmt: skip
+    start = said = time.monotonic()
+    done = failed = 0
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("", total=total, rate=0.0, failed=0)
+        for tally in tallies:
+            done, failed = done + tally.done, failed + tally.failed
+            now = time.monotonic()
+            rate = (done + failed) / max(now - start, 1e-9)
+            progress.update(bar, completed=done + failed, rate=rate, failed=failed)
+            if not console.is_terminal and now - said > EVERY:
+                left = (total - done - failed) / rate
+                console.print(
+                    f"{done + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
+                    f"{left:.0f} s left"
+                )
+                said = now
+
+
+def _conclude(store: Store, out: str) -> int:
+    """Write the table beside the store, say how it went, and return how many failed."""
+    from tactograph.graph.batch.captures import is_url
+    from tactograph.graph.batch.store import FAILED, STATUS
+    from tactograph.graph.whole import whole_file
+
+    entries = store.read_all()
+    failures = [(c, e) for c, e in zip(store.captures, entries, strict=True) if e.status == FAILED]
+    for capture, entry in failures[:10]:
+        click.echo(f"failed: {capture}: {entry.reason}", err=True)
+    if len(failures) > 10:
+        click.echo(f"failed: {len(failures) - 10} more, see the table", err=True)
+    if not is_url(out):
+        figures = sorted({name for entry in entries for name in entry.figures})
+        table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
+        with whole_file(table) as file, file.open("w", newline="") as stream:
+            writer = csv.writer(stream)
+            writer.writerow(["number", "capture", "status", "milliseconds", *figures, "reason"])
+            for number, (capture, entry) in enumerate(zip(store.captures, entries, strict=True)):
+                row = [entry.figures.get(name, "") for name in figures]
+                writer.writerow(
+                    [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
+                     entry.reason]
+                )  # fmt: skip
+        click.echo(f"table: {table}")
+    click.echo(f"{len(entries) - len(failures)} done, {len(failures)} failed")
+    return len(failures)

@@ -1,0 +1,1 @@
+"""Batches: every capture once, whatever dies."""

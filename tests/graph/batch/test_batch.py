@@ -1,0 +1,359 @@
+"""Batches: every capture once and as if it were alone, whatever fails, stops or dies."""
+
+from __future__ import annotations
+
+import csv
+import multiprocessing
+import os
+import re
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import fsspec
+import numpy as np
+import pytest
+import zarr
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.graph.batch import work
+from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
+from tactograph.graph.batch.captures import find_captures
+from tactograph.graph.batch.processes import Processes
+from tactograph.graph.batch.serial import Serial
+from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, open_store
+from tactograph.graph.batch.work import Chunk, Tally, do_chunk
+from tactograph.graph.read import read_graph
+from tests.graph.conftest import Command, Write
+
+LIT = """
+format: 1
+title: Which pixels are lit
+params:
+  capture: {kind: path}
+  level:   {kind: number, default: 0.5}
+  out:     {kind: path, default: out}
+prefer: [numpy]
+nodes:
+  frames: {op: read_capture, with: {folder: $capture}}
+  lit:    {op: label_lit, in: {light: frames.image}, with: {black: $level}}
+outputs: {lit: lit}
+"""
+
+
+def make_capture(folder: Path, seed: int, size: tuple[int, int] = (6, 7)) -> Path:
+    """Three images of noise."""
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(seed)
+    for led in (1, 2, 3):
+        cv2.imwrite(str(folder / f"led{led}.png"), rng.integers(1, 255, size, np.uint8))
+    return folder
+
+
+def expected(capture: Path, level: float = 0.5) -> NDArray[np.uint8]:
+    """The labels of a capture, worked out here."""
+    images = [cv2.imread(str(capture / f"led{k}.png"), -1) for k in (1, 2, 3)]
+    bits = [(image / np.float32(255) > np.float32(level)) << k for k, image in enumerate(images)]
+    return np.asarray(sum(bits), np.uint8)
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> list[Path]:
+    return [make_capture(tmp_path / "day" / f"capture_{n:02}", n) for n in range(7)]
+
+
+@pytest.fixture
+def graph(write: Write) -> str:
+    return write(LIT, "lit.yaml")
+
+
+@pytest.fixture
+def over(tmp_path: Path) -> str:
+    return str(tmp_path / "day" / "*")
+
+
+def lit(store: Store, number: int) -> NDArray[np.uint8]:
+    return store.map("lit", number)
+
+
+def opened(place: Path | str) -> Store:
+    store = open_store(str(place))
+    assert store is not None
+    return store
+
+
+def batch(tactograph: Command, graph: str, over: str, out: Path, *more: object) -> tuple[int, str]:
+    outcome = tactograph("batch", graph, "--over", over, "--out", out, "--chunk", 3, *more)
+    return outcome.code, outcome.err
+
+
+def test_every_capture_is_in_the_store_as_if_it_were_alone(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr") == (0, "")
+    store = opened(tmp_path / "out.zarr")
+    assert store.captures == list(map(str, captures))
+    assert list(store.statuses) == [DONE] * 7
+    for number, capture in enumerate(captures):
+        np.testing.assert_array_equal(lit(store, number), expected(capture))
+
+
+def test_the_store_reads_without_this_package(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    group = zarr.open_group(str(tmp_path / "out.zarr"), mode="r")
+    array = group["lit"]
+    assert isinstance(array, zarr.Array)
+    assert array.shape == (7, 6, 7)
+    assert array.chunks == (1, 6, 7), "one capture is read without the others"
+    assert array.attrs["unit"] == "LED bits"
+
+
+def test_what_is_finished_is_not_done_again(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    make_capture(tmp_path / "day" / "capture_99", 99)
+    ran: list[str] = []
+    attempt = work._attempt
+    monkeypatch.setattr(
+        work, "_attempt", lambda p, job, place, t: (ran.append(place), attempt(p, job, place, t))[1]
+    )
+    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    assert [Path(place).name for place in ran] == ["capture_99"]
+    np.testing.assert_array_equal(
+        lit(opened(tmp_path / "out.zarr"), 7), expected(tmp_path / "day" / "capture_99")
+    )
+
+
+def test_a_capture_that_fails_is_told_and_stops_no_other(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    (captures[2] / "led2.png").write_bytes(b"no image")
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    assert code == 1
+    assert "capture_02/led2.png: not an image" in err
+    store = opened(tmp_path / "out.zarr")
+    assert list(store.statuses) == [DONE, DONE, FAILED, DONE, DONE, DONE, DONE]
+    with (tmp_path / "out.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [row["status"] for row in rows].count("failed") == 1
+    assert "not an image" in rows[2]["reason"]
+
+
+def test_failed_captures_are_done_again_only_when_asked(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    whole = (captures[2] / "led2.png").read_bytes()
+    (captures[2] / "led2.png").write_bytes(b"no image")
+    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    (captures[2] / "led2.png").write_bytes(whole)
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr")[0] == 1
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--retry-failed")[0] == 0
+    np.testing.assert_array_equal(lit(opened(tmp_path / "out.zarr"), 2), expected(captures[2]))
+
+
+def test_images_of_another_size_fail_and_leave_the_store_as_it_was(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    make_capture(tmp_path / "day" / "capture_99", 99, size=(5, 5))
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    assert code == 1
+    assert "5 x 5, but the store holds 6 x 7" in err
+
+
+def test_a_folder_of_captures_is_no_capture(
+    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path
+) -> None:
+    code, err = batch(tactograph, graph, str(tmp_path / "da*"), tmp_path / "out.zarr")
+    assert code == 2
+    assert "holds 7 captures; let --over match each of them" in err
+
+
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [
+        (["level=0.25"], "other values of level"),
+        (["--set", "lit.black=0.25"], "another graph"),
+        (["--chunk", "4"], r"another chunk \(3\)"),
+    ],
+)
+def test_a_store_takes_no_captures_of_another_kind(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    more: list[str],
+    what: str,
+) -> None:
+    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr", *more)
+    assert code == 2
+    assert re.search(what, err)
+
+
+def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, write: Write) -> None:
+    graph = read_graph(
+        write(LIT.replace("  level:", "  notes:   {kind: path, default: null}\n  level:"))
+    )
+    notes = tmp_path / "notes"
+    jobs = []
+    for text in ("one", "another"):
+        notes.write_text(text)
+        jobs.append(make_job(graph, {"notes": str(notes)}, out="x.zarr"))
+    assert jobs[0].identity != jobs[1].identity
+
+
+def test_a_chunk_that_was_half_written_is_done_again(
+    graph: str, over: str, captures: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    merge = Store._merge
+
+    def dies(self: Store, name: str, here: slice, values: object) -> None:
+        if name == "status" and here.start == 3:
+            raise KeyboardInterrupt
+        merge(self, name, here, values)  # type: ignore[arg-type]
+
+    out = str(tmp_path / "out.zarr")
+    job = make_job(read_graph(graph), {}, out=out, chunk=3)
+    store = open_batch(out, job, find_captures([over]))
+    monkeypatch.setattr(Store, "_merge", dies)
+    with pytest.raises(KeyboardInterrupt):
+        list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
+    assert list(opened(out).statuses) == [DONE] * 3 + [PENDING] * 4
+    monkeypatch.setattr(Store, "_merge", merge)
+    store = open_batch(out, job, find_captures([over]))
+    list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
+    assert list(store.statuses) == [DONE] * 7
+    np.testing.assert_array_equal(lit(store, 4), expected(captures[4]))
+
+
+def test_results_may_go_into_folders(
+    toys: list[str],
+    tactograph: Command,
+    write: Write,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+) -> None:
+    saving = "  save: {op: filed, in: {image: frames.image}, with: {folder: $out}}\noutputs:"
+    graph = write(LIT.replace("outputs:", saving), "lit.yaml")
+    assert batch(tactograph, graph, over, tmp_path / "folders") == (0, "")
+    for capture in captures:
+        folder = tmp_path / "folders" / str(capture).lstrip("/")
+        np.testing.assert_array_equal(np.load(folder / "image.npy").shape, (3, 6, 7))
+    assert (tmp_path / "folders" / "captures.csv").is_file()
+
+
+def test_folders_need_a_graph_that_writes(
+    tactograph: Command, write: Write, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    graph = write(LIT.replace("  out:     {kind: path, default: out}\n", ""), "lit.yaml")
+    code, err = batch(tactograph, graph, over, tmp_path / "folders")
+    assert code == 2
+    assert "else give a store, NAME.zarr" in err
+
+
+def test_captures_and_store_may_lie_elsewhere(graph: str, captures: list[Path]) -> None:
+    system = fsspec.filesystem("memory")
+    for capture in captures[:2]:
+        system.put(str(capture), f"/lab/{capture.name}", recursive=True)
+    out = "memory://results.zarr"
+    job = make_job(read_graph(graph), {}, out=out)
+    store = open_batch(out, job, find_captures(["memory://lab/*"]))
+    list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
+    assert store.captures == ["memory:///lab/capture_00", "memory:///lab/capture_01"]
+    np.testing.assert_array_equal(lit(store, 1), expected(captures[1]))
+
+
+def test_a_pattern_that_matches_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nothing is there"):
+        find_captures([str(tmp_path / "none*")])
+
+
+def test_an_output_that_is_not_there_is_refused(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr", "--maps", "lid")
+    assert code == 2
+    assert "did you mean 'lit'" in err
+
+
+def test_what_is_no_store_is_not_written_into(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    zarr.create_group(str(tmp_path / "other.zarr"))
+    code, err = batch(tactograph, graph, over, tmp_path / "other.zarr")
+    assert code == 2
+    assert "no store of a batch" in err
+
+
+@pytest.fixture
+def killer() -> Iterator[list[int]]:
+    """Kill a child of this process once; return whom."""
+    killed: list[int] = []
+    stop = threading.Event()
+
+    def kill() -> None:
+        while not killed and not stop.wait(1.0):
+            for child in multiprocessing.active_children()[:1]:
+                if child.pid is not None:
+                    os.kill(child.pid, signal.SIGKILL)
+                    killed.append(child.pid)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    yield killed
+    stop.set()
+    thread.join()
+
+
+def test_captures_survive_the_death_of_processes(
+    graph: str, tmp_path: Path, killer: list[int]
+) -> None:
+    made = [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(60)]
+    out = str(tmp_path / "out.zarr")
+    job = make_job(read_graph(graph), {}, out=out, chunk=2)
+    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]))
+    workers = Processes(2)
+    start = time.monotonic()
+    done = 0
+    for tally in run_batch(out, store, open_chunks(out, store, retry_failed=False), workers):
+        done += tally.done
+        while len(killer) < 1 and time.monotonic() - start < 20:
+            time.sleep(0.05)
+    assert killer, "nobody was killed; the test says nothing"
+    assert done == 60
+    for number, capture in enumerate(made):
+        np.testing.assert_array_equal(lit(store, number), expected(capture))
+
+
+def poisoned(chunk: Chunk) -> Tally:
+    """Do a chunk, unless it holds capture 3, which ends the process."""
+    if any(number == 3 for number, _ in chunk.captures):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return do_chunk(chunk)
+
+
+def test_a_capture_that_kills_its_process_is_found_out(
+    graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    out = str(tmp_path / "out.zarr")
+    store = open_batch(
+        out, make_job(read_graph(graph), {}, out=out, chunk=1), find_captures([over])
+    )
+    chunks = open_chunks(out, store, retry_failed=False)
+    list(run_batch(out, store, chunks, Processes(2, poisoned)))
+    assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
+    assert "its process died" in store.read(3).reason

@@ -1,0 +1,127 @@
+"""The same on a Dask cluster: workers may die, the scheduler may go, the client may come back."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
+from tactograph.graph.batch.captures import find_captures
+from tactograph.graph.batch.cluster import Cluster
+from tactograph.graph.batch.store import DONE, Store
+from tactograph.graph.batch.work import Chunk
+from tactograph.graph.read import read_graph
+from tests.graph.batch.test_batch import LIT, expected, lit, make_capture
+from tests.graph.conftest import Write
+
+START = "from distributed.cli.dask_{0} import main; main()"
+
+
+class Machines:
+    """A scheduler and two workers, each a process of its own."""
+
+    def __init__(self) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        self.port = self.address.rpartition(":")[2]
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", self.port)
+        self.workers = [self.start_worker() for _ in range(2)]
+
+    def start_worker(self) -> subprocess.Popen[bytes]:
+        return self._start(
+            "worker", self.address, "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny"
+        )
+
+    def restart_scheduler(self) -> None:
+        self.scheduler.kill()
+        self.scheduler.wait()
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", self.port)
+
+    def close(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+    def _start(self, what: str, *words: str) -> subprocess.Popen[bytes]:
+        extra = ["--no-dashboard"] if what == "scheduler" else []
+        return subprocess.Popen(
+            [sys.executable, "-c", START.format(what), *words, *extra],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=Path(__file__).parents[3],
+        )
+
+
+@pytest.fixture
+def machines() -> Iterator[Machines]:
+    made = Machines()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> list[Path]:
+    return [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(40)]
+
+
+def begin(graph: str, tmp_path: Path) -> tuple[str, Store, list[Chunk]]:
+    out = str(tmp_path / "out.zarr")
+    job = make_job(read_graph(graph), {}, out=out, chunk=2)
+    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]))
+    return out, store, open_chunks(out, store, retry_failed=False)
+
+
+def assert_whole(store: Store, captures: list[Path]) -> None:
+    assert list(store.statuses) == [DONE] * len(captures)
+    for number, capture in enumerate(captures):
+        np.testing.assert_array_equal(lit(store, number), expected(capture))
+
+
+def test_a_batch_outlives_its_workers_and_its_scheduler(
+    write: Write, tmp_path: Path, captures: list[Path], machines: Machines
+) -> None:
+    out, store, chunks = begin(write(LIT, "lit.yaml"), tmp_path)
+    cluster = Cluster(machines.address)
+    tallies = run_batch(out, store, chunks, cluster)
+    next(tallies)
+    os.kill(machines.workers[0].pid, signal.SIGKILL)
+    machines.workers.append(machines.start_worker())
+    next(tallies)
+    machines.restart_scheduler()
+    machines.workers += [machines.start_worker(), machines.start_worker()]
+    list(tallies)
+    cluster.close()
+    assert_whole(store, captures)
+
+
+def test_a_client_that_comes_back_goes_on_where_it_was(
+    write: Write, tmp_path: Path, captures: list[Path], machines: Machines
+) -> None:
+    out, store, chunks = begin(write(LIT, "lit.yaml"), tmp_path)
+    cluster = Cluster(machines.address)
+    next(run_batch(out, store, chunks, cluster))
+    cluster.close()
+    time.sleep(0.2)
+    out, store, left = begin(write(LIT, "lit.yaml"), tmp_path)
+    assert len(left) < len(chunks), "nothing was done; the test says nothing"
+    list(run_batch(out, store, left, Cluster(machines.address)))
+    assert_whole(store, captures)
+
+
+def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tactograph.graph.batch import cluster
+
+    monkeypatch.setattr(cluster, "ANSWER", 0.5)
+    with pytest.raises(InputError, match="no scheduler answers"):
+        Cluster("tcp://127.0.0.1:9")
