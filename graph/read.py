@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -105,7 +106,9 @@ class GraphModel(_Strict):
     )
     nodes: dict[Name, NodeModel] | None = None
     patch: list[PatchModel] | None = None
-    outputs: dict[Name, Reference] = {}
+    outputs: dict[Name, Reference | None] = Field(
+        {}, description="null, with `extends`: the other graph's output is not wanted."
+    )
 
 
 def shipped_names() -> list[str]:
@@ -184,7 +187,7 @@ def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
         params={**parent.params, **_params(model, document)},
         prefer=tuple(model.prefer) if model.prefer is not None else parent.prefer,
         nodes=parent.nodes,
-        outputs={**parent.outputs, **model.outputs},
+        outputs=_wanted({**parent.outputs, **model.outputs}),
         places={**parent.places, **_places(document, ())},
     )
     for index, change in enumerate(model.patch or []):
@@ -215,9 +218,14 @@ def _flat(model: GraphModel, document: Document, file: Path) -> Graph:
             )
             for node_id, node in model.nodes.items()
         },
-        outputs=dict(model.outputs),
+        outputs=_wanted(model.outputs),
         places=_places(document, ()),
     )
+
+
+def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
+    """The outputs without those that a variant gives as null."""
+    return {name: reference for name, reference in outputs.items() if reference is not None}
 
 
 def _places(document: Document, path: Path_) -> dict[str, Place]:

@@ -25,6 +25,8 @@ Plane = NDArray[np.uint8] | NDArray[np.uint16]
 
 PAUSE = 0.1
 """Seconds between two attempts to open a camera."""
+NET_TIMEOUTS = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 1000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000)
+"""OpenCV's own are half a minute."""
 FILES = ("FFMPEG", "CV_MJPEG", "CV_IMAGES", "GSTREAMER")
 """Back ends whose pictures come from files or the net: they have no exposure to set."""
 
@@ -63,9 +65,12 @@ class Shot(NamedTuple):
 
 def open_capture(camera: int | str) -> Capture:
     """Open a camera by index, path or URL; it may turn out not to be opened."""
-    if isinstance(camera, str) and camera.isdecimal():
-        camera = int(camera)
-    return cv2.VideoCapture(camera)
+    text = str(camera)
+    if text.isdecimal():
+        return cv2.VideoCapture(int(text))
+    if "://" in text:
+        return cv2.VideoCapture(text, cv2.CAP_FFMPEG, list(NET_TIMEOUTS))
+    return cv2.VideoCapture(text)
 
 
 def settle(capture: Capture, wanted: Wanted) -> list[str]:
@@ -171,6 +176,30 @@ class Camera:
             self._lost()
             self._start()
         return shots
+
+    def check(self, wait: float) -> None:
+        """Wait for a first frame, and see that it has the size that is wanted.
+
+        Raises
+        ------
+        InputError
+            If the camera cannot be opened, delivers nothing, or another size.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._shots or self.ended, wait)
+            first = self._shots[0] if self._shots else None
+        if first is None:
+            why = "delivers no frame" if self.connections else "cannot be opened"
+            raise InputError(
+                f"the camera {why}; look at its cable, whether another program has it, and "
+                "whether you are in the group 'video'"
+            )
+        height, width = first.data.shape
+        if (width, height) != (self._wanted.width, self._wanted.height):
+            raise InputError(
+                f"the camera delivers {width} x {height} pixels, but the calibration is for "
+                f"{self._wanted.width} x {self._wanted.height}; calibrate with this camera"
+            )
 
     def reopen(self) -> None:
         """Open the camera again, as after a failure."""

@@ -30,13 +30,18 @@ class RawFrame:
 
 @dataclass
 class LiveState:
-    """What a stream has counted so far: frames, touches, drops, and every fault by name."""
+    """What a stream has counted so far: frames, touches, drops, and every fault by name.
+
+    `motion` is the largest change of the light, 1 on the film at rest, from one cycle of the
+    LEDs to the next.
+    """
 
     frames: int = 0
     touches: int = 0
     dropped: int = 0
     faults: Counter[str] = field(default_factory=Counter)
     settings: dict[str, Any] = field(default_factory=dict)
+    motion: float = 0.0
 
 
 class Touch(NamedTuple):

@@ -151,6 +151,10 @@ class SimulatedSensor:
         x, y = scene.path_mm * math.cos(turn), scene.path_mm * math.sin(turn)
         return x, y, scene.depth_mm * down
 
+    def truth(self, end: float) -> F4:
+        """The true height, H x W in mm, of a frame whose exposure ended at `end`."""
+        return self.true_height(end - 0.5 * (self.scene.exposure_s + self.scene.readout_s))
+
     def true_height(self, moment: float) -> F4:
         """H x W, mm, at a moment."""
         height = np.zeros(self._flat.shape[1:], np.float32)

@@ -132,6 +132,14 @@ def test_a_variant_says_only_where_it_differs(write: Write) -> None:
     assert variant.hash != base.hash
 
 
+def test_a_variant_does_without_an_output(write: Write) -> None:
+    base = read_graph(write(SLOPES, "base.yaml"))
+    variant = read_graph(
+        write("format: 1\nextends: base.yaml\noutputs: {mask: null}", "variant.yaml")
+    )
+    assert set(variant.outputs) == set(base.outputs) - {"mask"}
+
+
 def test_a_variant_of_a_variant_works(write: Write) -> None:
     write(SLOPES, "base.yaml")
     write("format: 1\nextends: base.yaml\npatch: [{set: pixel, with: {mm: 0.2}}]", "first.yaml")

@@ -1,0 +1,212 @@
+"""The stream of touches: frames are matched and assembled, faults counted and told."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from tactograph.graph import warn
+from tactograph.nodes._assemble import Assembler, Refresh
+from tactograph.nodes._camera import Shot
+from tactograph.nodes._frames import LiveState, RawFrame, Touch
+from tactograph.nodes._match_frames import Matcher
+from tactograph.nodes._sensor import Sensor
+
+LOG = logging.getLogger("tactograph")
+AGAIN_S = 2.0
+"""A fault that goes on is told again after so many seconds."""
+SILENCE_S = 0.7
+"""Without a touch for so long, faults are told at once instead of with the next touch."""
+REOPEN_S = 0.3
+"""Time between two attempts to get the right size out of a camera."""
+MIXED_CYCLES = 1.5
+"""After so many cycles in which no LED is seen alone, the cycle is shifted."""
+
+SAYS = {
+    "mixed": "a frame shows LED {led} and another one, or LED {led} in some rows only: discarded",
+    "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
+    "covered": "a frame does not show the film: discarded; is the lens covered?",
+    "doubled": "the camera delivered a frame twice: discarded",
+    "dark": "a frame is dark: discarded; LED {led} was due",
+    "burnt out": "LED {led} stays dark: going on without it; look at its wires",
+    "swapped": "a frame shows LED {led} out of turn: discarded",
+    "late": "a frame of LED {led} came late: discarded",
+    "slipped": "camera and LED controller are out of step: matching them anew",
+    "shifted": "camera and LEDs overlap: the LEDs' cycle is shifted",
+    "wrong size": "the camera delivers another size than the calibration's: opening it again",
+    "lost": "frames are missing",
+    "moved": "the light changes faster than the LEDs take turns: heights are smeared",
+    "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
+    "camera lost": "the camera is gone: looking for it until it is back",
+    "controller lost": "the LED controller is gone: looking for it until it is back",
+    "controller reset": "the LED controller was reset: its cycle is started again",
+}
+"""What every fault is, in one line."""
+
+
+@dataclass
+class Stream:
+    """Turns a sensor's frames into touches.
+
+    Parameters
+    ----------
+    sensor
+        Camera, LEDs and film; not closed here.
+    refresh, full
+        As for `Assembler`.
+    motion_limit, skip_moving
+        Change of the light within a cycle above which a touch counts as moved, and whether
+        it is left out then.
+    state
+        What is counted.
+    """
+
+    sensor: Sensor
+    refresh: Refresh = "rolling"
+    full: float = 0.0
+    motion_limit: float = 0.1
+    skip_moving: bool = False
+    state: LiveState = field(default_factory=LiveState)
+
+    def __post_init__(self) -> None:
+        sensor = self.sensor
+        self._matcher = Matcher(
+            sensor.film, sensor.cycle, sensor.rate, sensor.lamps.clock, self.full
+        )
+        self._assembler = Assembler(
+            sensor.film, sensor.dark, sensor.cycle, sensor.rate, self.refresh, self.full
+        )
+        self._teller = _Teller()
+        self._counted: Counter[str] = Counter()
+        self._connected = sensor.camera.connections, sensor.lamps.starts
+        self._before: float | None = None
+        self._overlapping = 0
+        self._reopened = 0.0
+        self._new: list[RawFrame] = []
+
+    def touches(
+        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
+    ) -> Iterator[Touch]:
+        """Yield touches until the time, their number or a video file is at its end."""
+        end = None if seconds is None else time.monotonic() + seconds
+        camera = self.sensor.camera
+        while end is None or time.monotonic() < end:
+            shots = camera.shots(timeout)
+            self._supervise()
+            for shot in shots:
+                self._take(shot)
+            touch = self._touch()
+            self._teller.tell(with_item=touch is not None)
+            if touch is not None:
+                yield touch
+            if items is not None and self.state.touches >= items:
+                return
+            if camera.ended and not shots:
+                return
+
+    def _supervise(self) -> None:
+        """Count what camera and controller went through; forget frames from before it."""
+        camera, lamps = self.sensor.camera, self.sensor.lamps
+        counted = camera.faults + lamps.faults
+        for fault, times in (counted - self._counted).items():
+            self._note(fault, times=times)
+        self._counted = counted
+        self.state.dropped = camera.faults["dropped"]
+        for refused in camera.refused:
+            self._teller.add(refused)
+        camera.refused = []
+        connected = camera.connections, lamps.starts
+        if connected != self._connected:
+            self._connected = connected
+            self._restart()
+
+    def _restart(self) -> None:
+        self._matcher.restart()
+        self._assembler.restart()
+        self._before, self._overlapping = None, 0
+
+    def _take(self, shot: Shot) -> None:
+        """Match one frame; keep it, or count why not."""
+        self.state.frames += 1
+        self._count_gap(shot.time)
+        verdict = self._matcher.match(shot.data, shot.time)
+        if verdict.fault:
+            self._note(verdict.fault, verdict.about)
+        self._react(verdict.fault)
+        if verdict.led is not None:
+            frame = RawFrame(shot.number, verdict.led, shot.time, shot.data)
+            self._new.append(frame)
+            self._assembler.add(frame)
+
+    def _react(self, fault: str) -> None:
+        """Do what can be done about a fault."""
+        self._overlapping = self._overlapping + 1 if fault == "mixed" else 0
+        if self._overlapping > MIXED_CYCLES * len(self.sensor.cycle):
+            self._overlapping = 0
+            self._note("shifted")
+            self.sensor.lamps.shift()
+        if fault == "slipped":
+            self._assembler.restart()
+        if fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
+            self._reopened = time.monotonic()
+            self.sensor.camera.reopen()
+
+    def _count_gap(self, moment: float) -> None:
+        if self._before is not None:
+            missing = round((moment - self._before) * self.sensor.rate) - 1
+            if missing > 0:
+                self._note("lost", times=missing)
+        self._before = moment
+
+    def _touch(self) -> Touch | None:
+        """The touch that is due, unless it moves too fast."""
+        if not self._assembler.due:
+            return None
+        motion = self._assembler.motion
+        if motion > self.motion_limit:
+            self._note("moved")
+            if self.skip_moving:
+                return None
+        newest = self._assembler.newest
+        image, new = self._assembler.take(), self._new
+        self._new = []
+        self.state.touches += 1
+        self.state.motion = motion
+        state = replace(self.state, faults=Counter(self.state.faults))
+        truth = self.sensor.truth(newest.time) if self.sensor.truth else None
+        return Touch(image, f"{self.state.touches:06}", newest.time, new, state, truth)
+
+    def _note(self, fault: str, led: int = 0, times: int = 1) -> None:
+        self.state.faults[fault] += times
+        self._teller.add(SAYS[fault].format(led=led))
+
+
+class _Teller:
+    """Says each fault in one line: with the next touch, or at once if none comes."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, float] = {}
+        self._said: dict[str, float] = {}
+        self._item = time.monotonic()
+
+    def add(self, line: str) -> None:
+        now = time.monotonic()
+        if now - self._said.get(line, -AGAIN_S) >= AGAIN_S:
+            self._waiting.setdefault(line, now)
+
+    def tell(self, *, with_item: bool) -> None:
+        now = time.monotonic()
+        if with_item:
+            self._item = now
+        elif now - self._item < SILENCE_S:
+            return
+        for line in self._waiting:
+            self._said[line] = now
+            if with_item:
+                warn(line)
+            else:
+                LOG.warning("warning: %s", line)
+        self._waiting.clear()
