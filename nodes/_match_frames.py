@@ -46,7 +46,7 @@ MOST_SATURATED = 0.03
 """Share of pixels at full scale above which a frame is refused."""
 MOST_OF_ANOTHER = 0.12
 """Weight of a second LED, or lack of the first, above which a frame is mixed."""
-LEAST_AT_REST = 0.05
+LEAST_AT_REST = 0.15
 """Share of the film at rest below which nothing can be said at all."""
 DIMMEST, BRIGHTEST = 0.5, 1.8
 """Range of an LED's brightness, 1 as calibrated."""
@@ -54,6 +54,8 @@ FITS = 4
 """Robust fits, each leaving out what the one before did not explain."""
 STRANGE_CYCLES = 2
 """After so many cycles without a usable frame the ambient light is looked for again."""
+SLIPPED = 3
+"""So many frames out of turn in a row are no swap any more."""
 DARK_CYCLES = 3
 """An LED that stays dark so often while others light is taken to be burnt out."""
 PHASES = 8
@@ -86,7 +88,7 @@ class Sight(NamedTuple):
 
     kind: Kind
     led: int = 0
-    """The LED with the largest share; 0 unless `kind` is "one" or "mixed"."""
+    """The LED that the film is closest to; 0 unless `kind` is "one" or "mixed"."""
     gain: float = 0.0
     """Its brightness, 1 as calibrated."""
     other: int = 0
@@ -249,6 +251,8 @@ class Verdict(NamedTuple):
     fault: str = ""
     about: int = 0
     """The LED that the fault is about; 0 for none."""
+    other: int = 0
+    """The second LED of a mixed frame; 0 for none."""
 
 
 @dataclass
@@ -324,7 +328,7 @@ class Matcher:
         if sight.kind == "off":
             return self._off(data, due, time)
         if sight.kind == "mixed":
-            return Verdict(None, "mixed", sight.led)
+            return Verdict(None, "mixed", sight.led, sight.other)
         if sight.kind == "covered" or (sight.kind == "unclear" and not due):
             return Verdict(None, "covered")
         led = sight.led if sight.kind == "one" else due
@@ -349,7 +353,7 @@ class Matcher:
             self._delay.learn(led, time, self.clock)
         if due is not None and led != due and self.clock is not None:
             self._disagreed += 1
-            if self._disagreed > len(self.cycle):
+            if self._disagreed >= SLIPPED:
                 self.restart()
                 return Verdict(None, "slipped", led)
             before = self.cycle[self.cycle.index(due) - 1]

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
 from tactograph.graph import InputError
 from tactograph.nodes import Dark, Height
 from tactograph.nodes._camera import Camera, Capture, Wanted, check_camera, open_capture
+from tactograph.nodes._led_controller import (
+    ControllerLost,
+    ControllerRefused,
+    LedController,
+    open_controller,
+)
 from tactograph.nodes._match_frames import Clock, Film, make_film
 from tactograph.nodes._simulated_camera import (
     LitBetween,
@@ -20,6 +29,7 @@ from tactograph.nodes._simulated_camera import (
     SimulatedSensor,
     read_scene,
 )
+from tactograph.nodes._simulated_controller import SimulatedController
 from tactograph.nodes.read_calibration import read_calibration
 
 FREE = "none"
@@ -27,6 +37,8 @@ FREE = "none"
 SIMULATED = "simulated"
 START_S = 3.0
 """A camera has so long to deliver its first frame."""
+CHANGE_GRID = 64
+"""Moments per step at which the clock is asked for the next change."""
 
 
 class Lamps(Protocol):
@@ -42,8 +54,11 @@ class Lamps(Protocol):
     def starts(self) -> int:
         """How often the cycle was started."""
 
-    def shift(self) -> None:
-        """Start the cycle anew, some part of a step later: frames show two LEDs."""
+    def shift(self, steps: float) -> None:
+        """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
+
+    def news(self) -> list[str]:
+        """What happened since this was last asked, a line each."""
 
     def close(self) -> None:
         """Switch all LEDs off and let go of the controller."""
@@ -57,11 +72,77 @@ class FreeLamps:
     starts: int = 1
     faults: Counter[str] = field(default_factory=Counter)
 
-    def shift(self) -> None:
+    def shift(self, steps: float) -> None:
         """Not possible."""
+
+    def news(self) -> list[str]:
+        """Nothing."""
+        return []
 
     def close(self) -> None:
         """Nothing to close."""
+
+
+class ControlledLamps:
+    """LEDs that a controller steps through the cycle, one step per camera frame.
+
+    Whether a step and a frame overlap with their neighbours is not known beforehand: the
+    camera's frames say it, and `shift` moves the cycle against them.
+    """
+
+    def __init__(self, controller: LedController, cycle: Sequence[int], rate: float) -> None:
+        self._controller = controller
+        self._cycle = cycle
+        self._step = 1 / rate
+        self._shifts = 0
+        self._start()
+
+    @property
+    def clock(self) -> Clock:
+        """The controller's own."""
+        return self._controller.step_at
+
+    @property
+    def faults(self) -> Counter[str]:
+        """As the controller counts them."""
+        return self._controller.faults
+
+    @property
+    def starts(self) -> int:
+        """How often the cycle was started, by us or after a fault."""
+        return 1 + self._shifts + len(self._controller.recoveries)
+
+    def shift(self, steps: float) -> None:
+        """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
+        self._shifts += 1
+        change = self._next_change(time.monotonic() + self._step / 4)
+        if change is not None:
+            wait = change + (steps % 1) * self._step - time.monotonic()
+            # The request is on its way for half of the time that question and answer take.
+            with suppress(ControllerLost, ControllerRefused):
+                wait -= self._controller.status().round_trip_s / 2
+            time.sleep(max(wait, 0))
+        self._start()
+
+    def news(self) -> list[str]:
+        """What happened to the controller, a line each."""
+        return self._controller.news()
+
+    def close(self) -> None:
+        """LEDs off."""
+        self._controller.close()
+
+    def _start(self) -> None:
+        # A controller that is lost starts the cycle by itself once it is back.
+        with suppress(ControllerLost, ControllerRefused):
+            self._controller.start_cycle(self._cycle, step_s=self._step)
+
+    def _next_change(self, after: float) -> float | None:
+        """When the controller steps on next; None if that is not known."""
+        grid = [after + self._step * i / CHANGE_GRID for i in range(2 * CHANGE_GRID)]
+        lit = [self.clock(moment) for moment in grid]
+        pairs = pairwise(zip(grid, lit, strict=True))
+        return next((moment for (_, one), (moment, two) in pairs if one != two), None)
 
 
 @dataclass
@@ -156,12 +237,16 @@ def open_sensor(
 def _simulated_lamps(
     port: str | None, cycle: tuple[int, ...], rate: float, start: float
 ) -> tuple[Lamps, LitBetween]:
+    """LEDs of a simulated sensor, under a simulated controller or in step by themselves."""
     if port == FREE:
         return FreeLamps(), steady(cycle, rate, start)
-    raise InputError("no controller yet")
+    controller = SimulatedController(leds=max(cycle))
+    return ControlledLamps(open_controller(controller.port), cycle, rate), controller.lit_between
 
 
 def _lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
     if port == FREE:
         return FreeLamps()
-    raise InputError("no controller yet")
+    if port == SIMULATED:
+        raise InputError("port=simulated goes with camera=simulated only")
+    return ControlledLamps(open_controller(port, leds=max(cycle)), cycle, rate)

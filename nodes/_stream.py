@@ -12,7 +12,7 @@ from tactograph.graph import warn
 from tactograph.nodes._assemble import Assembler, Refresh
 from tactograph.nodes._camera import Shot
 from tactograph.nodes._frames import LiveState, RawFrame, Touch
-from tactograph.nodes._match_frames import Matcher
+from tactograph.nodes._match_frames import Matcher, Verdict
 from tactograph.nodes._sensor import Sensor
 
 LOG = logging.getLogger("tactograph")
@@ -23,7 +23,9 @@ SILENCE_S = 0.7
 REOPEN_S = 0.3
 """Time between two attempts to get the right size out of a camera."""
 MIXED_CYCLES = 1.5
-"""After so many cycles in which no LED is seen alone, the cycle is shifted."""
+"""After so many cycles in which no LED is seen alone, the LEDs' cycle is shifted."""
+SHIFT = 0.3
+"""By so much of a step: less than the exposure leaves free would be found in a few attempts."""
 
 SAYS = {
     "mixed": "a frame shows LED {led} and another one, or LED {led} in some rows only: discarded",
@@ -83,7 +85,7 @@ class Stream:
         self._counted: Counter[str] = Counter()
         self._connected = sensor.camera.connections, sensor.lamps.starts
         self._before: float | None = None
-        self._overlapping = 0
+        self._overlaps: list[int] = []
         self._reopened = 0.0
         self._new: list[RawFrame] = []
 
@@ -115,8 +117,8 @@ class Stream:
             self._note(fault, times=times)
         self._counted = counted
         self.state.dropped = camera.faults["dropped"]
-        for refused in camera.refused:
-            self._teller.add(refused)
+        for line in (*camera.refused, *lamps.news()):
+            self._teller.add(line)
         camera.refused = []
         connected = camera.connections, lamps.starts
         if connected != self._connected:
@@ -126,7 +128,8 @@ class Stream:
     def _restart(self) -> None:
         self._matcher.restart()
         self._assembler.restart()
-        self._before, self._overlapping = None, 0
+        self._before = None
+        self._overlaps.clear()
 
     def _take(self, shot: Shot) -> None:
         """Match one frame; keep it, or count why not."""
@@ -135,24 +138,36 @@ class Stream:
         verdict = self._matcher.match(shot.data, shot.time)
         if verdict.fault:
             self._note(verdict.fault, verdict.about)
-        self._react(verdict.fault)
+        self._react(verdict)
         if verdict.led is not None:
             frame = RawFrame(shot.number, verdict.led, shot.time, shot.data)
             self._new.append(frame)
             self._assembler.add(frame)
 
-    def _react(self, fault: str) -> None:
+    def _react(self, verdict: Verdict) -> None:
         """Do what can be done about a fault."""
-        self._overlapping = self._overlapping + 1 if fault == "mixed" else 0
-        if self._overlapping > MIXED_CYCLES * len(self.sensor.cycle):
-            self._overlapping = 0
+        if verdict.fault == "mixed":
+            self._overlaps.append(self._reach(verdict.about, verdict.other))
+        elif verdict.led:
+            self._overlaps.clear()
+        if len(self._overlaps) > MIXED_CYCLES * len(self.sensor.cycle):
+            later = sum(self._overlaps) >= 0
+            self._overlaps.clear()
             self._note("shifted")
-            self.sensor.lamps.shift()
-        if fault == "slipped":
+            self.sensor.lamps.shift(SHIFT if later else -SHIFT)
+        if verdict.fault == "slipped":
             self._assembler.restart()
-        if fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
+        if verdict.fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
             self._reopened = time.monotonic()
             self.sensor.camera.reopen()
+
+    def _reach(self, led: int, other: int) -> int:
+        """1 if an exposure reaches into the LED's next step, -1 if into the one before."""
+        cycle = self.sensor.cycle
+        if led not in cycle or other not in cycle:
+            return 0
+        apart = (cycle.index(other) - cycle.index(led)) % len(cycle)
+        return {1: 1, len(cycle) - 1: -1}.get(apart, 0)
 
     def _count_gap(self, moment: float) -> None:
         if self._before is not None:
