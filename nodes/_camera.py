@@ -155,11 +155,13 @@ class Camera:
         self._wanted = wanted
         self._timeout = timeout
         self._once = once
+        self._refused = False
         self._number = 0
         self._shots: deque[Shot] = deque(maxlen=queue)
         self._changed = threading.Condition()
         self._alive = time.monotonic()
         self._closed = threading.Event()
+        self._stop = threading.Event()
         self._start()
 
     def shots(self, wait: float) -> list[Shot]:
@@ -186,7 +188,7 @@ class Camera:
             If the camera cannot be opened, delivers nothing, or another size.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._shots or self.ended, wait)
+            self._changed.wait_for(lambda: self._shots or self.ended or self._refused, wait)
             first = self._shots[0] if self._shots else None
         if first is None:
             why = "delivers no frame" if self.connections else "cannot be opened"
@@ -212,8 +214,7 @@ class Camera:
         self._thread.join(self._timeout)
 
     def _start(self) -> None:
-        if self.connections:
-            self._stop.set()
+        self._stop.set()
         self._alive = time.monotonic() + 2 * self._timeout
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(self._stop,), daemon=True)
@@ -246,7 +247,10 @@ class Camera:
             capture.release()
         except cv2.error:
             pass
-        self._alive = time.monotonic()
+        with self._changed:
+            self._alive = time.monotonic()
+            self._refused = not self.connections
+            self._changed.notify()
         return None
 
     def _fetch(self, capture: Capture, stop: threading.Event) -> None:

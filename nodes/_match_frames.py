@@ -213,12 +213,13 @@ def _pair(basis: F4, target: F4, first: int, second: int) -> tuple[NDArray[np.fl
     """
     two = basis[[first, second]]
     used = np.ones(target.size, np.float32)
-    weights, off = np.zeros(2), target
+    weights: NDArray[np.float64] = np.zeros(2)
+    off = target
     for _ in range(FITS):
         weighted = two * used
         normal = (weighted @ two.T).astype(np.float64)
         normal[np.diag_indices(2)] += 1e-6 * used.size
-        weights = np.linalg.solve(normal, (weighted @ target).astype(np.float64))
+        weights[:] = np.linalg.solve(normal, (weighted @ target).astype(np.float64))
         off = np.abs(weights.astype(np.float32) @ two - target)
         used = (off < max(NOISE, 1.5 * float(np.median(off)))).astype(np.float32)
     shares = np.zeros(len(basis))

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Protocol
 
 from tactograph.graph import InputError
-from tactograph.nodes import Dark, Height
+from tactograph.nodes import Dark, Height, Light
 from tactograph.nodes._camera import Camera, Capture, Wanted, check_camera, open_capture
 from tactograph.nodes._led_controller import (
-    ControllerLost,
-    ControllerRefused,
+    ControllerLostError,
+    ControllerRefusedError,
     LedController,
     open_controller,
 )
@@ -30,7 +32,6 @@ from tactograph.nodes._simulated_camera import (
     read_scene,
 )
 from tactograph.nodes._simulated_controller import SimulatedController
-from tactograph.nodes.read_calibration import read_calibration
 
 FREE = "none"
 """The port of LEDs that flash by themselves."""
@@ -44,7 +45,9 @@ CHANGE_GRID = 64
 class Lamps(Protocol):
     """The LEDs: what they do by the clock, and what went wrong with their controller."""
 
-    faults: Counter[str]
+    @property
+    def faults(self) -> Counter[str]:
+        """How often what happened."""
 
     @property
     def clock(self) -> Clock | None:
@@ -119,7 +122,7 @@ class ControlledLamps:
         if change is not None:
             wait = change + (steps % 1) * self._step - time.monotonic()
             # The request is on its way for half of the time that question and answer take.
-            with suppress(ControllerLost, ControllerRefused):
+            with suppress(ControllerLostError, ControllerRefusedError):
                 wait -= self._controller.status().round_trip_s / 2
             time.sleep(max(wait, 0))
         self._start()
@@ -134,7 +137,7 @@ class ControlledLamps:
 
     def _start(self) -> None:
         # A controller that is lost starts the cycle by itself once it is back.
-        with suppress(ControllerLost, ControllerRefused):
+        with suppress(ControllerLostError, ControllerRefusedError):
             self._controller.start_cycle(self._cycle, step_s=self._step)
 
     def _next_change(self, after: float) -> float | None:
@@ -149,8 +152,12 @@ class ControlledLamps:
 class Sensor:
     """What `read_camera` works with.
 
-    `film` and `dark` come from the calibration; `truth` is the true height at the end of an
-    exposure, which only a simulated sensor knows.
+    Attributes
+    ----------
+    film, dark
+        From the calibration.
+    table, board, link
+        The sensor and the controller made of software, and the path that leads to its port.
     """
 
     camera: Camera
@@ -159,14 +166,23 @@ class Sensor:
     dark: Dark
     cycle: tuple[int, ...]
     rate: float
-    truth: Callable[[float], Height] | None = None
+    table: SimulatedSensor | None = None
+    board: SimulatedController | None = None
+    link: Path | None = None
+
+    def truth(self, end: float) -> Height | None:
+        """The true height of a frame whose exposure ended at `end`, where it is known."""
+        return None if self.table is None else self.table.truth(end)
 
     def close(self) -> None:
         """LEDs off, camera closed."""
-        try:
-            self.lamps.close()
-        finally:
-            self.camera.close()
+        with ExitStack() as stack:
+            if self.board is not None:
+                stack.callback(self.board.close)
+            if self.link is not None:
+                stack.callback(shutil.rmtree, self.link.parent, ignore_errors=True)
+            stack.callback(self.camera.close)
+            stack.callback(self.lamps.close)
 
 
 def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
@@ -182,7 +198,8 @@ def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
 def open_sensor(
     camera: int | str,
     port: str | None,
-    calibration: Path,
+    flat: Light,
+    dark: Dark,
     wanted: Wanted,
     *,
     ambient: bool = False,
@@ -193,8 +210,10 @@ def open_sensor(
 
     Parameters
     ----------
-    camera, port, calibration
+    camera, port
         As for `read_camera`.
+    flat, dark
+        From the calibration, K x H x W and H x W.
     wanted
         What the camera is asked for.
     ambient
@@ -205,27 +224,31 @@ def open_sensor(
     Raises
     ------
     InputError
-        If the calibration, the camera or the controller cannot be opened.
+        If the camera or the controller cannot be opened.
     """
-    known = read_calibration(file=calibration)
-    count, height, width = known.flat.shape
-    wanted = replace(wanted, width=width, height=height)
-    cycle = (*range(1, count + 1), *((0,) if ambient else ()))
-    truth: Callable[[float], Height] | None = None
+    cycle = (*range(1, len(flat) + 1), *((0,) if ambient else ()))
+    table: SimulatedSensor | None = None
+    board: SimulatedController | None = None
+    link: Path | None = None
     once = False
     if str(camera).partition("?")[0] == SIMULATED:
         table = SimulatedSensor(read_scene(str(camera)))
-        lamps, lit_between = _simulated_lamps(port, cycle, wanted.rate, table.start)
+        lit_between = steady(cycle, wanted.rate, table.start)
+        if port == SIMULATED:
+            # Plugged in again, a controller has another port; a link leads to it, as udev's do.
+            link = Path(mkdtemp()) / "controller"
+            board = SimulatedController(leds=len(flat), link=link)
+            port, lit_between = str(link), board.lit_between
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
-        truth = table.truth
+    elif port == SIMULATED:
+        raise InputError("port=simulated goes with camera=simulated")
     else:
         once = check_camera(camera)
-        lamps = _lamps(port, cycle, wanted.rate)
         connect = partial(open_capture, camera)
+    lamps = open_lamps(port, cycle, wanted.rate)
     source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
-    sensor = Sensor(
-        source, lamps, make_film(known.flat, known.dark), known.dark, cycle, wanted.rate, truth
-    )
+    film = make_film(flat, dark)
+    sensor = Sensor(source, lamps, film, dark, cycle, wanted.rate, table, board, link)
     try:
         source.check(START_S)
     except InputError:
@@ -234,19 +257,14 @@ def open_sensor(
     return sensor
 
 
-def _simulated_lamps(
-    port: str | None, cycle: tuple[int, ...], rate: float, start: float
-) -> tuple[Lamps, LitBetween]:
-    """LEDs of a simulated sensor, under a simulated controller or in step by themselves."""
-    if port == FREE:
-        return FreeLamps(), steady(cycle, rate, start)
-    controller = SimulatedController(leds=max(cycle))
-    return ControlledLamps(open_controller(controller.port), cycle, rate), controller.lit_between
+def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
+    """Start the cycle of the LEDs on a port, unless they flash by themselves.
 
-
-def _lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
+    Raises
+    ------
+    InputError
+        If the controller cannot be opened.
+    """
     if port == FREE:
         return FreeLamps()
-    if port == SIMULATED:
-        raise InputError("port=simulated goes with camera=simulated only")
     return ControlledLamps(open_controller(port, leds=max(cycle)), cycle, rate)

@@ -113,6 +113,8 @@ class SimulatedSensor:
         False: the cable is out; no camera can be opened, an open one fails.
     covered, flooded
         Something lies before the lens; light from elsewhere saturates the camera.
+    frozen
+        The driver hangs: a fetch does not return.
     strength
         Brightness of each LED, 1 as calibrated; 0 is burnt out.
     size
@@ -128,6 +130,7 @@ class SimulatedSensor:
         self.plugged = True
         self.covered = False
         self.flooded = False
+        self.frozen = False
         self.size: tuple[int, int] | None = None
         self.faults: deque[str] = deque()
         pixel = scene.pixel_size_mm
@@ -372,32 +375,24 @@ class SimulatedCamera:
 
     def grab(self) -> bool:
         """Wait for the next frame to be exposed and read out; False if there will be none."""
+        while self.sensor.frozen and not self._released.wait(0.01):
+            pass
         fault = self.sensor.faults.popleft() if self.sensor.faults else "none"
-        if fault == "lose" and not self._expose():
-            return False
-        if fault == "double" and self._last is not None:
-            self._held.append(self._last)
-        if fault == "swap":
+        frames = {"lose": 2, "swap": 2, "double": 0 if self._last else 1}.get(fault, 1)
+        for _ in range(frames if fault != "none" or not self._held else 0):
             if not self._expose():
                 return False
-            first = self._last
-            if not self._expose() or first is None or self._last is None:
-                return False
-            self._held += [self._last, first]
-        if not self._held:
-            if not self._expose() or self._last is None:
-                return False
+        if fault == "swap":
+            (first, one), (second, two) = self._held.pop(), self._held.pop()
+            self._held += [(second, one), (first, two)]
+        elif fault == "lose":
+            self._held.popleft()
+        elif fault == "double" and self._last is not None:
             self._held.append(self._last)
         self._time, self._current = self._held.popleft()
         if fault == "late":
             self._released.wait(1.3 / self.rate)
             self._time = time.monotonic()
-        if fault == "swap":
-            # Both bear the time at which they came.
-            self._time, other = self._held[0][0], self._time
-            self._held[0] = other, self._held[0][1]
-            self._time = min(self._time, other)
-            self._held[0] = max(self._held[0][0], other), self._held[0][1]
         return self.isOpened()
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8] | None]:
@@ -422,6 +417,7 @@ class SimulatedCamera:
         if self.sensor.size is not None:
             image = np.asarray(cv2.resize(image, self.sensor.size), np.uint8)
         self._last = end, image
+        self._held.append(self._last)
         return True
 
     def _shares(self, end: float) -> list[F4]:

@@ -32,7 +32,7 @@ SAYS = {
     "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
     "covered": "a frame does not show the film: discarded; is the lens covered?",
     "doubled": "the camera delivered a frame twice: discarded",
-    "dark": "a frame is dark: discarded; LED {led} was due",
+    "dark": "a frame is dark: discarded",
     "burnt out": "LED {led} stays dark: going on without it; look at its wires",
     "swapped": "a frame shows LED {led} out of turn: discarded",
     "late": "a frame of LED {led} came late: discarded",
@@ -191,12 +191,13 @@ class Stream:
         self.state.touches += 1
         self.state.motion = motion
         state = replace(self.state, faults=Counter(self.state.faults))
-        truth = self.sensor.truth(newest.time) if self.sensor.truth else None
+        truth = self.sensor.truth(newest.time)
         return Touch(image, f"{self.state.touches:06}", newest.time, new, state, truth)
 
     def _note(self, fault: str, led: int = 0, times: int = 1) -> None:
         self.state.faults[fault] += times
-        self._teller.add(SAYS[fault].format(led=led))
+        says = SAYS.get(fault, f"the LED controller: {fault}")
+        self._teller.add(says.format(led=led))
 
 
 class _Teller:

@@ -14,6 +14,7 @@ from tactograph.nodes._camera import Wanted
 from tactograph.nodes._frames import LiveState, Touch
 from tactograph.nodes._sensor import open_sensor
 from tactograph.nodes._stream import Stream
+from tactograph.nodes.read_calibration import read_calibration
 
 
 @node(endless=True)
@@ -87,9 +88,18 @@ def read_camera(
         If at the start the calibration, the camera or the controller cannot be opened, or
         the camera's size is not the calibration's.
     """
-    wanted = Wanted(0, 0, rate, exposure, gain, white_balance)
+    known = read_calibration(file=calibration)
+    height, width = known.dark.shape
+    wanted = Wanted(width, height, rate, exposure, gain, white_balance)
     sensor = open_sensor(
-        camera, port, calibration, wanted, ambient=ambient, queue=queue, timeout=timeout_s
+        camera,
+        port,
+        known.flat,
+        known.dark,
+        wanted,
+        ambient=ambient,
+        queue=queue,
+        timeout=timeout_s,
     )
     full = float(2**bits - 1) if bits else 0.0
     settings = {
