@@ -391,7 +391,7 @@ class SimulatedCamera:
             self._held.append(self._last)
         self._time, self._current = self._held.popleft()
         if fault == "late":
-            self._released.wait(1.3 / self.rate)
+            self._released.wait(1 / self.rate)
             self._time = time.monotonic()
         return self.isOpened()
 

@@ -177,7 +177,7 @@ def test_a_frame_that_went_wrong_costs_frames_and_no_height(
     time.sleep(0.2)
     took = running.back_after(moment + 0.1)
     record_property("recovery_s", round(took, 3))
-    assert running.count(FRAMES[fault]) > before
+    assert running.count(FRAMES[fault]) > before, running.stream.state.faults
     running.check_clean()
 
 
@@ -190,7 +190,13 @@ def _garbage(running: Running) -> None:
 
 
 def _overlap(running: Running) -> None:
-    running.sensor.lamps.shift(0.5)
+    """A step's change somewhere in the exposure; a busy machine may miss it once."""
+    before = running.count("mixed")
+    for _ in range(5):
+        running.sensor.lamps.shift(0.4)
+        time.sleep(0.2)
+        if running.count("mixed") > before:
+            return
 
 
 @pytest.mark.parametrize(
