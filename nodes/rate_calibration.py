@@ -23,7 +23,7 @@ def rate_calibration(
     lit: Labels,
     lights: LightPositions,
     mismatch: Annotated[F4, Port("K", "1")],
-    goodness: float | None = None,
+    goodness: Annotated[F4, Port("P", "1")] | None = None,
 ) -> Metrics:
     """Return the figures that tell a good calibration from a bad one, and warn of a bad one.
 
@@ -40,7 +40,7 @@ def rate_calibration(
     lights, mismatch
         K x 3 in mm, and the root mean square of the light that they do not explain, K.
     goodness
-        Of the ball that was found, 0 to 1.
+        Of the ball of each press, 0 to 1; 0 where none was found.
 
     Returns
     -------
@@ -48,8 +48,8 @@ def rate_calibration(
         ``entries``; ``steepest_slope`` that the tables cover in every direction;
         ``residual_percent``, the largest of the LEDs'; ``spread_percent``;
         ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
-        largest of the LEDs'; ``ball_goodness``; and for a look at the sensor, for each LED
-        ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x (right)
+        largest of the LEDs'; the lowest ``ball_goodness``; and for a look at the sensor, for
+        each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x (right)
         towards y (down), ``distance_mm/led1`` from the middle of the image.
     """
     count = len(residual)
@@ -81,7 +81,7 @@ def rate_calibration(
         "near_light_residual_percent": float(100 * mismatch[poorest]),
     }
     if goodness is not None:
-        rated["ball_goodness"] = goodness
+        rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
     return rated | _directions(lights)
 
 

@@ -124,7 +124,12 @@ def _judge(
 
 
 def judge_contact(
-    slope: F4, height: F4, circle: F8, radius: float, pixel: float
+    slope: F4,
+    height: F4,
+    circle: F8,
+    radius: float,
+    pixel: float,
+    known: NDArray[np.bool_] | None = None,
 ) -> tuple[float, float, float]:
     """Compare slope and height in a contact (x, y, contact radius in px) with the ball's.
 
@@ -136,6 +141,8 @@ def judge_contact(
         x, y, contact radius in px.
     radius, pixel
         The ball's radius in px, mm per px.
+    known
+        H x W, the pixels that are judged.  None: all of the contact.
 
     Returns
     -------
@@ -145,6 +152,8 @@ def judge_contact(
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED * circle[2]
+    if known is not None:
+        inside &= known
     true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
     found = slope[:, inside].astype(np.float64)
     p, q = found - true

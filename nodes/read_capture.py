@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Gt, Interval, Len
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -39,12 +39,18 @@ class Capture(NamedTuple):
 
 
 class CaptureFile(BaseModel):
-    """What an optional ``capture.yaml`` beside the images may say."""
+    """What an optional ``capture.yaml`` beside the images may say.
+
+    The ball is that of a calibration: `read_balls`.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True)
     lights: Lights | None = None
     leds: list[int] | None = None
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None
+    ball_radius_mm: Annotated[float, Gt(0)] | None = None
+    ball_center_px: Annotated[list[float], Len(2, 2)] | None = None
+    ball_contact_px: Annotated[float, Gt(0)] | None = None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.read_capture import Crop, Layout, Leds, Lights, _grey, read_image, read_images
+from tactograph.nodes.read_capture import Crop, Leds, Lights, _grey, read_capture, read_image
 
 
 class Flat(NamedTuple):
@@ -43,8 +43,9 @@ def read_flat(
     estimate
         K x H x W, what to use where there is no folder, as `estimate_flat` gives it.
     folder
-        Capture of the untouched film.  None: the estimate; without one, the light is
-        taken to be uniform, and a warning says so.
+        Capture of the untouched film, or a folder of several, whose mean is less noisy.
+        None: the estimate; without one, the light is taken to be uniform, and a warning
+        says so.
     dark
         One image taken with all LEDs off.  None: black.
     lights, leds, files, crop
@@ -68,12 +69,29 @@ def read_flat(
     if folder is None:
         warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
         return Flat(np.ones_like(image), black)
-    stack = read_images(folder, Layout(lights or "leds", leds, files, None, crop))
-    if stack.shape != image.shape:
-        raise InputError(
-            f"{folder}: the untouched film is {_shape(stack)}, but the capture {_shape(image)}"
-        )
+    stack = _mean(folder, image, lights, leds, files, crop)
     return Flat(np.stack([_smoothed(plane - black, smooth_px) for plane in stack]), black)
+
+
+def _mean(
+    folder: Path,
+    image: Light,
+    lights: Lights | None,
+    leds: Leds | None,
+    files: str,
+    crop: Crop | None,
+) -> F4:
+    """The mean of the captures in a folder, or the only one."""
+    total, count = np.zeros(image.shape, np.float64), 0
+    for capture in read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop):
+        if capture.image.shape != image.shape:
+            raise InputError(
+                f"{folder / capture.name}: the untouched film is {_shape(capture.image)}, but the "
+                f"capture {_shape(image)}"
+            )
+        total += capture.image
+        count += 1
+    return np.asarray(total / count, np.float32)
 
 
 def _read_dark(file: Path, crop: Crop | None) -> F4:

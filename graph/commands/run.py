@@ -77,7 +77,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[None]:
 
 
 def _summary(number: int, result: Result) -> str:
-    """Where and how long an item ran, and the figures among its outputs."""
+    """Where and how long an item ran, and the figures and sentences among its outputs."""
     steps = [step for step in result.plan.steps if step.name in result.times]
     by_backend: dict[str, float] = {}
     for step in [step for step in steps if step.stream] or steps:
@@ -91,6 +91,8 @@ def _summary(number: int, result: Result) -> str:
         if isinstance(value, dict)
         for name, figure in value.items()
     }
-    width = max(map(len, figures), default=0)
+    words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
+    width = max(map(len, (*figures, *words)), default=0)
     lines = [f"  {name:<{width}}  {figure:.4g}" for name, figure in figures.items()]
+    lines += [f"  {name:<{width}}  {text}" for name, text in words.items()]
     return "\n".join([f"{number}: {times}", *lines])

@@ -1,0 +1,285 @@
+"""Where the LEDs are: a least-squares fit to known shapes and to the fall-off over the film.
+
+An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant one, and
+a logarithm of its strength.  Each known shape has a shift in px besides: a ball is found to a
+fraction of a pixel only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion, map_coordinates
+from scipy.optimize import least_squares
+
+from tactograph.nodes import F4, Height, Labels, Light, Mask, Slope
+from tactograph.nodes._near_light import F8, places
+
+BLOCKS = 32
+"""The flat frame is averaged in square blocks, so many along the image: light is smooth there."""
+SAMPLES = 3000
+"""So many pixels of an object determine twenty numbers to a thousandth."""
+ALL_SAMPLES = 9000
+"""So many pixels of all objects together; more cost time and gain nothing."""
+FEWEST = 100
+DIM = 0.05
+"""Light below this may be half shadow."""
+SPREAD = 0.006
+"""Standard deviation of light that the fit aims at; beyond twice that a pixel is an outlier."""
+HUBER = 2.0
+FARTHEST = 1e6
+"""Distance in mm that stands for infinity."""
+ROOM = 3
+"""Pixels at the edge of the known shape that a shift could carry beyond it."""
+STEP = 1.5e-8
+"""Of the numeric derivative, relative: the root of the rounding error."""
+
+
+@dataclass(frozen=True)
+class Object:
+    """Samples of a known shape: N places, the light there (K x N) and whether it counts.
+
+    `reach` says how many pixels, the samples' neighbours with them, each LED reaches.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    light: F8
+    lit: NDArray[np.bool_]
+    x: F8
+    y: F8
+    normal: F4
+    height: F4
+    reach: NDArray[np.intp]
+
+    def moved(self, shift: F8) -> tuple[F8, F8]:
+        """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y) in px."""
+        where = np.stack([self.rows - shift[1], self.columns - shift[0]])
+        # n_x and n_y are linear on a ball: interpolating them, not the slope, is exact there.
+        nx, ny, z = (
+            map_coordinates(plane, where, output=np.float64, order=1, mode="nearest")
+            for plane in (*self.normal, self.height)
+        )
+        return np.stack([nx, ny, np.sqrt(np.maximum(1 - nx * nx - ny * ny, 1e-4))]), z
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The flat frame: logarithm of block means, less their mean over the LEDs; K x N."""
+
+    logarithm: F8
+    x: F8
+    y: F8
+    block: int
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A fit: K x 4 numbers of the LEDs, P x 2 shifts in px; whether there was a flat frame."""
+
+    leds: F8
+    shifts: F8
+    flat: bool
+
+    @property
+    def lights(self) -> F4:
+        """Positions K x 3 in mm from the middle of the image."""
+        inverse = np.maximum(self.leds[:, 2:3], 1 / FARTHEST)
+        ends = np.column_stack([self.leds[:, :2], np.ones(len(self.leds))])
+        return np.asarray(ends / inverse, np.float32)
+
+    @property
+    def strength(self) -> F4:
+        """The film's light in the middle of the image, where there was no flat frame."""
+        strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
+        return strength.astype(np.float32)
+
+
+def sample(
+    light: Light,
+    slope: Slope,
+    mask: Mask,
+    height: Height,
+    lit: Labels,
+    pixel: float,
+    steepest: float,
+    presses: int = 1,
+) -> Object:
+    """Choose the samples of one of so many objects, evenly over it."""
+    p, q = slope
+    nz = 1 / np.sqrt(1 + p * p + q * q)
+    known = binary_erosion(mask > 0, iterations=ROOM, border_value=1)
+    rows, columns = np.nonzero(known & (p * p + q * q < steepest * steepest))
+    stride = max(1, int(np.sqrt(rows.size / min(SAMPLES, ALL_SAMPLES / presses))))
+    chosen = (rows % stride == 0) & (columns % stride == 0)
+    rows, columns = rows[chosen], columns[chosen]
+    values = light[:, rows, columns].astype(np.float64)
+    numbers = np.arange(len(light))[:, None]
+    reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM)
+    x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
+    y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
+    reach = reached.sum(axis=1) * stride * stride
+    return Object(rows, columns, values, reached, x, y, np.stack([-p * nz, -q * nz]), height, reach)
+
+
+def unreached(objects: list[Object]) -> tuple[int, int] | None:
+    """Return an LED, counted from 1, that reaches too few pixels of the objects, and how many."""
+    reach = sum(there.reach for there in objects)
+    assert isinstance(reach, np.ndarray)
+    found = int(reach.argmin())
+    return (found + 1, int(reach[found])) if reach[found] < FEWEST else None
+
+
+def rest_of(flat: Light, pixel: float) -> Rest | None:
+    """Reduce the flat frame to blocks; None where it is uniform, because none was taken."""
+    if all(np.ptp(plane) == 0 for plane in flat):
+        return None
+    count, rows, columns = flat.shape
+    block = max(1, min(columns // BLOCKS, rows))
+    down, across = rows // block, columns // block
+    cut = flat[:, : down * block, : across * block].reshape(count, down, block, across, block)
+    means = np.log(np.maximum(cut.mean(axis=(2, 4), dtype=np.float64), 1e-6))
+    middle = (block - 1) / 2
+    x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
+    y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
+    gx, gy = np.meshgrid(x, y)
+    return Rest((means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel(), block)
+
+
+def place_leds(
+    objects: list[Object],
+    rest: Rest | None,
+    shift_px: float,
+    width_mm: float,
+    start: Placed | None = None,
+) -> Placed:
+    """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber)."""
+    count, flat = len(objects[0].light), rest is not None
+    if start is None:
+        leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
+    else:
+        leds = start.leds
+    shifts = np.zeros((len(objects), 2))
+
+    def split(unknown: F8) -> tuple[F8, F8]:
+        return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 2)
+
+    def residual(unknown: F8) -> F8:
+        leds, shifts = split(unknown)
+        left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
+        return np.concatenate(
+            [
+                (shifts / shift_px).ravel(),
+                *(part.ravel() / SPREAD for part in left),
+                *_rest_residual(rest, leds),
+            ]
+        )
+
+    def jacobian(unknown: F8) -> F8:
+        return _jacobian(objects, rest, *split(unknown), shift_px)
+
+    found = least_squares(
+        residual,
+        np.r_[leds.ravel(), shifts.ravel()],
+        jac=jacobian,
+        loss="huber",
+        f_scale=HUBER,
+        x_scale="jac",
+        max_nfev=60,
+    ).x
+    return Placed(*split(found), flat)
+
+
+def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
+    """Where the object lies, (x, y) in px from where it was found, under LEDs that are known."""
+
+    def residual(shift: F8) -> F8:
+        left = residual_of(there, placed.leds, shift, placed.flat)
+        return np.r_[shift / shift_px, left.ravel() / SPREAD]
+
+    fit = least_squares(residual, np.zeros(2), loss="huber", f_scale=HUBER, max_nfev=20)
+    return np.asarray(fit.x)
+
+
+def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
+    """Light less model, K x N; zero where an LED does not reach."""
+    normal, z = there.moved(shift)
+    return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
+
+
+def spread_of(left: F8, lit: NDArray[np.bool_]) -> F8:
+    """Root mean square per LED over the pixels that it reaches."""
+    return np.asarray(np.sqrt((left * left).sum(axis=1) / lit.sum(axis=1)))
+
+
+def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
+    """A distant LED by linear least squares, moved to a few image widths."""
+    normal = np.hstack([o.moved(np.zeros(2))[0][:, o.lit[k]] for o in objects])
+    light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
+    if flat:
+        gain = 1.0
+        a, *_ = np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)
+    else:
+        a, *_ = np.linalg.lstsq(normal.T, light, rcond=None)
+        gain = max(float(a[2]), 0.1)
+        a = a[:2] / gain
+    return np.array([*a, 0.2 / width_mm, np.log(gain)])
+
+
+def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
+    """In units of L_z, in which nothing grows as an LED moves away."""
+    (nx, ny, nz), (a, b, c, log_strength) = normal, led
+    dx, dy, dz = a - c * there.x, b - c * there.y, 1 - c * z
+    plan = dx * dx + dy * dy
+    at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
+    model = (nx * dx + ny * dy + nz * dz) * (at_rest / (plan + dz * dz)) ** 1.5
+    return np.where(there.lit[k] & (model > DIM), there.light[k] - model, 0)
+
+
+def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
+    """Logarithm of the flat frame less that of the model, the shared gain taken out."""
+    if rest is None:
+        return []
+    model = np.empty_like(rest.logarithm)
+    for k, (a, b, c, log_strength) in enumerate(leds):
+        square = (a - c * rest.x) ** 2 + (b - c * rest.y) ** 2 + 1
+        model[k] = log_strength - 1.5 * np.log(square)
+    # The mean of a block is that many times less noisy than a pixel.
+    left = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
+    # The strengths' common factor is free: hold their mean.
+    return [left.ravel() / SPREAD, leds[:, 3].mean(keepdims=True) / SPREAD]
+
+
+def _jacobian(
+    objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
+) -> F8:
+    """Differences, where there are any: an LED changes its own light, a shift its own object."""
+    count, flat = len(leds), rest is not None
+    sizes = [o.light.shape[1] for o in objects]
+    starts = 2 * len(objects) + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
+    at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
+    found = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
+    found[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = 1 / shift_px
+    bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
+    for k, j in np.ndindex(leds.shape):
+        step, changed = STEP * max(1.0, abs(leds[k, j])), leds.copy()
+        changed[k, j] += step
+        column = found[:, 4 * k + j]
+        for there, (normal, z), start, size in zip(objects, bases, starts, sizes, strict=False):
+            before = _led_residual(there, normal, z, k, leds[k], flat)
+            after = _led_residual(there, normal, z, k, changed[k], flat)
+            column[start + k * size : start + (k + 1) * size] = (after - before) / step / SPREAD
+        if flat:
+            after = np.concatenate(_rest_residual(rest, changed))
+            column[starts[-1] :] = (after - at_rest) / step
+    for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
+        before = residual_of(there, leds, shift, flat)
+        for axis in range(2):
+            step, changed = STEP * max(1.0, abs(shift[axis])), shift.copy()
+            changed[axis] += step
+            after = residual_of(there, leds, changed, flat)
+            column = found[:, leds.size + 2 * i + axis]
+            column[starts[i] : starts[i + 1]] = ((after - before) / step / SPREAD).ravel()
+    return found

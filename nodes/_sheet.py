@@ -1,0 +1,29 @@
+"""Presses on a sheet: P captures of H rows, one below another, as one picture of S = P H rows.
+
+What looks at pixels one by one (labels, tables, fits) takes a sheet as it takes a capture; a
+sheet of one press is that capture.  Only what asks where on the film a pixel lies has to cut
+it up again.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import Port
+from tactograph.nodes import F4, U1
+
+T = TypeVar("T", bound=np.generic)
+
+SheetLight = Annotated[F4, Port("K S W", "1")]
+SheetSlope = Annotated[F4, Port("2 S W", "mm/mm", low=-2, high=2)]
+SheetHeight = Annotated[F4, Port("S W", "mm", low=-1, high=5)]
+SheetMask = Annotated[U1, Port("S W", "flag", high=1)]
+SheetLabels = Annotated[U1, Port("S W", "LED bits", high=255)]
+
+
+def cut(sheet: NDArray[T], rows: int) -> list[NDArray[T]]:
+    """Return the presses of a sheet (... x S x W), each of so many rows: views, not copies."""
+    return [sheet[..., at : at + rows, :] for at in range(0, sheet.shape[-2], rows)]

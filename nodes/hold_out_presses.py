@@ -1,0 +1,149 @@
+"""Measure each press with a calibration that has not seen it."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, U1, Height, Light, LightPositions, Metrics, Noise, PixelSize, Slope
+from tactograph.nodes._light_fit import Object, Placed, place_leds, rest_of, sample, shift_of
+from tactograph.nodes._near_light import F8
+from tactograph.nodes._sheet import (
+    SheetHeight,
+    SheetLabels,
+    SheetLight,
+    SheetMask,
+    SheetSlope,
+    cut,
+)
+from tactograph.nodes.find_presses import Circles
+from tactograph.nodes.integrate_dct import integrate_dct
+from tactograph.nodes.label_lights import label_lights
+from tactograph.nodes.light_noise import light_noise
+from tactograph.nodes.rate_presses import judge_contact
+from tactograph.nodes.read_balls import Radii
+from tactograph.nodes.rest_at_border import rest_at_border
+
+PASSES = 3
+"""The height is found so many times, each time under the light at the height before."""
+GENTLE = 4.0
+"""Steepest slope but in the last pass, as in `reconstruct`."""
+
+
+class HeldOut(NamedTuple):
+    """Errors by press, NaN where there are none, and their means."""
+
+    degrees: Annotated[F4, Port("P", "deg", nan=True)]
+    microns: Annotated[F4, Port("P", "um", nan=True)]
+    quality: Metrics
+
+
+@node
+def hold_out_presses(
+    image: SheetLight,
+    light: SheetLight,
+    flat: Light,
+    slope: SheetSlope,
+    mask: SheetMask,
+    height: SheetHeight,
+    lit: SheetLabels,
+    circle: Circles,
+    radius: Radii,
+    noise: Noise,
+    pixel: PixelSize,
+    *,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> HeldOut:
+    """Place the LEDs without a press, measure it with them, and compare it with its ball.
+
+    Each press is measured as `reconstruct` would; the place of its ball is refined under
+    the same LEDs.  A calibration by one press has nothing to hold out.
+
+    Parameters
+    ----------
+    image, light
+        K x S x W, the presses as captured and relative to the film at rest.
+    flat
+        K x H x W, the film at rest.
+    slope, mask, height, lit
+        Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
+    circle, radius
+        P x 3 in px and P in mm: the balls.
+    noise
+        (shot, read), as `estimate_noise` gives it.
+    pixel
+        mm per px.
+    steepest, shift_px
+        As for `calibrate_lights`.
+
+    Returns
+    -------
+    HeldOut
+        By press, over the inner nine tenths of its contact, where all LEDs but one reach and
+        the ball is not steeper than `steepest`: the mean angle between normals
+        in degrees, and the root mean square error of the height in um, its mean taken out
+        because nothing tells how high the film lifts the ball's rim.  ``presses`` used,
+        and if they are two or more ``heldout_normal_deg``, ``heldout_height_um`` and
+        ``heldout_height_percent`` of the cap, means over the presses.
+    """
+    rows = flat.shape[1]
+    cuts = [cut(sheet, rows) for sheet in (light, slope, mask, height, lit)]
+    kept = [i for i, part in enumerate(cuts[2]) if part.any()]
+    degrees, microns = np.full((2, len(radius)), np.nan, np.float32)
+    quality = {"presses": float(len(kept))}
+    if len(kept) < 2:
+        return HeldOut(degrees, microns, quality)
+    rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
+    objects = {i: sample(*(part[i] for part in cuts), pixel, steepest, len(kept)) for i in kept}
+    known = cut(_judged(slope, mask, lit, len(flat), steepest), rows)
+    everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
+    percent = []
+    for i in kept:
+        others = [there for j, there in objects.items() if j != i]
+        placed = place_leds(others, rest, shift_px, width_mm, start=everything)
+        sigma = light_noise(cut(image, rows)[i], flat, noise)
+        found = _measure(cuts[0][i], sigma, placed.lights, pixel)
+        ball = _refined(circle[i], objects[i], placed, shift_px)
+        degrees[i], microns[i], share = judge_contact(
+            *found, ball, radius[i] / pixel, pixel, known[i]
+        )
+        percent.append(share)
+    return HeldOut(
+        degrees,
+        microns,
+        quality
+        | {
+            "heldout_normal_deg": float(np.nanmean(degrees)),
+            "heldout_height_um": float(np.nanmean(microns)),
+            "heldout_height_percent": float(np.mean(percent)),
+        },
+    )
+
+
+def _judged(slope: F4, mask: U1, lit: U1, count: int, steepest: float) -> NDArray[np.bool_]:
+    """The pixels that all LEDs but one reach, and that are not too steep."""
+    p, q = slope
+    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
+    return np.asarray((mask > 0) & reached & (p * p + q * q < steepest * steepest))
+
+
+def _refined(circle: F4, there: Object, placed: Placed, shift_px: float) -> F8:
+    return np.array([*(circle[:2] + shift_of(there, placed, shift_px)), circle[2]])
+
+
+def _measure(
+    light: Light, sigma: Light, lights: LightPositions, pixel: float
+) -> tuple[Slope, Height]:
+    """Slope and height, as `reconstruct` finds them."""
+    height = np.zeros(light.shape[1:], np.float32)
+    level = np.zeros((2, *height.shape), np.float32)
+    slope = level
+    for steepest in (*[GENTLE] * (PASSES - 1), 30.0):
+        slope = label_lights(light, sigma, lights, height, level, pixel, steepest=steepest).slope
+        height = rest_at_border(integrate_dct(slope, pixel))
+    return slope, height
