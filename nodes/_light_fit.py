@@ -1,8 +1,9 @@
 """Where the LEDs are: a least-squares fit to known shapes and to the fall-off over the film.
 
 An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant one, and
-a logarithm of its strength.  Each known shape has a shift in px besides: a ball is found to a
-fraction of a pixel only.
+a logarithm of its strength.  Each known shape has a shift besides: a ball is found to a
+fraction of a pixel only, and its height follows from its contact, which for half a ball means
+a tenth of a millimetre for a hundredth of a pixel, and from how high the film lifts the rim.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ FARTHEST = 1e6
 """Distance in mm that stands for infinity."""
 ROOM = 3
 """Pixels at the edge of the known shape that a shift could carry beyond it."""
+LIFT_MM = 0.2
+"""Standard deviation of a known shape's height above the film."""
 STEP = 1.5e-8
 """Of the numeric derivative, relative: the root of the rounding error."""
 
@@ -55,14 +58,15 @@ class Object:
     reach: NDArray[np.intp]
 
     def moved(self, shift: F8) -> tuple[F8, F8]:
-        """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y) in px."""
+        """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y, z) in px, mm."""
         where = np.stack([self.rows - shift[1], self.columns - shift[0]])
         # n_x and n_y are linear on a ball: interpolating them, not the slope, is exact there.
         nx, ny, z = (
             map_coordinates(plane, where, output=np.float64, order=1, mode="nearest")
             for plane in (*self.normal, self.height)
         )
-        return np.stack([nx, ny, np.sqrt(np.maximum(1 - nx * nx - ny * ny, 1e-4))]), z
+        nz = np.sqrt(np.maximum(1 - nx * nx - ny * ny, 1e-4))
+        return np.stack([nx, ny, nz]), z + shift[2]
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Placed:
-    """A fit: K x 4 numbers of the LEDs, P x 2 shifts in px; whether there was a flat frame."""
+    """A fit: K x 4 numbers of the LEDs, P x 3 shifts in px and mm; whether the film was seen."""
 
     leds: F8
     shifts: F8
@@ -161,17 +165,17 @@ def place_leds(
         leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
     else:
         leds = start.leds
-    shifts = np.zeros((len(objects), 2))
+    shifts = np.zeros((len(objects), 3))
 
     def split(unknown: F8) -> tuple[F8, F8]:
-        return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 2)
+        return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
 
     def residual(unknown: F8) -> F8:
         leds, shifts = split(unknown)
         left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
         return np.concatenate(
             [
-                (shifts / shift_px).ravel(),
+                (shifts / [shift_px, shift_px, LIFT_MM]).ravel(),
                 *(part.ravel() / SPREAD for part in left),
                 *_rest_residual(rest, leds),
             ]
@@ -193,13 +197,13 @@ def place_leds(
 
 
 def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
-    """Where the object lies, (x, y) in px from where it was found, under LEDs that are known."""
+    """Where the object lies, (x, y, z) in px and mm from where it was found, under known LEDs."""
 
     def residual(shift: F8) -> F8:
         left = residual_of(there, placed.leds, shift, placed.flat)
-        return np.r_[shift / shift_px, left.ravel() / SPREAD]
+        return np.r_[shift / [shift_px, shift_px, LIFT_MM], left.ravel() / SPREAD]
 
-    fit = least_squares(residual, np.zeros(2), loss="huber", f_scale=HUBER, max_nfev=20)
+    fit = least_squares(residual, np.zeros(3), loss="huber", f_scale=HUBER, max_nfev=20)
     return np.asarray(fit.x)
 
 
@@ -216,7 +220,7 @@ def spread_of(left: F8, lit: NDArray[np.bool_]) -> F8:
 
 def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
     """A distant LED by linear least squares, moved to a few image widths."""
-    normal = np.hstack([o.moved(np.zeros(2))[0][:, o.lit[k]] for o in objects])
+    normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
     light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
     if flat:
         gain = 1.0
@@ -258,10 +262,12 @@ def _jacobian(
     """Differences, where there are any: an LED changes its own light, a shift its own object."""
     count, flat = len(leds), rest is not None
     sizes = [o.light.shape[1] for o in objects]
-    starts = 2 * len(objects) + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
+    starts = shifts.size + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
     at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
     found = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
-    found[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = 1 / shift_px
+    found[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
+        [1 / shift_px, 1 / shift_px, 1 / LIFT_MM], len(objects)
+    )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
     for k, j in np.ndindex(leds.shape):
         step, changed = STEP * max(1.0, abs(leds[k, j])), leds.copy()
@@ -276,10 +282,10 @@ def _jacobian(
             column[starts[-1] :] = (after - at_rest) / step
     for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
         before = residual_of(there, leds, shift, flat)
-        for axis in range(2):
+        for axis in range(3):
             step, changed = STEP * max(1.0, abs(shift[axis])), shift.copy()
             changed[axis] += step
             after = residual_of(there, leds, changed, flat)
-            column = found[:, leds.size + 2 * i + axis]
+            column = found[:, leds.size + 3 * i + axis]
             column[starts[i] : starts[i + 1]] = ((after - before) / step / SPREAD).ravel()
     return found

@@ -193,7 +193,7 @@ def _movement(there: Object, placed: Placed, shift: F8, error: F8) -> float:
     step = 0.25
     slopes = [
         (residual_of(there, placed.leds, shift + by, placed.flat) - error) / step
-        for by in step * np.eye(2)
+        for by in step * np.eye(2, 3)
     ]
     seen, left = [], 0.0
     for k, lit in enumerate(there.lit):

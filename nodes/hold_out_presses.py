@@ -133,7 +133,7 @@ def _judged(slope: F4, mask: U1, lit: U1, count: int, steepest: float) -> NDArra
 
 
 def _refined(circle: F4, there: Object, placed: Placed, shift_px: float) -> F8:
-    return np.array([*(circle[:2] + shift_of(there, placed, shift_px)), circle[2]])
+    return np.array([*(circle[:2] + shift_of(there, placed, shift_px)[:2]), circle[2]])
 
 
 def _measure(
