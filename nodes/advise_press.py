@@ -85,13 +85,15 @@ def _advice(presses: int, touched: F4, steep: F4) -> str:
     flattest = int(steep.argmin())
     empty, gentle = touched[row, column] < TOUCHED, steep[flattest] < STEEP
     if not empty and not gentle:
-        if presses > 1:
-            return "the presses cover the film and the slopes; nothing more is needed"
-        return "press once more, elsewhere: the error of one press cannot be held out"
+        if presses == 1:
+            return "press once more: one press has no other to be checked by"
+        return "the presses cover the film and the slopes; nothing more is needed"
     where = f" {REGIONS[row][column]}" if empty else ""
     how = ("," if where else "") + " deeper, or with a smaller ball" if gentle else ""
     why = ["no contact reaches there"] if empty else []
     if gentle:
         side = DIRECTIONS[flattest]
         why.append(f"slopes on the {side} of what was pressed end at {steep[flattest]:.2f}")
+    if presses == 1:
+        why.append("one press has no other to be checked by")
     return f"press{where}{how}: {', and '.join(why)}"

@@ -15,6 +15,7 @@ from tactograph.nodes._light_fit import (
     residual_of,
     rest_of,
     sample,
+    samples_for,
     spread_of,
     unreached,
 )
@@ -93,7 +94,8 @@ def calibrate_lights(
     presses = [p for p in zip(*(cut(s, rows) for s in sheets), strict=True) if p[2].any()]
     if not presses:
         raise InputError("no pixel of the calibration object is known: is it in the frame?")
-    objects = [sample(*press, pixel, steepest, len(presses)) for press in presses]
+    most = samples_for(len(presses))
+    objects = [sample(*press, pixel, steepest, most) for press in presses]
     dark = unreached(objects)
     if dark:
         raise InputError(

@@ -13,6 +13,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, U1, Light, PixelSize
 from tactograph.nodes._light_fit import (
     DIM,
+    ENOUGH,
     Object,
     Placed,
     Rest,
@@ -117,7 +118,7 @@ def choose_presses(
         objects: dict[int, Object] = {}
         captured = cut(image, rows)
         for i in np.flatnonzero(kept):
-            objects[i] = sample(*presses[i], pixel, steepest, int(kept.sum()))
+            objects[i] = sample(*presses[i], pixel, steepest, ENOUGH)
             spoilt = _spoilt(captured[i], presses[i][2], objects[i])
             if spoilt:
                 why[i] = spoilt

@@ -73,7 +73,10 @@ def find_balls(
         except InputError as error:
             if len(names) == 1:
                 raise
-            warn(f"press {name} is left out: {error}")
+            warn(
+                f"press {name} is left out: {str(error).partition(':')[0]}; if there is one, say "
+                "where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
+            )
             ball = None
         balls.append(ball)
     if not any(balls):

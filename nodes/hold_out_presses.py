@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Height, Light, LightPositions, Metrics, Noise, PixelSize, Slope
-from tactograph.nodes._light_fit import Object, Placed, place_leds, rest_of, sample, shift_of
-from tactograph.nodes._near_light import F8
+from tactograph.nodes._light_fit import place_leds, rest_of, sample, samples_for, shift_of
 from tactograph.nodes._sheet import (
     SheetHeight,
     SheetLabels,
@@ -26,12 +25,15 @@ from tactograph.nodes.label_lights import label_lights
 from tactograph.nodes.light_noise import light_noise
 from tactograph.nodes.rate_presses import judge_contact
 from tactograph.nodes.read_balls import Radii
-from tactograph.nodes.rest_at_border import rest_at_border
 
-PASSES = 3
-"""The height is found so many times, each time under the light at the height before."""
-GENTLE = 4.0
-"""Steepest slope but in the last pass, as in `reconstruct`."""
+
+class _Ball(NamedTuple):
+    """What is known of a press, H x W."""
+
+    slope: F4
+    height: F4
+    inside: NDArray[np.bool_]
+    judged: NDArray[np.bool_]
 
 
 class HeldOut(NamedTuple):
@@ -61,8 +63,10 @@ def hold_out_presses(
 ) -> HeldOut:
     """Place the LEDs without a press, measure it with them, and compare it with its ball.
 
-    Each press is measured as `reconstruct` would; the place of its ball is refined under
-    the same LEDs.  A calibration by one press has nothing to hold out.
+    The place of its ball is refined under the same LEDs.  Slopes are found as `reconstruct`
+    finds them, in the light at the ball's own height, and judged where all LEDs but one
+    reach: what is measured is the calibration, not how shadows are dealt with.  A
+    calibration by one press has nothing to hold out.
 
     Parameters
     ----------
@@ -99,7 +103,8 @@ def hold_out_presses(
     if len(kept) < 2:
         return HeldOut(degrees, microns, quality)
     rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
-    objects = {i: sample(*(part[i] for part in cuts), pixel, steepest, len(kept)) for i in kept}
+    most = samples_for(len(kept) - 1)
+    objects = {i: sample(*(part[i] for part in cuts), pixel, steepest, most) for i in kept}
     known = cut(_judged(slope, mask, lit, len(flat), steepest), rows)
     everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
     percent = []
@@ -107,10 +112,14 @@ def hold_out_presses(
         others = [there for j, there in objects.items() if j != i]
         placed = place_leds(others, rest, shift_px, width_mm, start=everything)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
-        found = _measure(cuts[0][i], sigma, placed.lights, pixel)
-        ball = _refined(circle[i], objects[i], placed, shift_px)
+        shift = shift_of(objects[i], placed, shift_px)
+        inside = cuts[2][i] > 0
+        lifted = cuts[3][i] + inside * np.float32(shift[2])
+        ball = _Ball(cuts[1][i], lifted, inside, known[i])
+        found = _measure(cuts[0][i], sigma, placed.lights, ball, pixel)
+        refined = np.array([*(circle[i, :2] + shift[:2]), circle[i, 2]])
         degrees[i], microns[i], share = judge_contact(
-            *found, ball, radius[i] / pixel, pixel, known[i]
+            *found, refined, radius[i] / pixel, pixel, known[i]
         )
         percent.append(share)
     return HeldOut(
@@ -132,18 +141,11 @@ def _judged(slope: F4, mask: U1, lit: U1, count: int, steepest: float) -> NDArra
     return np.asarray((mask > 0) & reached & (p * p + q * q < steepest * steepest))
 
 
-def _refined(circle: F4, there: Object, placed: Placed, shift_px: float) -> F8:
-    return np.array([*(circle[:2] + shift_of(there, placed, shift_px)[:2]), circle[2]])
-
-
 def _measure(
-    light: Light, sigma: Light, lights: LightPositions, pixel: float
+    light: Light, sigma: Light, lights: LightPositions, ball: _Ball, pixel: float
 ) -> tuple[Slope, Height]:
-    """Slope and height, as `reconstruct` finds them."""
-    height = np.zeros(light.shape[1:], np.float32)
-    level = np.zeros((2, *height.shape), np.float32)
-    slope = level
-    for steepest in (*[GENTLE] * (PASSES - 1), 30.0):
-        slope = label_lights(light, sigma, lights, height, level, pixel, steepest=steepest).slope
-        height = rest_at_border(integrate_dct(slope, pixel))
-    return slope, height
+    """Slope and height; what is not judged is the ball's own, so that it cannot spread."""
+    level = np.zeros_like(ball.slope)
+    found = label_lights(light, sigma, lights, ball.height, level, pixel).slope
+    slope = np.where(ball.inside & ~ball.judged, ball.slope, found)
+    return slope, integrate_dct(slope, pixel)

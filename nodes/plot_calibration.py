@@ -20,6 +20,8 @@ from tactograph.nodes.find_presses import Circles
 from tactograph.nodes.fit_reflectance import harmonics
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
+TOGETHER = 6
+"""Figures in a line of the title."""
 LONGEST = 24
 """Letters of a press's name that are drawn."""
 
@@ -91,8 +93,9 @@ def plot_calibration(
 
 
 def _title(quality: Metrics) -> str:
-    """The figures that are not of one LED alone."""
-    return "  ".join(f"{name} {value:.4g}" for name, value in quality.items() if "/" not in name)
+    """The figures that are not of one LED alone, a few to a line."""
+    figures = [f"{name} {value:.4g}" for name, value in quality.items() if "/" not in name]
+    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
 
 
 def _draw_found(axes: Axes, light: F4, mask: U1) -> None:
@@ -118,7 +121,7 @@ def _draw_presses(
             continue
         look = {"color": ORANGE} if good else {"color": GREY, "linestyle": "--"}
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
-        axes.text(x, y, name[:LONGEST], fontsize=7, ha="center", va="center")
+        axes.text(x, y - radius, name[:LONGEST], fontsize=7, ha="center", va="bottom")
     out = int((~used).sum())
     axes.set(
         title=f"presses on the film: {int(used.sum())} used, {out} left out",
@@ -132,7 +135,7 @@ def _draw_errors(
 ) -> None:
     """A bar for each press; a press that is left out has none."""
     places = np.arange(len(names))
-    axes.barh(places, np.nan_to_num(errors), color=BLUE)
+    axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
     labels = [
         name[:LONGEST] + ("" if good else " (out)") for name, good in zip(names, used, strict=True)
     ]
@@ -152,7 +155,9 @@ def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
 
 
 def _draw_residual(figure: Figure, axes: Axes, error: F4) -> None:
-    drawn = axes.imshow(np.ma.masked_invalid(error), cmap="magma", vmin=0)
+    # Single pixels at the rim, half of them shadow, must not hide the rest.
+    most = float(np.nanpercentile(error, 99))
+    drawn = axes.imshow(np.ma.masked_invalid(error), cmap="magma", vmin=0, vmax=most)
     figure.colorbar(drawn, ax=axes)
     axes.set(
         title="largest |I - R| of the LEDs that reach the pixel", xlabel="x / px", ylabel="y / px"
