@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, map_coordinates
 
-from tactograph.nodes import F4, Height, Labels, Light, Mask, Slope
+from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
 from tactograph.nodes._near_light import F8, places
+from tactograph.nodes._sheet import cut
 
 BLOCKS = 32
 """The flat frame is averaged in square blocks, so many along the image: light is smooth there."""
@@ -40,6 +42,16 @@ STEPS, CONVERGED = 60, 1e-9
 """Of the descent at most; and the share of the cost that is not worth another one."""
 STEP = 1.5e-8
 """Of the numeric derivative, relative: the root of the rounding error."""
+
+
+class Press(NamedTuple):
+    """A known shape, H x W: its light, slope and height, where they hold, what LEDs reach it."""
+
+    light: Light
+    slope: Slope
+    mask: Mask
+    height: Height
+    lit: Labels
 
 
 @dataclass(frozen=True)
@@ -103,17 +115,15 @@ class Placed:
         return strength.astype(np.float32)
 
 
-def sample(
-    light: Light,
-    slope: Slope,
-    mask: Mask,
-    height: Height,
-    lit: Labels,
-    pixel: float,
-    steepest: float,
-    most: float = SAMPLES,
-) -> Object:
+def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
+    """Cut the sheets of presses, each of so many rows, into what is known of each press."""
+    sheets = (light, slope, mask, height, lit)
+    return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
+
+
+def sample(press: Press, pixel: float, steepest: float, most: float = SAMPLES) -> Object:
     """Choose so many samples of an object, evenly over it."""
+    light, slope, mask, height, lit = press
     p, q = slope
     nz = 1 / np.sqrt(1 + p * p + q * q)
     known = binary_erosion(mask > 0, iterations=ROOM, border_value=1)
@@ -217,7 +227,7 @@ def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     before = residual_of(there, leds, shift, flat)
     columns = []
     for axis in range(3):
-        step, changed = STEP * max(1.0, abs(shift[axis])), shift.copy()
+        step, changed = STEP * max(1.0, abs(float(shift[axis]))), shift.copy()
         changed[axis] += step
         after = residual_of(there, leds, changed, flat)
         columns.append(((after - before) / step).ravel())
@@ -322,7 +332,7 @@ def _jacobian(
     )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
     for k, j in np.ndindex(leds.shape):
-        step, changed = STEP * max(1.0, abs(leds[k, j])), leds.copy()
+        step, changed = STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
         changed[k, j] += step
         column = found[:, 4 * k + j]
         for there, (normal, z), start, size in zip(objects, bases, starts, sizes, strict=False):
@@ -333,8 +343,7 @@ def _jacobian(
             after = np.concatenate(_rest_residual(rest, changed))
             column[starts[-1] :] = (after - at_rest) / step
     for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
-        column = leds.size + 3 * i
-        found[starts[i] : starts[i + 1], column : column + 3] = (
-            by_shift(there, leds, shift, flat) / SPREAD
-        )
+        first = leds.size + 3 * i
+        moved = by_shift(there, leds, shift, flat) / SPREAD
+        found[starts[i] : starts[i + 1], first : first + 3] = moved
     return found

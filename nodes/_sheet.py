@@ -7,15 +7,12 @@ it up again.
 
 from __future__ import annotations
 
-from typing import Annotated, TypeVar
+from typing import Annotated, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, U1
-
-T = TypeVar("T", bound=np.generic)
 
 SheetLight = Annotated[F4, Port("K S W", "1")]
 SheetSlope = Annotated[F4, Port("2 S W", "mm/mm", low=-2, high=2)]
@@ -24,6 +21,6 @@ SheetMask = Annotated[U1, Port("S W", "flag", high=1)]
 SheetLabels = Annotated[U1, Port("S W", "LED bits", high=255)]
 
 
-def cut(sheet: NDArray[T], rows: int) -> list[NDArray[T]]:
+def cut(sheet: NDArray[Any], rows: int) -> list[NDArray[Any]]:
     """Return the presses of a sheet (... x S x W), each of so many rows: views, not copies."""
     return [sheet[..., at : at + rows, :] for at in range(0, sheet.shape[-2], rows)]

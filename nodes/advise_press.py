@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F4, Light, Metrics
+from tactograph.nodes import F4, U1, Light, Metrics
+from tactograph.nodes._near_light import F8
 from tactograph.nodes._sheet import SheetLabels, SheetMask, SheetSlope, cut
 
 REGIONS = (
@@ -64,14 +65,14 @@ def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabe
     return PressAdvice(quality, _advice(presses, touched, steep))
 
 
-def _touched(mask: F4, rows: int) -> F4:
+def _touched(mask: U1, rows: int) -> F8:
     """The share of each of nine parts of the film that some contact covers."""
     film = np.maximum.reduce([part > 0 for part in cut(mask, rows)])
     bands = [np.array_split(band, 3, axis=1) for band in np.array_split(film, 3, axis=0)]
     return np.array([[part.mean() if part.size else 1 for part in band] for band in bands])
 
 
-def _steepest(slope: F4) -> F4:
+def _steepest(slope: F4) -> F8:
     """The slope up to which each direction is covered; a slope falls away from its ball."""
     towards = np.arctan2(-slope[1], -slope[0])
     sector = np.rint(towards / (2 * np.pi) * len(DIRECTIONS)).astype(int) % len(DIRECTIONS)
@@ -80,7 +81,7 @@ def _steepest(slope: F4) -> F4:
     return steep
 
 
-def _advice(presses: int, touched: F4, steep: F4) -> str:
+def _advice(presses: int, touched: F8, steep: F8) -> str:
     row, column = np.unravel_index(int(touched.argmin()), touched.shape)
     flattest = int(steep.argmin())
     empty, gentle = touched[row, column] < TOUCHED, steep[flattest] < STEEP

@@ -12,6 +12,7 @@ from tactograph.nodes import F4, Light, LightPositions, PixelSize
 from tactograph.nodes._light_fit import (
     FEWEST,
     place_leds,
+    presses_of,
     residual_of,
     rest_of,
     sample,
@@ -25,7 +26,6 @@ from tactograph.nodes._sheet import (
     SheetLight,
     SheetMask,
     SheetSlope,
-    cut,
 )
 
 
@@ -89,13 +89,12 @@ def calibrate_lights(
     InputError
         If an LED reaches fewer than 100 pixels of the objects.
     """
-    rows = flat.shape[1]
-    sheets = (light, slope, mask, height, lit)
-    presses = [p for p in zip(*(cut(s, rows) for s in sheets), strict=True) if p[2].any()]
+    presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
+    presses = [press for press in presses if press.mask.any()]
     if not presses:
         raise InputError("no pixel of the calibration object is known: is it in the frame?")
     most = samples_for(len(presses))
-    objects = [sample(*press, pixel, steepest, most) for press in presses]
+    objects = [sample(press, pixel, steepest, most) for press in presses]
     dark = unreached(objects)
     if dark:
         raise InputError(

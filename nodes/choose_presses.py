@@ -18,6 +18,7 @@ from tactograph.nodes._light_fit import (
     Placed,
     Rest,
     place_leds,
+    presses_of,
     residual_of,
     rest_of,
     sample,
@@ -109,39 +110,30 @@ def choose_presses(
     InputError
         If no press can be used.
     """
-    rows = flat.shape[1]
-    kept = np.array([part.any() for part in cut(mask, rows)])
-    residual = np.zeros(len(kept))
-    if len(kept) > 1:
-        presses = list(zip(*(cut(s, rows) for s in (light, slope, mask, height, lit)), strict=True))
-        why: dict[int, str] = {}
-        objects: dict[int, Object] = {}
-        captured = cut(image, rows)
-        for i in np.flatnonzero(kept):
-            objects[i] = sample(*presses[i], pixel, steepest, ENOUGH)
-            spoilt = _spoilt(captured[i], presses[i][2], objects[i])
-            if spoilt:
-                why[i] = spoilt
-        usable = [i for i in objects if i not in why]
+    presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
+    found = [i for i, press in enumerate(presses) if press.mask.any()]
+    kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
+    kept[found] = 1
+    if len(presses) > 1:
+        captured = cut(image, flat.shape[1])
+        objects = {i: sample(presses[i], pixel, steepest, ENOUGH) for i in found}
+        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in found}
+        why = {i: reason for i, reason in spoilt.items() if reason}
+        usable = [i for i in found if i not in why]
         if not usable:
             raise InputError(
-                f"none of {len(kept)} presses can be used: "
+                f"none of {len(presses)} presses can be used: "
                 + "; ".join(f"{names[i]}: {reason}" for i, reason in why.items())
             )
-        found = _consensus(
+        agreed = _consensus(
             [objects[i] for i in usable], rest_of(flat, pixel), shift_px, pixel * light.shape[2]
         )
-        residual[usable] = found.residual
-        why |= {usable[i]: reason for i, reason in _out_of_line(found)}
+        residual[usable] = agreed.residual
+        why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}
         for i in sorted(why):
             warn(f"press {names[i]} is left out: {why[i]}")
-        kept[list(why)] = False
-    chosen = np.repeat(kept, rows)[:, None]
-    return ChosenPresses(
-        np.where(chosen, mask, 0).astype(np.uint8),
-        kept.astype(np.uint8),
-        residual.astype(np.float32),
-    )
+            kept[i] = 0
+    return ChosenPresses(np.repeat(kept, flat.shape[1])[:, None] * mask, kept, residual)
 
 
 class _Agreement(NamedTuple):

@@ -9,8 +9,16 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, U1, Height, Light, LightPositions, Metrics, Noise, PixelSize, Slope
-from tactograph.nodes._light_fit import place_leds, rest_of, sample, samples_for, shift_of
+from tactograph.nodes import F4, Height, Light, LightPositions, Metrics, Noise, PixelSize, Slope
+from tactograph.nodes._light_fit import (
+    Press,
+    place_leds,
+    presses_of,
+    rest_of,
+    sample,
+    samples_for,
+    shift_of,
+)
 from tactograph.nodes._sheet import (
     SheetHeight,
     SheetLabels,
@@ -25,15 +33,6 @@ from tactograph.nodes.label_lights import label_lights
 from tactograph.nodes.light_noise import light_noise
 from tactograph.nodes.rate_presses import judge_contact
 from tactograph.nodes.read_balls import Radii
-
-
-class _Ball(NamedTuple):
-    """What is known of a press, H x W."""
-
-    slope: F4
-    height: F4
-    inside: NDArray[np.bool_]
-    judged: NDArray[np.bool_]
 
 
 class HeldOut(NamedTuple):
@@ -96,30 +95,27 @@ def hold_out_presses(
         ``heldout_height_percent`` of the cap, means over the presses.
     """
     rows = flat.shape[1]
-    cuts = [cut(sheet, rows) for sheet in (light, slope, mask, height, lit)]
-    kept = [i for i, part in enumerate(cuts[2]) if part.any()]
+    presses = presses_of(light, slope, mask, height, lit, rows)
+    kept = [i for i, press in enumerate(presses) if press.mask.any()]
     degrees, microns = np.full((2, len(radius)), np.nan, np.float32)
     quality = {"presses": float(len(kept))}
     if len(kept) < 2:
         return HeldOut(degrees, microns, quality)
     rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
     most = samples_for(len(kept) - 1)
-    objects = {i: sample(*(part[i] for part in cuts), pixel, steepest, most) for i in kept}
-    known = cut(_judged(slope, mask, lit, len(flat), steepest), rows)
+    objects = {i: sample(presses[i], pixel, steepest, most) for i in kept}
     everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
     percent = []
     for i in kept:
         others = [there for j, there in objects.items() if j != i]
         placed = place_leds(others, rest, shift_px, width_mm, start=everything)
-        sigma = light_noise(cut(image, rows)[i], flat, noise)
         shift = shift_of(objects[i], placed, shift_px)
-        inside = cuts[2][i] > 0
-        lifted = cuts[3][i] + inside * np.float32(shift[2])
-        ball = _Ball(cuts[1][i], lifted, inside, known[i])
-        found = _measure(cuts[0][i], sigma, placed.lights, ball, pixel)
-        refined = np.array([*(circle[i, :2] + shift[:2]), circle[i, 2]])
+        sigma = light_noise(cut(image, rows)[i], flat, noise)
+        judged = _judged(presses[i], steepest)
+        found = _measure(presses[i], judged, sigma, placed.lights, pixel, shift[2])
+        ball = np.array([*(circle[i, :2] + shift[:2]), circle[i, 2]])
         degrees[i], microns[i], share = judge_contact(
-            *found, refined, radius[i] / pixel, pixel, known[i]
+            *found, ball, radius[i] / pixel, pixel, judged
         )
         percent.append(share)
     return HeldOut(
@@ -134,18 +130,25 @@ def hold_out_presses(
     )
 
 
-def _judged(slope: F4, mask: U1, lit: U1, count: int, steepest: float) -> NDArray[np.bool_]:
+def _judged(press: Press, steepest: float) -> NDArray[np.bool_]:
     """The pixels that all LEDs but one reach, and that are not too steep."""
-    p, q = slope
-    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
-    return np.asarray((mask > 0) & reached & (p * p + q * q < steepest * steepest))
+    (p, q), count = press.slope, len(press.light)
+    reached = np.bitwise_count(press.lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
+    return np.asarray((press.mask > 0) & reached & (p * p + q * q < steepest * steepest))
 
 
 def _measure(
-    light: Light, sigma: Light, lights: LightPositions, ball: _Ball, pixel: float
+    press: Press,
+    judged: NDArray[np.bool_],
+    sigma: Light,
+    lights: LightPositions,
+    pixel: float,
+    lift: float,
 ) -> tuple[Slope, Height]:
     """Slope and height; what is not judged is the ball's own, so that it cannot spread."""
-    level = np.zeros_like(ball.slope)
-    found = label_lights(light, sigma, lights, ball.height, level, pixel).slope
-    slope = np.where(ball.inside & ~ball.judged, ball.slope, found)
+    inside = press.mask > 0
+    height = press.height + inside * np.float32(lift)
+    level = np.zeros_like(press.slope)
+    found = label_lights(press.light, sigma, lights, height, level, pixel).slope
+    slope = np.where(inside & ~judged, press.slope, found)
     return slope, integrate_dct(slope, pixel)
