@@ -28,6 +28,8 @@ FULL = 1000
 MOST_STEPS = 16
 SHORTEST_STEP = 500
 LONGEST_STEP = 10000000
+MARGIN = 100
+SHORTEST_PULSE = 10
 WATCHDOG = 2000
 LONGEST_WATCHDOG = 60000
 
@@ -217,8 +219,11 @@ class Controller:
         if len(leds) > MOST_STEPS:
             raise RefusedError(f"a cycle has {MOST_STEPS} steps at most")
         period = number(period, SHORTEST_STEP, LONGEST_STEP, "period")
-        on = number(on, 1, period, "on-time")
-        trigger = number(trigger, 0, period - 20, "trigger pulse")
+        on = number(on, MARGIN, period, "on-time")
+        trigger = number(trigger, 0, period - MARGIN, "trigger pulse")
+        if period - MARGIN < on < period or 0 < trigger < SHORTEST_PULSE:
+            # Two interrupts at once could come in the wrong order.
+            raise RefusedError(f"on-time {on} and trigger {trigger} do not suit period {period}")
         self._halt()
         self._off()
         self._order = leds
