@@ -428,6 +428,8 @@ class LedController:
         if status.state == state and (state != "set" or status.led == int(wanted[1])):
             return True
         self._fail("controller reset", "the LED controller started anew")
+        with self._known:
+            self._forget()
         return False
 
     def _fail(self, fault: str, line: str) -> None:

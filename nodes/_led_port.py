@@ -90,9 +90,6 @@ def _remedy(port: str) -> str:
     except (ImportError, KeyError, OSError):
         return "ask the administrator of this computer"
     if group == "root":
-        return f"it belongs to root; see docs/hardware.md for the rule that gives it to {_GROUP}"
+        return "it belongs to root; docs/hardware.md has the rule that gives it to dialout"
     user = getpass.getuser()
     return f"join its group: sudo usermod -aG {group} {user}, then log out and in again"
-
-
-_GROUP = "dialout"

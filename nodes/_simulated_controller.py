@@ -270,7 +270,9 @@ class SimulatedController:
             if main is None:
                 time.sleep(IDLE)
                 continue
-            select.select([main], [], [], wait)
+            # Its cable may be pulled at any moment.
+            with contextlib.suppress(OSError):
+                select.select([main], [], [], wait)
             with self._lock:
                 self._advance()
                 if self._main == main:
