@@ -8,12 +8,16 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Height
+from tactograph.nodes._height_files import READERS
 from tactograph.nodes.read_capture import Crop, read_truth
 
 
 @node
 def read_height(*, file: Path, crop: Crop | None = None) -> Height:
-    """Read a height map in mm from a ``.npy`` file.
+    """Read a height map in mm.
+
+    ``.npy``; ``.tiff`` of 32-bit floats; ``.png`` of 16 bits that states its scale, as
+    `export_height` writes it; ``.tmd``, GelSight's.
 
     Parameters
     ----------
@@ -25,9 +29,10 @@ def read_height(*, file: Path, crop: Crop | None = None) -> Height:
     Raises
     ------
     InputError
-        If the file is no two-dimensional array of finite numbers, or the crop leaves it.
+        If the file is missing, damaged, or no two-dimensional array of finite numbers, or
+        the crop leaves it.
     """
-    height = read_truth(file)
+    height = _read(file)
     if crop is None:
         return height
     x0, y0, x1, y1 = crop
@@ -36,3 +41,15 @@ def read_height(*, file: Path, crop: Crop | None = None) -> Height:
             f"crop={x0},{y0},{x1},{y1}: {file} is {height.shape[1]} x {height.shape[0]}"
         )
     return np.ascontiguousarray(height[y0:y1, x0:x1])
+
+
+def _read(file: Path) -> Height:
+    reader = READERS.get(file.suffix.lower())
+    if reader is None:
+        return read_truth(file)
+    if not file.is_file():
+        raise InputError(f"{file}: there is no such file")
+    height = reader(file)
+    if not np.isfinite(height).all():
+        raise InputError(f"{file}: holds NaN or infinite values")
+    return height

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import trimesh
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -15,6 +14,7 @@ from matplotlib.figure import Figure
 from tactograph.graph import Provenance, node
 from tactograph.graph.whole import whole_files
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
+from tactograph.nodes._height_files import write_mesh, write_tiff
 from tactograph.nodes._led_colours import LED_COLOURS
 
 BAND = 1.645
@@ -39,7 +39,7 @@ def write_result(
     """Write the result of one touch into `folder`, or a folder of its name inside.
 
     ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
-    y down, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
+    y up, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
     pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``; with an error
     ``error.npy`` and ``error.png`` too.
 
@@ -71,12 +71,12 @@ def write_result(
     """
     with whole_files(folder / name if name else folder) as target:
         np.save(target / "height.npy", height)
-        cv2.imwrite(str(target / "height.tiff"), height)
+        write_tiff(target / "height.tiff", height, pixel)
         cv2.imwrite(str(target / "shadow.png"), shadow)
         if error is not None:
             np.save(target / "error.npy", error)
         if mesh:
-            surface_mesh(height, pixel).export(target / "height.ply")
+            write_mesh(target / "height.ply", height, pixel)
         if pictures:
             _draw_height(height, error, pixel, target / "height.png")
             if error is not None:
@@ -84,19 +84,6 @@ def write_result(
             _draw_shadow(shadow, image, target / "shadow_view.png")
         text = json.dumps({**provenance.as_dict(), "capture": name, "metrics": metrics}, indent=1)
         (target / "result.json").write_text(text + "\n")
-
-
-def surface_mesh(height: Height, pixel: float) -> trimesh.Trimesh:
-    """Return the height map as a triangle mesh in mm, two triangles between four pixels."""
-    rows, columns = height.shape
-    y, x = np.mgrid[:rows, :columns]
-    vertices = np.stack([x * pixel, y * pixel, height], axis=-1).reshape(-1, 3)
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    right, below = corner + 1, corner + columns
-    faces = np.concatenate(
-        [np.stack([corner, right, below], 1), np.stack([right, below + 1, below], 1)]
-    )
-    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
