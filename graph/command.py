@@ -21,6 +21,7 @@ COMMANDS = (
     "explain",
     "draw",
     "nodes",
+    "new-node",
     "devices",
     "bench",
     "schema",
@@ -36,7 +37,7 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"tactograph.graph.commands.{cmd_name}")
+        module = importlib.import_module(f"tactograph.graph.commands.{cmd_name.replace('-', '_')}")
         command: click.Command = module.command
         return command
 

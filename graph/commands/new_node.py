@@ -1,0 +1,31 @@
+"""``tactograph new-node``: the files that a node begins with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command("new-node", short_help="Write the files of a new node.")
+@click.argument("name")
+@click.option(
+    "--package", metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path),
+    help="A package of your own, made if it is not there.  [default: the clone you are in]",
+)  # fmt: skip
+def command(name: str, package: Path | None) -> None:
+    """Write the function, the kernel and the tests of a node NAME that works, to be edited."""
+    from tactograph.graph.new_node import write_into_package, write_into_project
+
+    if package is None:
+        files, line = write_into_project(name, Path()), ""
+    else:
+        files, line = write_into_package(name, package)
+    for file in files:
+        click.echo(file)
+    if line:
+        click.echo(f"add to {package}/pyproject.toml, then install again: {line}")
+    elif package is not None:
+        click.echo(f"try it: pip install -e '{package}[test]' && pytest {package}")
+    else:
+        click.echo(f"try it: pytest tests/nodes/test_{name}.py tests/kernels -k {name}")
