@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.errors import GraphError, InputError, NodeError, TactographError, warn
-from tactograph.graph.node import Node, SizeLimit, node
+from tactograph.graph.node import Node, Parts, SizeLimit, node
 from tactograph.graph.ports import Port
 from tactograph.graph.provenance import Provenance
 from tactograph.graph.session import Session
@@ -27,6 +27,7 @@ __all__ = [
     "InputError",
     "Node",
     "NodeError",
+    "Parts",
     "Pipeline",
     "Port",
     "Provenance",

@@ -41,6 +41,17 @@ class SizeLimit:
 
 
 @dataclass(frozen=True)
+class Parts:
+    """A size that follows from another: that one divided by a parameter, rounded up."""
+
+    of: str
+    by: str
+
+    def size(self, whole: int, settings: Mapping[str, Any]) -> int:
+        return -(-whole // int(settings[self.by]))
+
+
+@dataclass(frozen=True)
 class Parameter:
     """A keyword-only argument: a setting in the graph file."""
 
@@ -68,6 +79,7 @@ class Node:
     neutral: float | str | None
     tolerance: Tolerance
     sizes: Mapping[str, SizeLimit]
+    derived: Mapping[str, Parts]
     package: str = "tactograph"
     provenance: str | None = None
     session: str | None = None
@@ -182,6 +194,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
+    derived: Mapping[str, Parts] | None = None,
     endless: bool = False,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
@@ -192,6 +205,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
+    derived: Mapping[str, Parts] | None = None,
     endless: bool = False,
 ) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
@@ -205,6 +219,8 @@ def node(
         How far the OpenCL output may differ from the NumPy one, and why.
     sizes
         Limits on size symbols, with the sentence a user reads when they are not met.
+    derived
+        Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``.
     endless
         A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
         to end a run, not an accident.
@@ -216,8 +232,8 @@ def node(
         not keyword-only, a neutral input whose type is not the output's.
     """
     if function is None:
-        return lambda f: _declare(f, neutral, tolerance, sizes or {}, endless)
-    return _declare(function, neutral, tolerance, sizes or {}, endless)
+        return lambda f: _declare(f, neutral, tolerance, sizes or {}, derived or {}, endless)
+    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless)
 
 
 def _declare(
@@ -225,6 +241,7 @@ def _declare(
     neutral: float | str | None,
     tolerance: Tolerance | None,
     sizes: Mapping[str, SizeLimit],
+    derived: Mapping[str, Parts],
     endless: bool,
 ) -> Node:
     """Read a function's signature."""
@@ -267,6 +284,7 @@ def _declare(
         neutral=neutral,
         tolerance=tolerance or Exact(),
         sizes=sizes,
+        derived=derived,
         provenance=provenance,
         session=session,
         endless=endless,
@@ -274,6 +292,7 @@ def _declare(
     )
     declared.__doc__ = function.__doc__
     _check_neutral(declared)
+    _check_derived(declared)
     return declared
 
 
@@ -303,4 +322,13 @@ def _check_neutral(declared: Node) -> None:
         if port is None or (port.dims, port.dtype) != (output.dims, output.dtype):
             raise TypeError(
                 f"{declared.name}: neutral '{neutral}' is no input of the output's type"
+            )
+
+
+def _check_derived(declared: Node) -> None:
+    for symbol, parts in declared.derived.items():
+        if {symbol, parts.of} - set(declared.symbols) or parts.by not in declared.parameters:
+            raise TypeError(
+                f"{declared.name}: size {symbol} = {parts.of} / {parts.by} names no size or "
+                "no parameter"
             )

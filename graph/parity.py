@@ -48,11 +48,13 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     settings = dict(_settings(node))
     default = settings["default"]
     found = [
-        Case(_sizes(node, shape), fill, "default", default) for shape in shapes for fill in fills
+        Case(_sizes(node, shape, default), fill, "default", default)
+        for shape in shapes
+        for fill in fills
     ]
     middle = shapes[min(2, len(shapes) - 1)]
     found += [
-        Case(_sizes(node, middle), "random", name, setting)
+        Case(_sizes(node, middle, setting), "random", name, setting)
         for name, setting in settings.items()
         if name != "default"
     ]
@@ -155,8 +157,13 @@ def _reference(
     return dict(zip(node.outputs, made if node.output_record else (made,), strict=True))
 
 
-def _sizes(node: Node, shape: tuple[int, int]) -> dict[str, int]:
-    """H and W as given, the lights as few as the node allows plus one, the rest their product."""
+def _sizes(
+    node: Node, shape: tuple[int, int], settings: Mapping[str, Any]
+) -> dict[str, int]:
+    """H and W as given, the lights as few as the node allows plus one, the rest their product.
+
+    Sizes that the node derives from others are what its parameters make of those.
+    """
     sizes: dict[str, int] = {}
     for symbol in node.symbols:
         limit = node.sizes.get(symbol)
@@ -166,6 +173,8 @@ def _sizes(node: Node, shape: tuple[int, int]) -> dict[str, int]:
             sizes[symbol] = max(4, limit.low if limit else 0)
         else:
             sizes[symbol] = shape[0] * shape[1]
+    for symbol, parts in node.derived.items():
+        sizes[symbol] = parts.size(sizes[parts.of], settings)
     return sizes
 
 

@@ -311,6 +311,7 @@ class Pipeline:
             self._transfer(step)
         else:
             task = self.plan.tasks[step.name]
+            self.plan.sizes.derive(known, task)
             sizes = self.plan.sizes.sizes_of(task, known)
             if step.kind == "fill":
                 self._fill(task, step, sizes)

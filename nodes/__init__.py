@@ -27,6 +27,10 @@ Slope = Annotated[F4, Port("2 H W", "mm/mm", low=-2, high=2)]
 """Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2."""
 Height = Annotated[F4, Port("H W", "mm", low=-1, high=5)]
 """Height z above the film at rest."""
+CoarseLight = Annotated[F4, Port("K h w", "1")]
+"""Light of cells of several pixels, see `coarsen`."""
+CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
+"""Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
 """Standard deviation of the height; zero on the film at rest."""
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]

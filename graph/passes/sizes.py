@@ -51,6 +51,21 @@ class SizeClasses:
             if isinstance(dim, str):
                 self._bind_one(known, self.root[task.id, dim], dim, Bound(size, by))
 
+    def derive(self, known: dict[Symbol, Bound], task: Task) -> None:
+        """Enter the sizes that follow from others, by a node's own parameters, into `known`.
+
+        Raises
+        ------
+        InputError
+            If such a size clashes with one that is known.
+        """
+        sizes = self.sizes_of(task, known)
+        for symbol, parts in task.node.derived.items():
+            if parts.of in sizes:
+                by = f"{task.id} ({parts.of} / {parts.by})"
+                bound = Bound(parts.size(sizes[parts.of], task.settings), by)
+                self._bind_one(known, self.root[task.id, symbol], symbol, bound)
+
     def _bind_one(self, known: dict[Symbol, Bound], root: Symbol, dim: str, bound: Bound) -> None:
         other = known.get(root) or self.fixed.get(root)
         if other is not None and other.size != bound.size:

@@ -1,0 +1,46 @@
+"""Look at an image more coarsely: the means of square cells."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Parts, node
+from tactograph.nodes import F4, CoarseLight, Light
+
+
+@node(derived={"h": Parts("H", by="factor"), "w": Parts("W", by="factor")})
+def coarsen(light: Light, *, factor: Annotated[int, Interval(ge=1, le=64)] = 4) -> CoarseLight:
+    """Return the mean of every cell of ``factor`` by ``factor`` pixels.
+
+    What only tells from where light comes needs no full resolution.  Cells that reach beyond
+    the right and bottom border count its pixels again.
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    factor
+        Side of a cell in pixels.
+
+    Returns
+    -------
+    ndarray
+        K x h x w, with h = H / factor and w = W / factor, rounded up.
+    """
+    count, rows, columns = light.shape
+    beyond = -rows % factor, -columns % factor
+    if any(beyond):
+        light = np.pad(light, ((0, 0), (0, beyond[0]), (0, beyond[1])), mode="edge")
+    sums = light[:, ::factor].copy()
+    for row in range(1, factor):
+        sums += light[:, row::factor]
+    total: F4 = sums[..., ::factor].copy()
+    for column in range(1, factor):
+        total += sums[..., column::factor]
+    return total * np.float32(1 / factor**2)
+
+
+coarsen.opencl(grid="K h w")
