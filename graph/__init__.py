@@ -15,11 +15,13 @@ from tactograph.graph.ports import Port
 from tactograph.graph.provenance import Provenance
 from tactograph.graph.session import Session
 from tactograph.graph.tolerance import Close, Exact, Flips
+from tactograph.graph.wanted import EVERYTHING, Wanted
 
 if TYPE_CHECKING:
     from tactograph.graph.run import Pipeline, load
 
 __all__ = [
+    "EVERYTHING",
     "Close",
     "Exact",
     "Flips",
@@ -34,6 +36,7 @@ __all__ = [
     "Session",
     "SizeLimit",
     "TactographError",
+    "Wanted",
     "load",
     "node",
     "warn",

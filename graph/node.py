@@ -20,6 +20,7 @@ from tactograph.graph.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.provenance import Provenance
 from tactograph.graph.session import Session
 from tactograph.graph.tolerance import Exact, Tolerance
+from tactograph.graph.wanted import Wanted
 
 if typing.TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -83,6 +84,7 @@ class Node:
     package: str = "tactograph"
     provenance: str | None = None
     session: str | None = None
+    wanted: str | None = None
     endless: bool = False
     grid: tuple[str, ...] | None = None
     lanes: bool = False
@@ -252,6 +254,7 @@ def _declare(
     parameters: dict[str, Parameter] = {}
     provenance: str | None = None
     session: str | None = None
+    wanted: str | None = None
     for name, argument in inspect.signature(function).parameters.items():
         annotation = hints.get(name)
         if annotation is None:
@@ -261,6 +264,8 @@ def _declare(
                 provenance = name
             elif annotation is Session:
                 session = name
+            elif annotation is Wanted:
+                wanted = name
             else:
                 parameters[name] = Parameter(name, annotation, argument.default)
         elif is_record(annotation):
@@ -287,6 +292,7 @@ def _declare(
         derived=derived,
         provenance=provenance,
         session=session,
+        wanted=wanted,
         endless=endless,
         optional_inputs=frozenset(optional),
     )

@@ -157,9 +157,7 @@ def _reference(
     return dict(zip(node.outputs, made if node.output_record else (made,), strict=True))
 
 
-def _sizes(
-    node: Node, shape: tuple[int, int], settings: Mapping[str, Any]
-) -> dict[str, int]:
+def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:
     """H and W as given, the lights as few as the node allows plus one, the rest their product.
 
     Sizes that the node derives from others are what its parameters make of those.

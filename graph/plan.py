@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from tactograph.graph.model import Entry, Graph
 from tactograph.graph.node import Node
+from tactograph.graph.wanted import Wanted
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.opencl import OpenCL
@@ -100,6 +101,12 @@ class Plan:
     device: str | None
     passed: dict[str, Value]
     unused: list[str]
+
+    def wanted(self, node: str) -> Wanted:
+        """The outputs of a node that another node reads, or the caller."""
+        edges = [value for task in self.tasks.values() for value in task.edges.values()]
+        read = {v.port for v in (*edges, *self.outputs.values()) if v.node == node}
+        return Wanted(frozenset(read))
 
     @property
     def fallbacks(self) -> list[str]:

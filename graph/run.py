@@ -81,6 +81,7 @@ class Pipeline:
         self._times: dict[str, float] = {}
         self._notes: list[str] = []
         self._lasting = 0
+        self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._recalled = {v for t in plan.tasks.values() for v in t.recalls.values()}
         self._host_before: dict[Value, Any] = {}
         self._remote_before: dict[Value, DeviceArray] = {}
@@ -357,7 +358,9 @@ class Pipeline:
             is_array = task.node.inputs[name].kind == "array"
             inputs[name] = self._recall(task, name, sizes, remote=is_array)
         with blaming(task):
-            outputs, timer = self._device.run(task.node, inputs, task.settings, sizes)
+            outputs, timer = self._device.run(
+                task.node, inputs, task.settings, sizes, self._wanted[task.id]
+            )
         timers[task.id] = timer
         for name, array in outputs.items():
             self._remote[Value(task.id, name)] = array
@@ -374,6 +377,8 @@ class Pipeline:
         else:
             keywords = {**task.settings, **self._session(task)}
             recalled = {n: self._recall(task, n, sizes, remote=False) for n in task.recalls}
+            if task.node.wanted is not None:
+                keywords[task.node.wanted] = self._wanted[task.id]
             if task.node.provenance is not None:
                 keywords[task.node.provenance] = self._provenance(known)
             start = time.perf_counter()
@@ -382,7 +387,8 @@ class Pipeline:
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         for name, result in _by_port(task, made).items():
             port = task.node.outputs[name]
-            if port.kind == "array" and not (result is None and port.optional):
+            unread = task.node.wanted is not None and name not in self._wanted[task.id]
+            if port.kind == "array" and not (result is None and (port.optional or unread)):
                 result = _as_declared(task, name, result)
                 self.plan.sizes.bind(known, task, name, result.shape)
             self._host[Value(task.id, name)] = result

@@ -3,7 +3,7 @@
 #include "near_light.clh"
 
 #define MOST 8
-#define STEPS 2
+#define STEPS 1
 #define LONGEST 0.3f
 #define AT_REST 0.999f
 #define ALIKE 0.02f
@@ -29,6 +29,11 @@ typedef struct {
     floats p, q;
 } Slope;
 
+// A symmetric matrix.
+typedef struct {
+    floats xx, xy, xz, yy, yz, zz;
+} Symmetric;
+
 static floats dot_(const Vector a, const Vector b)
 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
@@ -47,11 +52,15 @@ static Vector chosen_of(const ints first, const Vector a, const Vector b)
     return c;
 }
 
+static Vector scaled(const Vector n, const floats by)
+{
+    const Vector s = {n.x * by, n.y * by, n.z * by};
+    return s;
+}
+
 static Vector unit(const Vector n)
 {
-    const floats length_ = sqrt(dot_(n, n)) + TINY;
-    const Vector u = {n.x / length_, n.y / length_, n.z / length_};
-    return u;
+    return scaled(n, 1.0f / (sqrt(dot_(n, n)) + TINY));
 }
 
 static floats at_least(const float least, const floats value)
@@ -66,64 +75,69 @@ static Vector visible(const Vector n)
     return v;
 }
 
-// Direction of the unweighted linear solution, by the adjugate.
-static Vector linear(const Pixels *pixels, const int used)
+static Vector times_(const Symmetric a, const Vector b)
 {
-    floats xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
+    const Vector c = {a.xx * b.x + a.xy * b.y + a.xz * b.z, a.xy * b.x + a.yy * b.y + a.yz * b.z,
+                      a.xz * b.x + a.yz * b.y + a.zz * b.z};
+    return c;
+}
+
+// Direction of the solution of a symmetric 3 x 3 system, by the adjugate.
+static Vector solution(const Symmetric a, const Vector b)
+{
+    const Symmetric adjugate = {
+        a.yy * a.zz - a.yz * a.yz, a.xz * a.yz - a.xy * a.zz, a.xy * a.yz - a.xz * a.yy,
+        a.xx * a.zz - a.xz * a.xz, a.xy * a.xz - a.xx * a.yz, a.xx * a.yy - a.xy * a.xy};
+    return times_(adjugate, b);
+}
+
+// One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).
+static Vector gauss_newton(const Symmetric a, const Vector b, const Vector n)
+{
+    // The matrix times the first tangent, and what the second takes of its own product.
+    const floats ux = a.xx * n.z - a.xz * n.x, uy = a.xy * n.z - a.yz * n.x;
+    const floats uz = a.xz * n.z - a.zz * n.x;
+    const floats vy = a.yy * n.z - a.yz * n.y, vz = a.yz * n.z - a.zz * n.y;
+    const floats h11 = ux * n.z - uz * n.x, h12 = uy * n.z - uz * n.y, h22 = vy * n.z - vz * n.y;
+    const Vector an = times_(a, n);
+    const Vector rest = {b.x - an.x, b.y - an.y, b.z - an.z};
+    const floats g1 = rest.x * n.z - rest.z * n.x, g2 = rest.y * n.z - rest.z * n.y;
+    const floats trace = h11 + h22;
+    const floats inverse = 1.0f / (h11 * h22 - h12 * h12 + 1e-6f * trace * trace + TINY);
+    floats s = (h22 * g1 - h12 * g2) * inverse, t = (h11 * g2 - h12 * g1) * inverse;
+    const floats shrink = LONGEST / at_least(LONGEST, sqrt(s * s + t * t));
+    s *= shrink;
+    t *= shrink;
+    const Vector turned = {n.x + s * n.z, n.y + t * n.z, n.z - s * n.x - t * n.y};
+    return turned;
+}
+
+// The unit normal from three LEDs or more: the normal equations are the sums of w v v' and of
+// w m v, over the trace of the first so that products stay small.
+static Vector least_squares(const Pixels *pixels, const int used)
+{
+    Symmetric a = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     Vector b = {0.0f, 0.0f, 0.0f};
     for (int k = 0; k < pixels->K; ++k)
         if (used >> k & 1) {
-            const Vector v = pixels->vector[k];
-            xx += v.x * v.x;
-            xy += v.x * v.y;
-            xz += v.x * v.z;
-            yy += v.y * v.y;
-            yz += v.y * v.z;
-            zz += v.z * v.z;
-            b.x += v.x * pixels->light[k];
-            b.y += v.y * pixels->light[k];
-            b.z += v.z * pixels->light[k];
+            const Vector v = pixels->vector[k], w = scaled(v, pixels->weight[k]);
+            a.xx += w.x * v.x;
+            a.xy += w.x * v.y;
+            a.xz += w.x * v.z;
+            a.yy += w.y * v.y;
+            a.yz += w.y * v.z;
+            a.zz += w.z * v.z;
+            b.x += w.x * pixels->light[k];
+            b.y += w.y * pixels->light[k];
+            b.z += w.z * pixels->light[k];
         }
-    const floats c00 = yy * zz - yz * yz, c01 = xz * yz - xy * zz, c02 = xy * yz - xz * yy;
-    const floats c11 = xx * zz - xz * xz, c12 = xy * xz - xx * yz, c22 = xx * yy - xy * xy;
-    const Vector n = {c00 * b.x + c01 * b.y + c02 * b.z, c01 * b.x + c11 * b.y + c12 * b.z,
-                      c02 * b.x + c12 * b.y + c22 * b.z};
-    return n;
-}
-
-// One weighted step in the tangent plane, n + a (n_z, 0, -n_x) + b (0, n_z, -n_y).
-static Vector gauss_newton(const Pixels *pixels, const int used, const Vector n)
-{
-    floats h11 = 0.0f, h12 = 0.0f, h22 = 0.0f, g1 = 0.0f, g2 = 0.0f;
-    for (int k = 0; k < pixels->K; ++k)
-        if (used >> k & 1) {
-            const Vector v = pixels->vector[k];
-            const floats w = pixels->weight[k];
-            const floats j1 = v.x * n.z - v.z * n.x, j2 = v.y * n.z - v.z * n.y;
-            const floats away = pixels->light[k] - dot_(v, n);
-            h11 += w * j1 * j1;
-            h12 += w * j1 * j2;
-            h22 += w * j2 * j2;
-            g1 += w * j1 * away;
-            g2 += w * j2 * away;
-        }
-    const floats trace = h11 + h22;
-    const floats determinant = h11 * h22 - h12 * h12 + 1e-6f * trace * trace + TINY;
-    floats a = (h22 * g1 - h12 * g2) / determinant;
-    floats b = (h11 * g2 - h12 * g1) / determinant;
-    const floats shrink = at_least(1.0f, sqrt(a * a + b * b) / LONGEST);
-    a /= shrink;
-    b /= shrink;
-    const Vector turned = {n.x + a * n.z, n.y + b * n.z, n.z - a * n.x - b * n.y};
-    return visible(turned);
-}
-
-// The unit normal from three LEDs or more.
-static Vector least_squares(const Pixels *pixels, const int used)
-{
-    Vector normal = visible(unit(linear(pixels, used)));
+    const floats scale = 1.0f / (a.xx + a.yy + a.zz);
+    const Symmetric over_trace = {a.xx * scale, a.xy * scale, a.xz * scale,
+                                  a.yy * scale, a.yz * scale, a.zz * scale};
+    b = scaled(b, scale);
+    Vector normal = visible(unit(solution(over_trace, b)));
     for (int step = 0; step < STEPS; ++step)
-        normal = gauss_newton(pixels, used, unit(normal));
+        normal = visible(gauss_newton(over_trace, b, unit(normal)));
     return unit(normal);
 }
 
@@ -181,8 +195,8 @@ static int next_set(const int bits)
 
 static Slope slope_of(const Vector n, const float steepest)
 {
-    const floats z = at_least(1.0f / steepest, n.z);
-    const Slope slope = {-n.x / z, -n.y / z};
+    const floats flatter = -1.0f / at_least(1.0f / steepest, n.z);
+    const Slope slope = {n.x * flatter, n.y * flatter};
     return slope;
 }
 
@@ -299,16 +313,24 @@ __kernel void label_lights(
         }
     }
     const Slope found = slope_of(best_normals.normal, steepest);
-    const Slope other = slope_of(best_normals.twin, steepest);
-    const Slope spread = variance_of(&here, best_used, best_normals.normal, found);
-    const ints dim = dim_of(&here, best_normals.normal) & ~best_used;
-    store_floats(found.p, slope + at, count);
-    store_floats(found.q, slope + size + at, count);
-    store_floats(other.p, twin + at, count);
-    store_floats(other.q, twin + size + at, count);
-    store_floats(spread.p, variance + at, count);
-    store_floats(spread.q, variance + size + at, count);
-    store_bytes(best_used, used + at, count);
-    store_bytes(best_used == 0 ? forced : dim, shadow + at, count);
-    store_floats(best_misfit, misfit + at, count);
+    if (slope) {
+        store_floats(found.p, slope + at, count);
+        store_floats(found.q, slope + size + at, count);
+    }
+    if (twin) {
+        const Slope other = slope_of(best_normals.twin, steepest);
+        store_floats(other.p, twin + at, count);
+        store_floats(other.q, twin + size + at, count);
+    }
+    if (variance) {
+        const Slope spread = variance_of(&here, best_used, best_normals.normal, found);
+        store_floats(spread.p, variance + at, count);
+        store_floats(spread.q, variance + size + at, count);
+    }
+    if (used) store_bytes(best_used, used + at, count);
+    if (shadow) {
+        const ints dim = dim_of(&here, best_normals.normal) & ~best_used;
+        store_bytes(best_used == 0 ? forced : dim, shadow + at, count);
+    }
+    if (misfit) store_floats(best_misfit, misfit + at, count);
 }

@@ -47,11 +47,17 @@ def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
     """
     x = places(height.shape[1], np.float32(pixel))[None, :]
     y = places(height.shape[0], np.float32(pixel))[:, None]
-    vectors = np.empty((len(lights), 3, *height.shape), np.float32)
-    for k, (lx, ly, lz) in enumerate(lights):
-        dx, dy, dz = lx - x, ly - y, lz - height
+    return vectors_at(lights, x, y, height)
+
+
+def vectors_at(lights: F4, x: F4, y: F4, z: F4) -> F4:
+    """Return v of equation N1 at places in mm from the middle of the image, K x 3 x ..."""
+    vectors = np.empty((len(lights), 3, *z.shape), np.float32)
+    for vector, (lx, ly, lz) in zip(vectors, lights, strict=True):
+        dx, dy, dz = lx - x, ly - y, lz - z
         plan = dx * dx + dy * dy
         nearer = (plan + lz * lz) / (plan + dz * dz)
-        gain = nearer * np.sqrt(nearer) / lz
-        vectors[k] = dx * gain, dy * gain, dz * gain
+        gain = nearer * np.sqrt(nearer) * (np.float32(1) / lz)
+        for component, away in zip(vector, (dx, dy, dz), strict=True):
+            np.multiply(away, gain, out=component)
     return vectors

@@ -30,7 +30,7 @@ def coarsen(light: Light, *, factor: Annotated[int, Interval(ge=1, le=64)] = 4) 
     ndarray
         K x h x w, with h = H / factor and w = W / factor, rounded up.
     """
-    count, rows, columns = light.shape
+    _count, rows, columns = light.shape
     beyond = -rows % factor, -columns % factor
     if any(beyond):
         light = np.pad(light, ((0, 0), (0, beyond[0]), (0, beyond[1])), mode="edge")

@@ -34,9 +34,7 @@ def enlarge_height(
     return _mixed(wide[above], wide[below], down[:, None])
 
 
-def _between(
-    count: int, cells: int, factor: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
+def _between(count: int, cells: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
     """The cells whose centres a pixel lies between, and how far from the first."""
     place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
     place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.graph import EVERYTHING, Flips, Port, SizeLimit, Wanted, node
 from tactograph.nodes import (
     F4,
     Height,
@@ -20,9 +20,10 @@ from tactograph.nodes import (
     Slope,
     SlopeVariance,
 )
-from tactograph.nodes._near_light import FLATTEST, light_vectors
+from tactograph.nodes._blocks import in_blocks
+from tactograph.nodes._near_light import FLATTEST, places, vectors_at
 
-STEPS = 2
+STEPS = 1
 """Gauss-Newton steps from the linear solution; more change nothing above the noise."""
 LONGEST = np.float32(0.3)
 """Longest Gauss-Newton step, in radians."""
@@ -49,17 +50,33 @@ class Labelled(NamedTuple):
     misfit: Annotated[F4, Port("H W", "1")]
 
 
+class _Rules(NamedTuple):
+    """The node's parameters."""
+
+    pair: str
+    dark: int
+    floor: np.float32
+    price: np.float32
+    one_sided: np.float32
+    steepest: np.float32
+
+
 class _Pixels(NamedTuple):
-    """The pixels in question: light and weight K x N, vectors K x 3 x N, prior normal 3 x N."""
+    """N pixels: light, its standard deviation and weight K x N, vectors K x 3 x N, the prior
+    slope 2 x N, and the LEDs that surely do not reach (K x N, and as bits where that counts).
+    """
 
     light: F4
-    vectors: F4
     sigma: F4
     weight: F4
+    vectors: F4
     prior: F4
+    below: NDArray[np.bool_]
+    forced: NDArray[np.uint8]
 
     def at(self, where: NDArray[np.intp]) -> _Pixels:
-        return _Pixels(*(part[..., where] for part in self))
+        parts: Iterator[Any] = (part[..., where] for part in self)
+        return _Pixels(*parts)
 
 
 class _Choice(NamedTuple):
@@ -92,6 +109,7 @@ def label_lights(
     price: Annotated[float, Ge(0)] = 12.0,
     one_sided: float = 2.0,
     steepest: Annotated[float, Gt(0)] = 30.0,
+    wanted: Wanted = EVERYTHING,
 ) -> Labelled:
     """Return the slope and the LEDs that explain a pixel's light best.
 
@@ -143,28 +161,39 @@ def label_lights(
         ``shadow`` where LED k does not light the pixel (not used, and less than half of
         what the slope predicts); the misfit, the choice's sum of squares.
     """
-    count, size = len(light), light.shape[1:]
-    pixels = _pixels(light, sigma, light_vectors(lights, height, pixel), prior)
-    below = pixels.light < np.float32(floor) * pixels.sigma
-    forced = _bits(below & (dark > 0))
-    best = _start(forced.size)
-    for left_out in _sets(count):
-        number = left_out.bit_count()
-        few = number - np.bitwise_count(forced) <= dark
-        open_ = (forced & ~np.uint8(left_out) == 0) & few & (best.cost > np.float32(price * number))
-        where = np.flatnonzero(open_)
-        if where.size:
-            tried = _try(pixels.at(where), below[:, where], left_out, pair, price, one_sided)
-            _keep_better(best, tried, where)
-    shadow = _shadow(pixels, best, forced)
-    return Labelled(
-        _slope(best.normal, steepest).reshape(2, *size),
-        _slope(best.twin, steepest).reshape(2, *size),
-        _variance(pixels, best, steepest).reshape(2, *size),
-        best.used.reshape(size),
-        shadow.reshape(size),
-        best.misfit.reshape(size),
-    )
+    rules = _Rules(pair, dark, *map(np.float32, (floor, price, one_sided, steepest)))
+    images = tuple(image.reshape(*image.shape[:-2], -1) for image in (light, sigma, height, prior))
+    x, y = _places(height.shape, pixel)
+    sizes = {"H": 1, "W": height.size}
+    made: dict[str, NDArray[Any]] = {
+        name: np.empty(label_lights.output_shape(name, sizes), port.dtype)
+        for name, port in label_lights.outputs.items()
+        if name in wanted
+    }
+
+    def pixels_of(part: slice | NDArray[np.intp]) -> _Pixels:
+        here_light, here_sigma, z, here_prior = (image[..., part] for image in images)
+        vectors = vectors_at(lights, x[part], y[part], z)
+        return _pixels(here_light, here_sigma, vectors, here_prior, rules)
+
+    def all_lit(part: slice) -> NDArray[np.intp]:
+        """Take every LED to reach; return the pixels that another set may explain better."""
+        pixels = pixels_of(part)
+        best = _try(pixels, 0, rules)
+        _write(made, part, pixels, best, rules)
+        # Leaving an LED out costs its price at least.
+        return part.start + np.flatnonzero((pixels.forced != 0) | ~(best.cost <= rules.price))
+
+    def any_set(part: NDArray[np.intp]) -> None:
+        pixels = pixels_of(part)
+        _write(made, part, pixels, _best(pixels, rules), rules)
+
+    doubtful = np.concatenate(in_blocks(all_lit, height.size))
+    in_blocks(lambda part: any_set(doubtful[part]), doubtful.size)
+    for name, plane in made.items():
+        made[name] = plane.reshape(*plane.shape[:-2], *height.shape)
+    planes: Iterator[Any] = map(made.get, Labelled._fields)
+    return Labelled(*planes)
 
 
 label_lights.opencl(grid="H W", lanes=True)
@@ -180,21 +209,56 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     return {"lights": lights.astype(np.float32), "sigma": sigma.astype(np.float32)}
 
 
-def _pixels(light: F4, sigma: F4, vectors: F4, prior: F4) -> _Pixels:
-    count = len(light)
-    spread = np.maximum(sigma.reshape(count, -1), np.float32(1e-5))
+def _places(shape: tuple[int, ...], pixel: float) -> tuple[F4, F4]:
+    """The x and y of every pixel in mm from the middle, row after row."""
+    rows, columns = shape
+    x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
+    return np.tile(x, rows), np.repeat(y, columns)
+
+
+def _pixels(light: F4, sigma: F4, vectors: F4, prior: F4, rules: _Rules) -> _Pixels:
+    spread = np.maximum(sigma, np.float32(1e-5))
+    below = light < rules.floor * spread
+    forced = _bits(below & (rules.dark > 0))
     weight = np.asarray(ONE / (spread * spread), np.float32)
-    p, q = prior.reshape(2, -1)
-    normal = np.stack([-p, -q, np.ones_like(p)])
-    return _Pixels(light.reshape(count, -1), vectors.reshape(count, 3, -1), spread, weight, normal)
+    return _Pixels(light, spread, weight, vectors, prior, below, forced)
 
 
-def _start(size: int) -> _Choice:
-    """Nothing is known: level, no LED used, any choice is better."""
+def _write(
+    made: Mapping[str, NDArray[Any]],
+    part: slice | NDArray[np.intp],
+    pixels: _Pixels,
+    best: _Choice,
+    rules: _Rules,
+) -> None:
+    """Enter what is wanted of some pixels."""
+    found: dict[str, Callable[[], NDArray[Any]]] = {
+        "slope": lambda: _slope(best.normal, rules),
+        "twin": lambda: _slope(best.twin, rules),
+        "variance": lambda: _variance(pixels, best, rules),
+        "used": lambda: best.used,
+        "shadow": lambda: _shadow(pixels, best),
+        "misfit": lambda: best.misfit,
+    }
+    for name, plane in made.items():
+        plane[..., 0, part] = found[name]()
+
+
+def _best(pixels: _Pixels, rules: _Rules) -> _Choice:
+    """The cheapest set for each pixel; none where no set is open."""
+    size = pixels.forced.size
     level = np.zeros((3, size), np.float32)
     level[2] = 1
     worst = np.full(size, np.inf, np.float32)
-    return _Choice(level, level.copy(), np.zeros(size, np.uint8), worst, np.zeros_like(worst))
+    best = _Choice(level, level.copy(), np.zeros(size, np.uint8), worst, np.zeros_like(worst))
+    most = np.bitwise_count(pixels.forced) + np.uint8(rules.dark)
+    for left_out in _sets(len(pixels.light)):
+        number = left_out.bit_count()
+        open_ = (pixels.forced & ~np.uint8(left_out) == 0) & (most >= number)
+        where = np.flatnonzero(open_ & (best.cost > rules.price * number))
+        if where.size:
+            _keep_better(best, _try(pixels.at(where), left_out, rules), where)
+    return best
 
 
 def _bits(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -208,30 +272,23 @@ def _sets(count: int) -> Iterator[int]:
     yield from sorted(sets, key=lambda s: (s.bit_count(), s))
 
 
-def _try(
-    pixels: _Pixels,
-    below: NDArray[np.bool_],
-    left_out: int,
-    pair: str,
-    price: float,
-    one_sided: float,
-) -> _Choice:
+def _try(pixels: _Pixels, left_out: int, rules: _Rules) -> _Choice:
     """Solve for the normal without some LEDs, and say what that costs."""
     count, size = pixels.light.shape
     used = [k for k in range(count) if not left_out >> k & 1]
     if len(used) > 2:
         normal = twin = _least_squares(pixels, used)
     else:
-        normal, twin = _pair(pixels, used, left_out, pair)
+        normal, twin = _pair(pixels, used, left_out, rules.pair)
     misfit = np.zeros(size, np.float32)
     for k in used:
         away = pixels.light[k] - _dot(pixels.vectors[k], normal)
         misfit += pixels.weight[k] * away * away
-    cost = misfit + np.float32(price * left_out.bit_count())
+    cost = misfit + rules.price * np.float32(left_out.bit_count())
     for k in set(range(count)) - set(used):
         over = pixels.light[k] - np.maximum(_dot(pixels.vectors[k], normal), ZERO)
-        bright = np.maximum(over / pixels.sigma[k] + np.float32(one_sided), ZERO)
-        cost += np.where(below[k], ZERO, bright * bright)
+        bright = np.maximum(over / pixels.sigma[k] + rules.one_sided, ZERO)
+        cost += np.where(pixels.below[k], ZERO, bright * bright)
     labels = np.full(size, ~left_out & (1 << count) - 1, np.uint8)
     return _Choice(normal, twin, labels, cost, misfit)
 
@@ -242,27 +299,44 @@ def _keep_better(best: _Choice, tried: _Choice, where: NDArray[np.intp]) -> None
         getattr(best, name)[..., where[better]] = getattr(tried, name)[..., better]
 
 
-def _dot(a: F4, b: F4) -> F4:
+def _dot(a: F4, b: F4 | tuple[F4, F4, np.float32]) -> F4:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], np.float32)
 
 
 def _unit(n: F4) -> F4:
-    return np.asarray(n / (np.sqrt(_dot(n, n)) + TINY), np.float32)
+    return n * (ONE / (np.sqrt(_dot(n, n)) + TINY))
+
+
+def _visible(n: F4) -> F4:
+    """Normals that the camera can see; changes n."""
+    np.maximum(n[2], FLATTEST, out=n[2])
+    return n
 
 
 def _least_squares(pixels: _Pixels, used: list[int]) -> F4:
     """The unit normal from three LEDs or more."""
+    a, b = _normal_equations(pixels, used)
+    normal = _visible(_unit(_solve(a, b)))
+    for _ in range(STEPS):
+        normal = _visible(_gauss_newton(a, b, _unit(normal)))
+    return _unit(normal)
+
+
+def _normal_equations(pixels: _Pixels, used: list[int]) -> tuple[F4, F4]:
+    """Sums of w v v' and of w m v, over the trace of the first so that products stay small."""
     a = np.zeros((6, pixels.light.shape[1]), np.float32)
     b = np.zeros((3, a.shape[1]), np.float32)
     for k in used:
-        x, y, z = pixels.vectors[k]
-        a += np.stack([x * x, x * y, x * z, y * y, y * z, z * z])
-        b += pixels.vectors[k] * pixels.light[k]
-    normal = _unit(_solve(a, b))
-    normal[2] = np.maximum(normal[2], FLATTEST)
-    for _ in range(STEPS):
-        normal = _gauss_newton(pixels, used, _unit(normal))
-    return _unit(normal)
+        v = pixels.vectors[k]
+        weighted = v * pixels.weight[k]
+        a[:3] += weighted[0] * v
+        a[3:5] += weighted[1] * v[1:]
+        a[5] += weighted[2] * v[2]
+        b += weighted * pixels.light[k]
+    scale = ONE / (a[0] + a[3] + a[5])
+    a *= scale
+    b *= scale
+    return a, b
 
 
 def _solve(a: F4, b: F4) -> F4:
@@ -270,34 +344,44 @@ def _solve(a: F4, b: F4) -> F4:
     xx, xy, xz, yy, yz, zz = a
     c00, c01, c02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     c11, c12, c22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    rows = ((c00, c01, c02), (c01, c11, c12), (c02, c12, c22))
-    return np.stack([row[0] * b[0] + row[1] * b[1] + row[2] * b[2] for row in rows])
+    return _times((c00, c01, c02, c11, c12, c22), b)
 
 
-def _gauss_newton(pixels: _Pixels, used: list[int], n: F4) -> F4:
-    """One weighted step in the tangent plane, n + a (n_z, 0, -n_x) + b (0, n_z, -n_y)."""
-    h11, h12, h22, g1, g2 = np.zeros((5, n.shape[1]), np.float32)
-    for k in used:
-        v, w = pixels.vectors[k], pixels.weight[k]
-        j1, j2 = v[0] * n[2] - v[2] * n[0], v[1] * n[2] - v[2] * n[1]
-        away = pixels.light[k] - _dot(v, n)
-        h11, h12, h22 = h11 + w * j1 * j1, h12 + w * j1 * j2, h22 + w * j2 * j2
-        g1, g2 = g1 + w * j1 * away, g2 + w * j2 * away
+def _times(a: F4 | tuple[F4, ...], b: F4) -> F4:
+    """A symmetric matrix times a vector."""
+    xx, xy, xz, yy, yz, zz = a
+    rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    made = np.empty_like(b)
+    for row, out in zip(rows, made, strict=True):
+        np.add(row[0] * b[0] + row[1] * b[1], row[2] * b[2], out=out)
+    return made
+
+
+def _gauss_newton(a: F4, b: F4, n: F4) -> F4:
+    """One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y)."""
+    xx, xy, xz, yy, yz, zz = a
+    x, y, z = n
+    # The matrix times the first tangent, and what the second takes of its own product.
+    ux, uy, uz = xx * z - xz * x, xy * z - yz * x, xz * z - zz * x
+    vy, vz = yy * z - yz * y, yz * z - zz * y
+    h11, h12, h22 = ux * z - uz * x, uy * z - uz * y, vy * z - vz * y
+    rx, ry, rz = b - _times(a, n)
+    g1, g2 = rx * z - rz * x, ry * z - rz * y
     trace = h11 + h22
-    determinant = h11 * h22 - h12 * h12 + np.float32(1e-6) * trace * trace + TINY
-    a = (h22 * g1 - h12 * g2) / determinant
-    b = (h11 * g2 - h12 * g1) / determinant
-    shrink = np.maximum(ONE, np.sqrt(a * a + b * b) / LONGEST)
-    a, b = a / shrink, b / shrink
-    z = np.maximum(n[2] - a * n[0] - b * n[1], FLATTEST)
-    return np.stack([n[0] + a * n[2], n[1] + b * n[2], z])
+    inverse = ONE / (h11 * h22 - h12 * h12 + np.float32(1e-6) * trace * trace + TINY)
+    s, t = (h22 * g1 - h12 * g2) * inverse, (h11 * g2 - h12 * g1) * inverse
+    shrink = LONGEST / np.maximum(np.sqrt(s * s + t * t), LONGEST)
+    s, t = s * shrink, t * shrink
+    return np.stack([x + s * z, y + t * z, z - s * x - t * y])
 
 
 def _pair(pixels: _Pixels, used: list[int], left_out: int, pair: str) -> tuple[F4, F4]:
     """The two unit normals that two LEDs allow, the likelier first."""
     first, second = _two_normals(pixels, *used)
     if pair == "prior":
-        take = _dot(first, pixels.prior) >= _dot(second, pixels.prior)
+        p, q = pixels.prior
+        believed = -p, -q, ONE
+        take = _dot(first, believed) >= _dot(second, believed)
     else:
         dark = [k for k in range(len(pixels.light)) if left_out >> k & 1]
         lit = _lit_behind(pixels, dark, first), _lit_behind(pixels, dark, second)
@@ -333,21 +417,21 @@ def _lit_behind(pixels: _Pixels, dark: list[int], n: F4) -> F4:
     return total
 
 
-def _slope(n: F4, steepest: float) -> F4:
-    z = np.maximum(n[2], np.float32(1) / np.float32(steepest))
-    return np.stack([-n[0] / z, -n[1] / z])
+def _slope(n: F4, rules: _Rules) -> F4:
+    flatter = np.float32(-1) / np.maximum(n[2], ONE / rules.steepest)
+    return n[:2] * flatter
 
 
-def _shadow(pixels: _Pixels, best: _Choice, forced: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shadow(pixels: _Pixels, best: _Choice) -> NDArray[np.uint8]:
     """The LEDs whose light is not there; where the slope is not known, those below the floor."""
     dim = []
     for k, plane in enumerate(pixels.light):
         expected = np.maximum(_dot(pixels.vectors[k], best.normal), FAINTEST)
         dim.append(plane < np.float32(0.5) * expected)
-    return np.where(best.used == 0, forced, _bits(np.stack(dim)) & ~best.used)
+    return np.where(best.used == 0, pixels.forced, _bits(np.stack(dim)) & ~best.used)
 
 
-def _variance(pixels: _Pixels, best: _Choice, steepest: float) -> F4:
+def _variance(pixels: _Pixels, best: _Choice, rules: _Rules) -> F4:
     """(J' W J)^-1 of the tangent plane, carried to p and q.
 
     d(p, q) = -((1 + p^2, p q), (p q, 1 + q^2)) d(a, b).
@@ -361,7 +445,7 @@ def _variance(pixels: _Pixels, best: _Choice, steepest: float) -> F4:
     determinant = h11 * h22 - h12 * h12
     known = determinant > SINGULAR * h11 * h22
     determinant = np.where(known, determinant, ONE)
-    p, q = _slope(n, steepest)
+    p, q = _slope(n, rules)
     a, b, c = ONE + p * p, p * q, ONE + q * q
     by_p = (a * a * h22 - 2 * a * b * h12 + b * b * h11) / determinant
     by_q = (b * b * h22 - 2 * b * c * h12 + c * c * h11) / determinant

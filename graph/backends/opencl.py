@@ -22,6 +22,7 @@ from tactograph.graph.backends.kernel_source import kernel_source, scalar_type
 from tactograph.graph.backends.launch import DeviceArray, Launch, global_size, local_size
 from tactograph.graph.errors import NodeError
 from tactograph.graph.node import Node
+from tactograph.graph.wanted import EVERYTHING, Wanted
 
 Timer = tuple[cl.Event, cl.Event]
 
@@ -155,13 +156,18 @@ class OpenCL:
         inputs: Mapping[str, Any],
         settings: Mapping[str, Any],
         sizes: Mapping[str, int],
+        wanted: Wanted = EVERYTHING,
     ) -> tuple[dict[str, DeviceArray], Timer]:
-        """Launch a node; return its outputs, which are not ready yet, and its two events."""
+        """Launch a node; return its outputs, which are not ready yet, and its two events.
+
+        Outputs that are not wanted are left out if the node can do without them.
+        """
         compiled = self.compile(node)
         outputs = {}
         for name, port in node.outputs.items():
             assert port.dtype is not None
-            outputs[name] = self.empty(node.output_shape(name, sizes), port.dtype)
+            if node.wanted is None or name in wanted:
+                outputs[name] = self.empty(node.output_shape(name, sizes), port.dtype)
         if node.launch is not None:
             before = cl.enqueue_marker(self.queue)
             node.launch(Launch(self, compiled, inputs, outputs, settings, sizes))
@@ -200,8 +206,8 @@ def _arguments(
             yield value.buffer if value is not None else None
         elif port.kind == "number":
             yield np.float32(value)
-    for array in outputs.values():
-        yield array.buffer
+    for name in node.outputs:
+        yield outputs[name].buffer if name in outputs else None
     for symbol in node.symbols:
         yield np.int32(sizes[symbol])
     for name, convert in compiled.converters.items():

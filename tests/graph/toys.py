@@ -9,7 +9,17 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, Port, Session, SizeLimit, node, warn
+from tactograph.graph import (
+    EVERYTHING,
+    InputError,
+    Parts,
+    Port,
+    Session,
+    SizeLimit,
+    Wanted,
+    node,
+    warn,
+)
 from tactograph.nodes import F4, Dark, Height, Light, Metrics
 
 CALLS: list[str] = []
@@ -92,6 +102,31 @@ summed.opencl(grid="K H W")
 def counted(before: int | None = None, image: Light | None = None) -> int:
     """How many items there were."""
     return (before or 0) + 1
+
+
+@node(derived={"h": Parts("H", by="rows")})
+def strips(image: Light, *, rows: int = 2) -> Annotated[F4, Port("K h W", "1")]:
+    """The brightest pixel of so many rows each; see strips.cl."""
+    return np.maximum.reduceat(image, np.arange(0, image.shape[1], rows), axis=1)
+
+
+strips.opencl(grid="K h W")
+
+
+class Halves(NamedTuple):
+    low: Light
+    high: Light
+
+
+@node
+def halves(image: Light, *, wanted: Wanted = EVERYTHING) -> Halves:
+    """Half the light, and one and a half of it."""
+    CALLS.extend(name for name in ("low", "high") if name in wanted)
+    low, high = image * np.float32(0.5), image * np.float32(1.5)
+    return Halves(low if "low" in wanted else None, high if "high" in wanted else None)
+
+
+halves.opencl(grid="K H W")
 
 
 class _Diary:
@@ -217,5 +252,5 @@ TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
-    "filed",
+    "filed", "strips", "halves",
 )  # fmt: skip

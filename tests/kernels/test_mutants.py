@@ -43,7 +43,8 @@ MUTANTS = {
         "shadows are free": ("squares + price * number", "squares"),
         "a shadow may be bright": ("+ excess", "+ 0.0f * excess"),
         "a weight forgotten": ("squares += here.weight[k]", "squares += here.weight[0]"),
-        "one step only": ("#define STEPS 2", "#define STEPS 1"),
+        "no step": ("#define STEPS 1", "#define STEPS 0"),
+        "lights weigh alike": ("w = scaled(v, pixels->weight[k])", "w = v"),
         "the steeper of a pair": ("flatter = first.z >= second.z", "flatter = first.z < second.z"),
         "attached and prior swapped": ("if (attached)", "if (!attached)"),
         "height ignored": ("dz = led[2] - z", "dz = led[2] - 0.0f * z"),
@@ -51,6 +52,17 @@ MUTANTS = {
         "a set that is closed wins": ("open & (cost < best)", "cost < best"),
         "variances swapped": ("store_floats(spread.p", "store_floats(spread.q"),
         "unknown pixels not dark": ("? forced : dim", "? nothing : dim"),
+    },
+    "coarsen": {
+        "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
+        "rows only": ("column * factor + i", "column * factor"),
+        "beyond the border": ("min(row * factor + j, H - 1)", "(row * factor + j) % H"),
+        "one plane for all": ("light + k * H * W", "light"),
+    },
+    "enlarge_height": {
+        "corners instead of centres": ("/ (float)factor - 0.5f", "/ (float)factor"),
+        "rows not mixed": ("row - (float)above)", "0.0f)"),
+        "the nearest column": ("right = min(left + 1, w - 1)", "right = left"),
     },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * fmax(image[i], 0.0f) + noise[1]", "noise[1]"),

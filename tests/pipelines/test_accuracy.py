@@ -87,6 +87,19 @@ def test_the_height_fed_back_is_what_near_lights_need(raytraced: Path, tmp_path:
     assert without["metrics"]["rmse_px"] > 50 * FILMS["near33", "sphere_film"]
 
 
+@pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
+def test_where_light_comes_from_needs_no_full_resolution(
+    raytraced: Path, tmp_path: Path, shape: str
+) -> None:
+    coarse, full = (
+        reconstruct(graph, raytraced / "near33", shape, tmp_path / graph)
+        for graph in ("reconstruct", "reconstruct_full")
+    )
+    apart = np.abs(coarse["height"] - full["height"]) / PIXEL_MM["near33"]
+    assert np.sqrt(np.mean(apart**2)) < 0.005
+    assert apart.max() < 0.1
+
+
 def test_labels_are_what_shadows_need(raytraced: Path, tmp_path: Path) -> None:
     without = reconstruct("reconstruct_no_shadow", raytraced / "near33", "cat_film", tmp_path)
     assert without["metrics"]["rmse_px"] > 2 * FILMS["near33", "cat_film"]

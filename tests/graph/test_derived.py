@@ -1,0 +1,93 @@
+"""Sizes that follow from others, and outputs that nobody reads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.graph import EVERYTHING, InputError, Parts, node
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import Result, open_pipeline
+from tactograph.nodes import Light
+from tests.graph.conftest import STREAM, Write
+
+BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
+
+
+def added(nodes: str, outputs: str) -> str:
+    """The stream of touches with more nodes."""
+    return STREAM.replace("  score:", f"{nodes}\n  score:").replace(
+        "{light: light,", f"{{light: light, {outputs},"
+    )
+
+
+def first(file: str, backend: str) -> Result:
+    return next(open_pipeline(read_graph(file), {}, backend=backend).items())
+
+
+@BOTH
+@pytest.mark.parametrize(("rows", "left"), [(1, 4), (2, 2), (3, 2), (5, 1)])
+def test_a_size_is_another_divided_by_a_parameter_rounded_up(
+    toys: list[str], write: Write, backend: str, rows: int, left: int
+) -> None:
+    text = added(f"  thin: {{op: strips, in: {{image: light}}, with: {{rows: {rows}}}}}", "t: thin")
+    assert first(write(text), backend)["t"].shape == (3, left, 5)
+
+
+@BOTH
+def test_what_follows_has_the_derived_size(toys: list[str], write: Write, backend: str) -> None:
+    nodes = """  thin: {op: strips, in: {image: light}}
+  more: {op: summed, in: {image: thin}}
+  thinner: {op: strips, in: {image: more}}"""
+    found = first(write(added(nodes, "a: more, b: thinner")), backend)
+    assert (found["a"].shape, found["b"].shape) == ((3, 2, 5), (3, 1, 5))
+
+
+@BOTH
+def test_a_derived_size_that_clashes_names_the_rule(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    nodes = """  thin: {op: strips, in: {image: light}}
+  off: {op: flat_field, in: {image: thin, flat: cal.flat, dark: cal.dark}}"""
+    with pytest.raises(InputError, match=r"size h is 2 in thin \(H / rows\) but 4 in cal.flat"):
+        first(write(added(nodes, "off: off")), backend)
+
+
+def test_a_rule_that_names_nothing_is_refused() -> None:
+    def thin(image: Light, *, rows: int = 2) -> Light:
+        return image
+
+    with pytest.raises(TypeError, match=r"thin: size h = H / rows names no size or no parameter"):
+        node(derived={"h": Parts("H", by="rows")})(thin)
+
+
+@BOTH
+@pytest.mark.parametrize("read", ["low", "high"])
+def test_an_output_that_nobody_reads_is_not_made(
+    toys: list[str], write: Write, backend: str, read: str
+) -> None:
+    found = first(
+        write(added("  half: {op: halves, in: {image: light}}", f"h: half.{read}")), backend
+    )
+    assert found["h"].max() == {"low": 0.5, "high": 1.5}[read]
+    assert backend == "opencl" or toys.count("low") + toys.count("high") == 1
+
+
+@BOTH
+def test_an_output_that_only_the_next_item_reads_is_made(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    nodes = """  half: {op: halves, in: {image: light}}
+  sum: {op: summed, in: {image: light, before: previous.half.low}}"""
+    results = open_pipeline(
+        read_graph(write(added(nodes, "sum: sum"))), {}, backend=backend
+    ).items()
+    assert [float(result["sum"].mean()) for result in results] == [1, 2.5, 4]
+
+
+def test_everything_is_wanted_of_a_plain_call() -> None:
+    assert "anything" in EVERYTHING
+    image: np.ndarray = np.ones((3, 2, 2), np.float32)
+    from tests.graph.toys import halves
+
+    assert [part.mean() for part in halves(image)] == [0.5, 1.5]
