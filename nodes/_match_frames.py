@@ -30,7 +30,7 @@ BANDS = 6
 """Bands of rows, each with weights of its own."""
 TOLERANCE = 0.04
 """A cell is at rest if it is so close to an LED's pattern, as a share of the light."""
-NOISE = 0.006
+NOISE = 0.005
 """What the film at rest strays from its pattern, as a share of the light."""
 QUANTILE = 0.4
 """A band is judged by this quantile of its cells: more than half of it may be touched."""
@@ -44,7 +44,7 @@ OFF = 0.12
 """A frame is dark below this share of the film's light."""
 MOST_SATURATED = 0.03
 """Share of pixels at full scale above which a frame is refused."""
-MOST_OF_ANOTHER = 0.12
+MOST_OF_ANOTHER = 0.04
 """Weight of a second LED, or lack of the first, above which a frame is mixed."""
 LEAST_AT_REST = 0.15
 """Share of the film at rest below which nothing can be said at all."""
@@ -95,6 +95,8 @@ class Sight(NamedTuple):
     """Of a mixed frame: the second LED, 0 for none lit."""
     at_rest: float = 0.0
     """Share of the film that is seen at rest."""
+    share: float = 0.0
+    """Of a mixed frame: the second LED's share of the light."""
 
 
 def make_film(flat: Light, dark: Dark | None = None) -> Film:
@@ -131,8 +133,10 @@ def see(frame: Plane, film: Film, full: float = 0.0) -> Sight:
     at_rest = float(np.mean([band.at_rest for band in bands]))
     mixed = [band.weights for band in bands if band.mixed]
     if mixed:
-        shares = np.mean([band.weights for band in bands], axis=0)
-        return Sight("mixed", best + 1, float(shares[best]), _another(mixed, best), at_rest)
+        weights = np.mean([band.weights for band in bands], axis=0)
+        other = _another(mixed, best)
+        share = float(weights[other - 1] / weights.sum()) if other else 0.0
+        return Sight("mixed", best + 1, float(weights[best]), other, at_rest, share)
     if at_rest < LEAST_AT_REST:
         return Sight("covered", at_rest=at_rest)
     if not certain:
@@ -253,7 +257,8 @@ class Verdict(NamedTuple):
     about: int = 0
     """The LED that the fault is about; 0 for none."""
     other: int = 0
-    """The second LED of a mixed frame; 0 for none."""
+    share: float = 0.0
+    """Of a mixed frame: the second LED, 0 for none, and its share of the light."""
 
 
 @dataclass
@@ -329,7 +334,7 @@ class Matcher:
         if sight.kind == "off":
             return self._off(data, due, time)
         if sight.kind == "mixed":
-            return Verdict(None, "mixed", sight.led, sight.other)
+            return Verdict(None, "mixed", sight.led, sight.other, sight.share)
         if sight.kind == "covered" or (sight.kind == "unclear" and not due):
             return Verdict(None, "covered")
         led = sight.led if sight.kind == "one" else due

@@ -24,8 +24,10 @@ REOPEN_S = 0.3
 """Time between two attempts to get the right size out of a camera."""
 MIXED_CYCLES = 1.5
 """After so many cycles in which no LED is seen alone, the LEDs' cycle is shifted."""
-SHIFT = 0.3
-"""By so much of a step: less than the exposure leaves free would be found in a few attempts."""
+EXPOSED = 0.6
+"""The exposure as a share of the frame time, roughly."""
+MARGIN, LEAST_MARGIN = 0.2, 0.03
+"""So much of a step lies between an exposure and the next change of LED, at first, at least."""
 
 SAYS = {
     "mixed": "a frame shows LED {led} and another one, or LED {led} in some rows only: discarded",
@@ -85,7 +87,9 @@ class Stream:
         self._counted: Counter[str] = Counter()
         self._connected = sensor.camera.connections, sensor.lamps.starts
         self._before: float | None = None
-        self._overlaps: list[int] = []
+        self._overlaps: list[float] = []
+        self._later: bool | None = None
+        self._margin = MARGIN
         self._reopened = 0.0
         self._new: list[RawFrame] = []
 
@@ -147,27 +151,36 @@ class Stream:
     def _react(self, verdict: Verdict) -> None:
         """Do what can be done about a fault."""
         if verdict.fault == "mixed":
-            self._overlaps.append(self._reach(verdict.about, verdict.other))
+            self._overlaps.append(self._reach(verdict))
         elif verdict.led:
             self._overlaps.clear()
         if len(self._overlaps) > MIXED_CYCLES * len(self.sensor.cycle):
-            later = sum(self._overlaps) >= 0
-            self._overlaps.clear()
-            self._note("shifted")
-            self.sensor.lamps.shift(SHIFT if later else -SHIFT)
+            self._separate(sum(self._overlaps) / len(self._overlaps))
         if verdict.fault == "slipped":
             self._assembler.restart()
         if verdict.fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
             self._reopened = time.monotonic()
             self.sensor.camera.reopen()
 
-    def _reach(self, led: int, other: int) -> int:
-        """1 if an exposure reaches into the LED's next step, -1 if into the one before."""
-        cycle = self.sensor.cycle
+    def _reach(self, verdict: Verdict) -> float:
+        """The share of the exposure that lies in the LED's next step, negative: the last one."""
+        cycle, led, other = self.sensor.cycle, verdict.about, verdict.other
         if led not in cycle or other not in cycle:
-            return 0
+            return 0.0
         apart = (cycle.index(other) - cycle.index(led)) % len(cycle)
-        return {1: 1, len(cycle) - 1: -1}.get(apart, 0)
+        return verdict.share * {1: 1, len(cycle) - 1: -1}.get(apart, 0)
+
+    def _separate(self, reach: float) -> None:
+        """Move the LEDs' steps to where no exposure crosses from one into the next."""
+        self._note("shifted")
+        self._overlaps.clear()
+        later = reach >= 0
+        if self._later not in (None, later):
+            # It went too far the last time: little time is left between two exposures.
+            self._margin = max(self._margin / 2, LEAST_MARGIN)
+        self._later = later
+        steps = EXPOSED * abs(reach) + self._margin
+        self.sensor.lamps.shift(steps if later else -steps)
 
     def _count_gap(self, moment: float) -> None:
         if self._before is not None:

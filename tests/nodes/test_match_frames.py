@@ -80,7 +80,7 @@ def test_two_leds_in_one_frame_are_found_out(
     assert see(both, film(rig)).kind == "mixed"
 
 
-@pytest.mark.parametrize("share", [0.3, 0.5])
+@pytest.mark.parametrize("share", [0.06, 0.3, 0.5])
 def test_two_leds_in_all_rows_are_found_out(share: float) -> None:
     """What a camera without a rolling shutter makes of a change of LED."""
     level = np.full(ROWS, share, np.float32)
