@@ -1,8 +1,8 @@
 """A log of ROS 2 messages in MCAP files that survives a kill, a power cut and a full disk.
 
-Every message is a chunk of its own, with its checksum; what one call hands over is written to
-the system at once and synchronised with the disk in the log's own thread, so that a reader needs
-neither the end of the file nor its index (`_mcap_read.py`).
+Every message is a chunk of its own, with its checksum, so that a reader needs neither the end
+of the file nor its index (`_mcap_read.py`).  One thread writes, which survives the program's
+end; another asks the disk to keep it, which survives the computer's.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")
 """A running number, so that the order does not depend on the computer's clock."""
 PATIENCE_S = 0.25
 """How long a call waits for the system to take what it hands over; not if others wait already."""
-LONGEST_UNSYNCED_S = 0.5
 RETRY_S = 1.0
 """Pause before a disk that failed is tried again."""
 CLOSING_S = 10.0
@@ -72,7 +71,7 @@ def log_files(folder: Path) -> list[Path]:
 
 
 class McapLog:
-    """Writes messages into numbered files in a folder, in its own thread.
+    """Writes messages into numbered files in a folder, in threads of its own.
 
     Parameters
     ----------
@@ -100,22 +99,30 @@ class McapLog:
         self._queue: deque[tuple[Sequence[Message], int]] = deque()
         self._waiting = 0
         self._taken = self._done = 0
-        self._closing = False
+        self._closing = self._all_written = False
+        # Handles of files that are whole but not yet kept.
+        self._ended: list[int] = []
         self._changed = threading.Condition()
         self._lines: deque[str] = deque()
         self.dropped = 0
         self._stopped = False
+        self._disk_error: OSError | None = None
         self._retry_at = 0.0
         # How many were left out when the disk failed; None while it works.
         self._failed_since: int | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._old = {file: file.stat().st_size for file in log_files(folder)}
-            self._file: _File | None = self._next_file()
+            self._file: _File | None = None
+            self._next_file()
         except OSError as error:
             raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
-        self._thread = threading.Thread(target=self._run, name="mcap log", daemon=True)
-        self._thread.start()
+        self._threads = [
+            threading.Thread(target=work, name=f"mcap log {folder.name}", daemon=True)
+            for work in (self._run, self._keep)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def put(self, messages: Sequence[Message]) -> bool:
         """Hand over messages that belong together; whether they were taken.
@@ -150,65 +157,73 @@ class McapLog:
         with self._changed:
             self._closing = True
             self._changed.notify_all()
-        self._thread.join(CLOSING_S)
+        for thread in self._threads:
+            thread.join(CLOSING_S)
 
     def _run(self) -> None:
+        """Write what is in the queue; the system takes it into memory, so that it is quick."""
         while True:
-            messages: Sequence[Message] = ()
-            size = 0
             with self._changed:
-                woken = self._changed.wait_for(self._has_work, self._sync_in())
-                if self._queue:
-                    messages, size = self._queue.popleft()
-                elif woken:
+                self._changed.wait_for(lambda: self._queue or self._closing)
+                if not self._queue:
                     break
-            if messages:
-                self._write(messages)
+                messages, size = self._queue.popleft()
+            self._write(messages)
             with self._changed:
                 self._waiting -= size
-                self._done += bool(messages)
+                self._done += 1
                 self._changed.notify_all()
-                idle = not self._queue
-            self._sync(idle)
         if self._file is not None:
-            self._finish(self._file)
+            self._end(self._file)
+        with self._changed:
+            self._all_written = True
+            self._changed.notify_all()
 
-    def _has_work(self) -> bool:
-        return bool(self._queue) or self._closing
+    def _keep(self) -> None:
+        """Ask the disk, which may take its time, to keep what was written."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._unkept() or self._ended or self._all_written)
+                handles, self._ended = self._ended, []
+                file, size = self._file, 0
+                if file is not None:
+                    handles.append(os.dup(file.handle))
+                    size = file.size
+                if not handles:
+                    return
+            for handle in handles:
+                self._sync(handle)
+            with self._changed:
+                if file is not None:
+                    file.kept = size
+                self._changed.wait_for(lambda: self._closing, self._limits.sync_s)
 
-    def _sync_in(self) -> float | None:
-        """Seconds until the disk has to be synchronised; None where there is nothing to do."""
-        if self._file is None or not self._file.unsynced:
-            return None
-        return max(0.0, self._file.synced_at + self._limits.sync_s - time.monotonic())
+    def _sync(self, handle: int) -> None:
+        try:
+            os.fsync(handle)
+        except OSError as error:
+            self._disk_error = error
+        finally:
+            os.close(handle)
 
-    def _sync(self, idle: bool) -> None:
-        """Synchronise where it is due, but do not keep a full queue waiting for it."""
-        file = self._file
-        if file is None or not file.unsynced:
-            return
-        age = time.monotonic() - file.synced_at
-        if age >= max(self._limits.sync_s, 0.0 if idle else LONGEST_UNSYNCED_S):
-            try:
-                file.sync()
-            except OSError as error:
-                self._fail(error)
+    def _unkept(self) -> bool:
+        return self._file is not None and self._file.kept < self._file.size
 
     def _write(self, messages: Sequence[Message]) -> None:
         if self._stopped or time.monotonic() < self._retry_at:
             self._drop()
             return
         try:
+            if self._disk_error is not None:
+                error, self._disk_error = self._disk_error, None
+                raise error
             if self._file is not None and self._file.is_over(self._limits):
-                file, self._file = self._file, None
-                self._finish(file)
-                self._old[file.path] = file.size
+                self._end(self._file)
             if not self._make_room():
                 self._drop()
                 return
-            if self._file is None:
-                self._file = self._next_file()
-            self._file.write(messages)
+            file = self._file or self._next_file()
+            file.write(messages)
         except OSError as error:
             self._fail(error)
             self._drop()
@@ -249,32 +264,45 @@ class McapLog:
                 "what was written stays readable"
             )
         if self._file is not None:
-            self._old[self._file.path] = self._file.size
-            self._file.abandon()
-            self._file = None
+            self._file.cut()
+            self._put_away(self._file)
         if self._limits.when_full == "oldest" and len(self._old) > 1:
             self._delete_oldest()
         self._retry_at = time.monotonic() + RETRY_S
 
-    def _finish(self, file: _File) -> None:
+    def _end(self, file: _File) -> None:
         try:
-            file.finish()
+            file.write_index()
         except OSError as error:
+            file.cut()
             self._say(
                 f"{file.path}: ends without an index, {error.strerror or error}; "
                 "what was written stays readable"
             )
-            file.abandon()
+        self._put_away(file)
+
+    def _put_away(self, file: _File) -> None:
+        """Leave the file to the disk."""
+        with self._changed:
+            self._file = None
+            self._old[file.path] = file.size
+            self._ended.append(file.handle)
+            self._changed.notify_all()
 
     def _next_file(self) -> _File:
         last = max((int(file.name[:6]) for file in self._old), default=0)
         stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S")
         while True:
             last += 1
-            try:
-                return _File(self._folder / f"{last:06}_{stamp}.mcap", self._about)
-            except FileExistsError:
-                continue
+            with contextlib.suppress(FileExistsError):
+                file = _File(self._folder / f"{last:06}_{stamp}.mcap", self._about)
+                break
+        with self._changed:
+            self._file = file
+            if os.name != "nt":
+                # The folder's entry for the file has to be on the disk as well.
+                self._ended.append(os.open(self._folder, os.O_RDONLY))
+        return file
 
     def _drop(self) -> None:
         with self._changed:
@@ -286,16 +314,15 @@ class McapLog:
 
 
 class _File:
-    """One MCAP file; `size` is as far as it is whole."""
+    """One MCAP file: as far as `size` it is whole, as far as `kept` it is on the disk."""
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
         from mcap_ros2.writer import Writer
 
         self.path = path
-        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self.size = 0
-        self.unsynced = True
-        self._began = self.synced_at = time.monotonic()
+        self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self.size = self.kept = 0
+        self._began = time.monotonic()
         self._pending = _Pending()
         # Chunks of size 0: each message ends its chunk.
         self._writer = Writer(cast(IO[Any], self._pending), chunk_size=0)
@@ -303,10 +330,8 @@ class _File:
         self._writer.add_metadata("tactograph", dict(about))
         try:
             self._flush()
-            # The folder's entry for the file has to be on the disk as well.
-            _sync_folder(path.parent)
         except OSError:
-            self.abandon()
+            os.close(self.handle)
             raise
 
     def is_over(self, limits: Limits) -> bool:
@@ -329,30 +354,21 @@ class _File:
             )
         self._flush()
 
-    def sync(self) -> None:
-        os.fsync(self._handle)
-        self.synced_at = time.monotonic()
-        self.unsynced = False
-
-    def finish(self) -> None:
+    def write_index(self) -> None:
         self._writer.finish()
         self._flush()
-        os.fsync(self._handle)
-        os.close(self._handle)
 
-    def abandon(self) -> None:
-        """Close the file without its index, cut off where it is whole."""
-        for step in (lambda: os.ftruncate(self._handle, self.size), lambda: os.close(self._handle)):
-            with contextlib.suppress(OSError):
-                step()
+    def cut(self) -> None:
+        """Take off what was only written in part."""
+        with contextlib.suppress(OSError):
+            os.ftruncate(self.handle, self.size)
 
     def _flush(self) -> None:
         data = memoryview(self._pending.take())
         length = len(data)
         while data:
-            data = data[os.write(self._handle, data) :]
+            data = data[os.write(self.handle, data) :]
         self.size += length
-        self.unsynced = True
 
 
 class _Pending(io.BufferedIOBase):
@@ -373,14 +389,3 @@ class _Pending(io.BufferedIOBase):
     def take(self) -> bytes:
         parts, self._parts = self._parts, []
         return b"".join(parts)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Windows has no such thing, and needs none."""
-    if os.name == "nt":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

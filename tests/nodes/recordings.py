@@ -42,8 +42,8 @@ def make_cycle(touch: int, **how: Any) -> list[RawFrame]:
 
 
 def light_of(frames: list[RawFrame]) -> F4:
-    """The touch that `frames` make up."""
-    by_led = sorted(frames, key=lambda frame: frame.led)
+    """The touch that `frames` make up; one of all LEDs off is no part of it."""
+    by_led = sorted((f for f in frames if f.led), key=lambda frame: frame.led)
     return np.stack([f.data / np.float32(np.iinfo(f.data.dtype).max) for f in by_led])
 
 
