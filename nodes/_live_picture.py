@@ -28,6 +28,8 @@ INK = (225, 225, 225)
 SEVERAL = "#ffffff"
 UNKNOWN = (70, 70, 70)
 ALPHA = 0.75
+DIM = 0.6
+"""Brightness of the image under the labels, so that their colours stand out."""
 WHITE_SHARE = 0.995
 """The share of the pixels that the camera picture shows below white."""
 LABELS = 256
@@ -45,7 +47,7 @@ def draw_touch(
     shadow
         H x W, a bit per shadowed LED.
     image
-        K x H x W; its mean is shown.
+        K x H x W; LED 1 is shown, and under the labels the mean.
     pixel
         mm per px.
     top
@@ -60,17 +62,17 @@ def draw_touch(
     right = GAP + width + GAP + BAR_PX + BAR_TEXT_PX
     canvas = np.empty((GAP + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP, right + small + GAP, 3), "u1")
     canvas[:] = GROUND
-    grey = _grey(image, small, half)
+    first, mean = _grey(image[:1], small, half), _grey(image, small, half)
     upper, lower = GAP + TITLE_PX, GAP + 2 * TITLE_PX + half + GAP
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP, upper)
     _place(canvas, _ramp(HEIGHT_PX), GAP + width + GAP, upper)
-    _place(canvas, grey, right, upper)
-    _place(canvas, _labelled(shadow, grey), right, lower)
+    _place(canvas, first, right, upper)
+    _place(canvas, _labelled(shadow, mean), right, lower)
 
     page = Image.fromarray(canvas)
     pen = ImageDraw.Draw(page)
     _write(pen, GAP, GAP, "height above the film at rest")
-    _write(pen, right, GAP, "camera")
+    _write(pen, right, GAP, "camera, LED 1")
     _write(pen, right, lower - TITLE_PX, "in shadow")
     _legend(pen, right + small, lower - TITLE_PX, image.shape[0])
     _ticks(pen, GAP + width + GAP, upper, top)
@@ -106,8 +108,9 @@ def _grey(image: Light, width: int, height: int) -> Picture:
 def _labelled(shadow: Labels, grey: Picture) -> Picture:
     rows, columns = grey.shape[:2]
     labels = cv2.resize(shadow, (columns, rows), interpolation=cv2.INTER_NEAREST)
-    mixed = cv2.addWeighted(grey, 1 - ALPHA, _label_colours()[labels], ALPHA, 0)
-    return np.where(labels[..., None] > 0, mixed, grey)
+    dim = cv2.convertScaleAbs(grey, alpha=DIM)
+    mixed = cv2.addWeighted(dim, 1 - ALPHA, _label_colours()[labels], ALPHA, 0)
+    return np.where(labels[..., None] > 0, mixed, dim)
 
 
 @lru_cache

@@ -55,7 +55,7 @@ def preview(
     shadow
         H x W, the shadowed LEDs.
     image
-        K x H x W; its mean is shown.
+        K x H x W; LED 1 is shown, and under the labels the mean.
     pixel
         mm per px.
     name

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -118,7 +117,7 @@ class _Recording:
             {
                 "name": name,
                 "frames": [frame.number for frame in frames],
-                "state": asdict(state) if state is not None else None,
+                "state": vars(state) if state is not None else None,
             },
             default=str,
         )

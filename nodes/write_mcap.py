@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 
 from tactograph.graph import Port, Provenance, Session, node, warn
 from tactograph.nodes import Height, Labels, Light, Metrics, PixelSize
 from tactograph.nodes._mcap_log import Limits, McapLog, WhenFull
 from tactograph.nodes._ros import (
     MM,
+    Message,
     cloud_message,
     diagnostics_message,
     image_message,
@@ -37,7 +38,7 @@ def write_mcap(
     time: Annotated[float, Port(unit="s")] | None = None,
     *,
     folder: Path,
-    points: bool = True,
+    points_step: Annotated[int, Ge(0)] = 2,
     file_mb: Annotated[float, Gt(0)] = 512.0,
     total_gb: Annotated[float, Gt(0)] = 50.0,
     when_full: WhenFull = "stop",
@@ -47,7 +48,7 @@ def write_mcap(
     """Write heights, images and diagnostics as messages of ROS 2 into ``folder/*.mcap``.
 
     The topics of a touch: ``/height`` (sensor_msgs/Image 32FC1, metres, as ROS wants it),
-    ``/points`` (sensor_msgs/PointCloud2, metres, one point per pixel), ``/shadow`` (mono8, a
+    ``/points`` (sensor_msgs/PointCloud2, metres), ``/shadow`` (mono8, a
     bit per LED), ``/led<k>/image`` (mono8), ``/diagnostics`` (diagnostic_msgs: milliseconds per
     node, metrics, warnings) and ``/touch`` (std_msgs/String, its name).  All of a touch bear the
     same stamp.
@@ -71,8 +72,8 @@ def write_mcap(
         stamp is the time of writing.
     folder
         Made if needed.  What is there already is continued in new files.
-    points
-        Whether to write the point cloud, three times as large as the height.
+    points_step
+        Every such row and column of the height becomes points; 0: no point cloud.
     file_mb
         A new file is begun when one is as large.
     total_gb
@@ -104,7 +105,7 @@ def write_mcap(
             ),
             image_message("/height", stamp, height * np.float32(MM), FRAME),
             *([image_message("/shadow", stamp, shadow, FRAME)] if shadow is not None else []),
-            *([cloud_message("/points", stamp, height, pixel, FRAME)] if points else []),
+            *_cloud(stamp, height, pixel, points_step),
             diagnostics_message("/diagnostics", stamp, "tactograph", provenance.warnings, figures),
             text_message("/touch", stamp, name),
         ]
@@ -125,6 +126,12 @@ class _Export:
 
     def close(self) -> None:
         self.log.close()
+
+
+def _cloud(stamp: int, height: Height, pixel: float, step: int) -> list[Message]:
+    if not step:
+        return []
+    return [cloud_message("/points", stamp, height[::step, ::step], step * pixel, FRAME)]
 
 
 def _eight_bit(plane: Light) -> Labels:

@@ -49,6 +49,7 @@ def light_of(frames: list[RawFrame]) -> F4:
 
 def record_touch(session: Session, frames: list[RawFrame], name: str, **settings: Any) -> None:
     state = LiveState(frames=frames[-1].number, settings={"exposure": 12})
+    state.faults["lost"] = 2
     light = light_of(frames)
     record(frames, light, name, state, provenance=PROVENANCE, session=session, **settings)
 

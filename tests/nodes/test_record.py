@@ -64,6 +64,7 @@ def test_leds_and_settings_stand_beside_the_frames(tmp_path: Path) -> None:
     assert [touch["name"] for touch in touches] == ["000000", "000001"]
     assert touches[1]["frames"] == [4, 5, 6, 7]
     assert touches[1]["state"]["settings"] == {"exposure": 12}
+    assert touches[1]["state"]["faults"] == {"lost": 2}
 
 
 def test_sixteen_bits_stay_sixteen_bits(tmp_path: Path) -> None:

@@ -70,9 +70,11 @@ def test_points_lie_where_the_pixels_are_in_metres(messages: dict[str, Any]) -> 
         ("y", 4, 7),
         ("z", 8, 7),
     ]
-    assert (cloud.point_step, cloud.row_step, cloud.is_dense) == (12, 96, True)
-    points = np.frombuffer(cloud.data, "<f4").reshape(*SIZE, 3)
-    np.testing.assert_allclose(points[2, 3], [3 * 5e-5, 2 * 5e-5, HEIGHT[2, 3] / 1000], rtol=1e-6)
+    assert (cloud.height, cloud.width) == (3, 4)
+    assert (cloud.point_step, cloud.row_step, cloud.is_dense) == (12, 48, True)
+    points = np.frombuffer(cloud.data, "<f4").reshape(3, 4, 3)
+    # Every second row and column.
+    np.testing.assert_allclose(points[2, 3], [6 * 5e-5, 4 * 5e-5, HEIGHT[4, 6] / 1000], rtol=1e-6)
 
 
 def test_the_leds_images_and_the_labels_are_grey_images(messages: dict[str, Any]) -> None:
