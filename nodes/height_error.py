@@ -27,8 +27,12 @@ from tactograph.nodes._height_system import HeightSystem, Window, contact_window
 from tactograph.nodes._near_light import light_vectors
 from tactograph.nodes._springs import conjugate_gradients, hierarchy
 
+SIGNS = hadamard(8).astype(np.float32)
+"""A row per random error, a column per LED: what is common to an LED's light adds up exactly."""
 STEEPEST = np.float32(3)
 SINGULAR = np.float32(1e-4)
+SHARPEST = np.float32(2)
+"""A sharper kink counts as this sharp: its step has little weight."""
 
 
 class _Response(NamedTuple):
@@ -56,15 +60,14 @@ def height_error(
     lights: LightPositions,
     pixel: PixelSize,
     *,
-    robust: Annotated[float, Gt(0)] = 2.5,
-    bend: Annotated[float, Ge(0)] = 0.25,
-    floor: Annotated[float, Gt(0)] = 0.07,
+    robust: Annotated[float, Gt(0)] = 2.0,
+    bend: Annotated[float, Ge(0)] = 0.5,
+    floor: Annotated[float, Gt(0)] = 0.05,
     rise_px: Annotated[float, Gt(0)] = 0.5,
     flat_noise: Annotated[float, Ge(0)] = 1.0,
-    calibration: Annotated[float, Ge(0)] = 0.0002,
-    aperture: Annotated[float, Ge(0)] = 0.2,
-    soft_px: Annotated[float, Ge(0)] = 0.15,
-    hard_px: Annotated[float, Ge(0)] = 0.5,
+    calibration: Annotated[float, Ge(0)] = 0.0003,
+    aperture: Annotated[float, Ge(0)] = 0.1,
+    kink: Annotated[float, Ge(0)] = 0.45,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
@@ -79,11 +82,14 @@ def height_error(
     - an error of the calibration, common to all pixels of an LED, in proportion to the
       departure of its light from the film at rest (there the flat frame makes it exact);
     - what two or four slopes leave of a step, in proportion to their difference;
-    - errors of the shadows' rises, half of their square common to all shadows of an LED.
-      An edge lit at a grazing angle measures better than one that is fully lit.
+    - errors of the shadows' rises, independent of one another;
+    - and one that all steep steps have in common: where the slope turns within a pixel, at
+      rims and ridges, the slopes understate what is climbed, and the cap behind the rim
+      comes out low as a whole.  It grows with the cube of the turn, as far as two.
 
-    Common errors have the signs of a Hadamard matrix's rows, so that their squares add up
-    exactly.  On the film at rest the error is zero, as the height is by definition.
+    The calibration's errors have the signs of a Hadamard matrix's rows, so that their
+    squares add up exactly; the last error is integrated alone, with its own sign.  On the
+    film at rest the error is zero, as the height is by definition.
 
     Parameters
     ----------
@@ -104,8 +110,8 @@ def height_error(
         Relative error of an LED's light.
     aperture
         Error of a step, in px, per difference of the slopes at its ends.
-    soft_px, hard_px
-        Error of a rise from a grazing edge, and what full light adds to it.
+    kink
+        Common error of all steps, in px, where that difference is 1.
     steps
         Conjugate gradients per error.
     seed
@@ -125,32 +131,30 @@ def height_error(
     inside = window.of(light)
     noise = window.of(sigma) * np.sqrt(1 + np.square(np.float32(flat_noise) * inside))
     response = _response(window, height, slope, used, rest, sigma, lights, pixel)
-    steps_error = _step_errors(system, aperture)
-    rise_error = _rise_errors(system, inside, soft_px, hard_px, pixel)
+    turn = _turns(system)
+    rise_error = np.full(system.rise.shape, rise_px * pixel, np.float32)
     rng = np.random.default_rng(seed)
-    total = np.zeros(inside.shape[1:], np.float32)
-    signs = _signs(len(lights))
-    for sign in signs:
+    level = np.zeros(inside.shape[1:], np.float32)
+
+    def moved(right: F4, down: F4, rise: F4) -> F4:
+        force = springs.pull(right, down, rise)
+        return conjugate_gradients(levels, force, level, steps, 1e-3)
+
+    total = np.zeros_like(level)
+    for sign in SIGNS:
         common = np.float32(calibration) * (inside - 1) * sign[: len(lights), None, None]
         p, q = response.slope(common + noise * _normal(rng, noise.shape))
         half = np.float32(0.5 * pixel)
-        right = (p[:, 1:] + p[:, :-1]) * half + steps_error[0] * _normal(rng, system.right.shape)
-        down = (q[1:] + q[:-1]) * half + steps_error[1] * _normal(rng, system.down.shape)
-        common_rise = sign[len(lights) + system.rise_led.astype(int) - 1]
-        rise = rise_error * (_normal(rng, rise_error.shape) + common_rise)
-        force = springs.pull(right, down, rise)
-        moved = conjugate_gradients(levels, force, np.zeros_like(total), steps, 1e-3)
-        total += moved * moved
+        right = (p[:, 1:] + p[:, :-1]) * half
+        down = (q[1:] + q[:-1]) * half
+        right += np.float32(aperture) * turn[0] * _normal(rng, right.shape)
+        down += np.float32(aperture) * turn[1] * _normal(rng, down.shape)
+        total += np.square(moved(right, down, rise_error * _normal(rng, rise_error.shape)))
+    total /= np.float32(len(SIGNS))
+    total += np.square(moved(*_kink_errors(system, turn, kink, pixel), 0 * rise_error))
     out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = _smooth_deviation(
-        total / np.float32(len(signs)), system.at_rest
-    )
+    out[window.rows, window.columns] = _smooth_deviation(total, system.at_rest)
     return out
-
-
-def _signs(count: int) -> F4:
-    """Rows of +-1, a column for the light and one for the shadows of each LED."""
-    return hadamard(1 << (2 * count - 1).bit_length()).astype(np.float32)
 
 
 def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> F4:
@@ -195,27 +199,28 @@ def _response(
     )
 
 
-def _step_errors(system: HeightSystem, aperture: float) -> tuple[F4, F4]:
-    """What the slopes at both ends leave open of the steps to the right and down, in mm.
-
-    The difference of the slopes at the ends of a step is that of the steps beside it.
-    """
-    turn_right = np.abs(np.gradient(system.right, axis=1)) if system.right.shape[1] > 1 else 0
-    turn_down = np.abs(np.gradient(system.down, axis=0)) if system.down.shape[0] > 1 else 0
-    size = np.float32(aperture)
+def _turns(system: HeightSystem) -> tuple[F4, F4]:
+    """By how much the steps to the right and down differ from those beside them, in mm."""
     return (
-        size * np.broadcast_to(turn_right, system.right.shape).astype(np.float32),
-        size * np.broadcast_to(turn_down, system.down.shape).astype(np.float32),
+        np.abs(np.gradient(system.right, axis=1))
+        if system.right.shape[1] > 1
+        else np.zeros_like(system.right),
+        np.abs(np.gradient(system.down, axis=0))
+        if system.down.shape[0] > 1
+        else np.zeros_like(system.down),
     )
 
 
-def _rise_errors(
-    system: HeightSystem, light: Light, soft_px: float, hard_px: float, pixel: float
-) -> F4:
-    """Standard deviation of each rise in mm, by the light on the edge that casts the shadow."""
-    led = system.rise_led.astype(int) - 1
-    edge = np.clip(light.reshape(len(light), -1)[led, system.rises.top], 0, 1)
-    return np.asarray((np.float32(soft_px) + np.float32(hard_px) * edge) * np.float32(pixel))
+def _kink_errors(
+    system: HeightSystem, turn: tuple[F4, F4], kink: float, pixel: float
+) -> tuple[F4, F4]:
+    """What the steps to the right and down lack if all lack it uphill, in mm."""
+
+    def lacking(step: F4, turned: F4) -> F4:
+        slopes = np.minimum(turned / np.float32(pixel), SHARPEST)
+        return np.asarray(np.float32(kink * pixel) * slopes**3 * np.sign(step), np.float32)
+
+    return lacking(system.right, turn[0]), lacking(system.down, turn[1])
 
 
 def _smooth_deviation(variance: F4, at_rest: F4, spread: float = 3.0) -> F4:

@@ -9,23 +9,28 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.nodes import Mask
+from tactograph.nodes import Mask, PixelSize
 
 
 @node
-def rest_mask(calm: Mask, *, margin_px: Annotated[int, Interval(ge=0, le=64)] = 4) -> Mask:
+def rest_mask(
+    calm: Mask, pixel: PixelSize, *, margin_mm: Annotated[float, Interval(ge=0, le=10)] = 1.2
+) -> Mask:
     """Return where the film has height zero.
 
     A flat top looks as calm as the film at rest, but it is not joined to the border of the
-    frame.  Single noisy pixels are closed first; the rest then keeps `margin_px` away from
+    frame.  Single noisy pixels are closed first; the rest then keeps `margin_mm` away from
     everything that is not calm.
 
     Parameters
     ----------
     calm
         H x W, as `calm_film` gives it.
-    margin_px
-        Distance kept from the touch.
+    pixel
+        mm per px.
+    margin_mm
+        Distance kept from the touch.  A film that comes back to rest as exp(-d / reach) looks
+        calm long before it is: pinned there, all that it carries would be too low.
 
     Returns
     -------
@@ -36,5 +41,6 @@ def rest_mask(calm: Mask, *, margin_px: Annotated[int, Interval(ge=0, le=64)] = 
     _, parts = cv2.connectedComponents(closed, connectivity=4)
     border = np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))
     joined = np.isin(parts, border[border > 0]).astype(np.uint8)
-    square = np.ones((2 * margin_px + 1, 2 * margin_px + 1), np.uint8)
+    margin = round(margin_mm / pixel)
+    square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     return np.asarray(cv2.erode(joined, square, borderValue=1), np.uint8)

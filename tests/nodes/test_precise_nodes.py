@@ -18,6 +18,8 @@ from tactograph.nodes.rest_mask import rest_mask
 from tactograph.nodes.settle_loose import settle_loose
 from tactograph.nodes.shadow_constraints import shadow_constraints
 
+from .scenes import LIGHTS, lambert
+
 F4 = NDArray[np.float32]
 PIXEL = 0.1
 SHAPE = (40, 64)
@@ -142,7 +144,7 @@ def test_the_film_at_rest_stays_at_zero() -> None:
 def test_without_a_touch_everything_is_at_rest() -> None:
     rng = np.random.default_rng(2)
     light = rng.normal(1, 0.01, (4, *SHAPE)).astype(np.float32)
-    rest = rest_mask(calm_film(light, np.full_like(light, 0.01)))
+    rest = rest_mask(calm_film(light, np.full_like(light, 0.01)), PIXEL)
     assert rest.all()
     none = np.zeros((2, *SHAPE), np.float32)
     assert not integrate_weighted(none, variance_of(1), rest, none[0], NO_RISES, PIXEL).any()
@@ -152,9 +154,21 @@ def test_a_flat_top_is_not_the_film_at_rest() -> None:
     calm = np.ones(SHAPE, np.uint8)
     calm[10:30, 20:44] = 0
     calm[14:26, 24:40] = 1
-    rest = rest_mask(calm, margin_px=2)
+    rest = rest_mask(calm, PIXEL, margin_mm=2 * PIXEL)
     assert not rest[14:26, 24:40].any()
     assert rest[:7].all()
+
+
+def test_the_gentle_skirt_of_a_press_is_not_pinned_to_zero() -> None:
+    """A film comes back to rest as exp(-d / reach); 5 sigma before that it looks calm."""
+    x = np.arange(SHAPE[1], dtype=np.float32) * PIXEL
+    z = 0.3 * np.exp(-np.maximum(x - 1, 0) / 0.5)
+    p = np.tile(np.gradient(z, PIXEL), (SHAPE[0], 1)).astype(np.float32)
+    light = lambert(np.stack([p, np.zeros_like(p)])) / LIGHTS[:, 2, None, None]
+    noisy = light + np.random.default_rng(3).normal(0, 0.01, light.shape).astype(np.float32)
+    calm = calm_film(noisy, np.full_like(light, 0.01))
+    column = np.argmax(rest_mask(calm, PIXEL).any(axis=0))
+    assert z[column] < 0.002 < z[np.argmax(rest_mask(calm, PIXEL, margin_mm=0.0).any(axis=0))]
 
 
 def test_one_pixel_is_outvoted() -> None:
@@ -196,7 +210,7 @@ def error_of(z: F4, slope: F4, brightness: float) -> F4:
     light = np.ones((4, *SHAPE), np.float32)
     sigma = np.full_like(light, 0.01 / np.sqrt(brightness))
     used = np.full(SHAPE, 15, np.uint8)
-    noise_alone = {"calibration": 0.0, "aperture": 0.0, "flat_noise": 0.0, "bend": 0.0}
+    noise_alone = dict.fromkeys(("calibration", "aperture", "kink", "flat_noise", "bend"), 0.0)
     return np.asarray(
         height_error(
             z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights, PIXEL,
@@ -211,6 +225,22 @@ def test_the_error_shrinks_with_the_root_of_the_light() -> None:
     inside = at_rest(z) == 0
     assert np.allclose(dim[inside], 10 * bright[inside], rtol=1e-2)
     assert not dim[~inside].any()
+
+
+def test_all_that_a_rim_carries_shares_its_error() -> None:
+    """A table: no slope on its top errs, but all of it stands on the steps of its rim."""
+    z = np.zeros(SHAPE, np.float32)
+    z[10:30, 20:44] = 1
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    surroundings = (at_rest(z), NO_RISES, light, 0.001 * light, used, lights, PIXEL)
+    sharp, blind = (
+        height_error(z, slope, variance_of(1e-4), *surroundings, kink=kink) for kink in (0.45, 0.0)
+    )
+    top = np.s_[15:25, 26:38]
+    assert sharp[top].min() > 2 * blind[top].max()
+    assert np.ptp(sharp[top]) < 0.3 * sharp[top].mean()
 
 
 def test_noise_does_to_the_height_what_the_error_says() -> None:

@@ -91,6 +91,15 @@ def test_the_truth_lies_in_the_band(
     assert found["in_90_percent_band"] == pytest.approx(90, abs=5)
 
 
+@pytest.mark.parametrize("shape", ["sphere", "cat"])
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_the_band_is_honest_behind_steep_rims(
+    raytraced: Path, calibrations: dict[str, str], rig: str, shape: str
+) -> None:
+    found = metrics("precise", raytraced / rig / shape, calibrations[rig])
+    assert found["in_90_percent_band"] > 85
+
+
 def test_the_error_is_written_beside_the_height(
     raytraced: Path, calibrations: dict[str, str], tmp_path: Path
 ) -> None:
