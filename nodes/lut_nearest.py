@@ -19,8 +19,15 @@ SPARE = 3
 ALIKE = 1e-5
 """Distances that differ by less than this part may change places in float32."""
 MOST_LIGHT = 1e15
-TILE = 32
-"""The kernel's TILE on CPUs."""
+PIXELS_IN_CELL = 1024
+"""So many pixels at least are in a cell of the sort, on average; the kernel's PIECE."""
+MOST_LEVELS = 10
+SAMPLES = 8
+"""Pixels per cell that are sampled for the medians; the kernel's SAMPLES."""
+SPARSER = 3
+"""The cells of shadowed pixels are so many levels coarser; the kernel's SPARSER."""
+CHUNKS = 64
+"""Work-items that share the frame's pixels."""
 
 
 @node(
@@ -111,19 +118,40 @@ def _settled(tree: cKDTree, query: F4, neighbours: int) -> NDArray[np.intp]:
 
 @lut_nearest.opencl()
 def _launch(run: Launch) -> None:
-    """A work-item per tile and lanes, or per pixel; several neighbours always per pixel."""
-    height, width = grid = run.sizes["H"], run.sizes["W"]
-    inputs = [run.inputs[name] for name, port in lut_nearest.inputs.items() if port.kind == "array"]
-    arguments = [*inputs, run.outputs["lut_nearest"], height, width]
-    constants = {"LIGHTS": run.sizes["K"]}
+    """A pixel per work-item, or the frame sorted by light and searched in packets of lanes."""
+    height, width = run.sizes["H"], run.sizes["W"]
+    arrays = [run.inputs[name] for name, port in lut_nearest.inputs.items() if port.kind == "array"]
     neighbours = run.settings["neighbours"]
-    if neighbours > 1:
-        run.kernel("lut_nearest_several", grid, *arguments, neighbours, constants=constants)
-    elif run.lanes == 1:
-        run.kernel("lut_nearest", grid, *arguments, constants=constants)
+    constants = {"LIGHTS": run.sizes["K"], "NEIGHBOURS": neighbours}
+    if run.lanes == 1 or neighbours > 1:
+        out = run.outputs["lut_nearest"]
+        arguments = (*arrays, out, height, width)
+        run.kernel("lut_nearest", (height, width), *arguments, constants=constants)
     else:
-        tiles = (-(-height // TILE), -(-width // TILE))
-        run.kernel("lut_nearest", tiles, *arguments, local=(1, 1), constants=constants)
+        _launch_sorted(run, arrays, constants)
+
+
+def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) -> None:
+    light, shadow, *index = arrays
+    lights, size = run.sizes["K"], run.sizes["H"] * run.sizes["W"]
+    levels = min(max((size // PIXELS_IN_CELL).bit_length() - 1, 0), MOST_LEVELS)
+    cells = (1 << levels) + (lights << max(levels - SPARSER, 0))
+
+    def launch(kernel: str, items: int, *arguments: Any) -> None:
+        run.kernel(kernel, (items,), *arguments, local=(1,), constants=constants)
+
+    samples = run.scratch((SAMPLES << levels, lights))
+    medians = run.scratch((1 << levels,))
+    launch("find_medians", 1, light, samples, medians, size, levels)
+    cell, counts = run.scratch((size,), np.uint16), run.scratch((CHUNKS, cells), np.int32)
+    launch("find_cells", CHUNKS, light, shadow, medians, cell, counts, size, levels, cells)
+    starts = run.scratch((cells + 1,), np.int32)
+    launch("find_starts", 1, counts, starts, CHUNKS, cells)
+    place, sorted_light = run.scratch((size,), np.int32), run.scratch((size, lights))
+    launch("sort_pixels", CHUNKS, light, cell, counts, place, sorted_light, size, cells)
+    slopes = run.scratch((size, 2))
+    launch("search_cells", cells, sorted_light, starts, *index, slopes, levels)
+    launch("put_back", CHUNKS, slopes, place, run.outputs["lut_nearest"], size)
 
 
 @lut_nearest.example

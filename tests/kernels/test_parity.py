@@ -48,6 +48,12 @@ def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
         assert compare(node, device, other) is None, str(other)
 
 
+def test_a_large_frame_is_looked_up_in_many_cells(device: OpenCL) -> None:
+    node = find_node("lut_nearest")
+    for case in cases(node, shapes=((190, 180),))[:6]:
+        assert compare(node, device, case) is None, str(case)
+
+
 @pytest.mark.parametrize("name", KERNEL_NODES)
 def test_a_kernels_signature_matches_the_declaration(name: str) -> None:
     assert f"void {name}(" in kernel_source(find_node(name)) or find_node(name).launch
