@@ -14,7 +14,7 @@ static floats reflect(
 }
 
 // First-order Taylor steps of the spherical-harmonic reflectance on fully lit pixels.
-__kernel void refine_taylor(
+LANED __kernel void refine_taylor(
     __global const float *restrict light,
     __global const float *restrict slope,
     __global const uchar *restrict shadow,

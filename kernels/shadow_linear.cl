@@ -2,7 +2,7 @@
 #include "lanes.clh"
 
 // Label the darkest LED where the null vector's product with the light departs from zero.
-__kernel void shadow_linear(
+LANED __kernel void shadow_linear(
     __global const float *restrict light,
     __global const float *restrict null,
     const float spread,
