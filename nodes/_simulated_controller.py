@@ -117,6 +117,12 @@ class SimulatedController:
                 break
         return [(led, total / (end - start)) for led, total in enumerate(light) if total > 0]
 
+    @property
+    def asked_to_quit(self) -> bool:
+        """Whether the host has ended the firmware."""
+        with self._lock:
+            return self._controller.asked_to_quit
+
     # What can happen to it
 
     def unplug(self) -> None:
