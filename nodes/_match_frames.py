@@ -30,6 +30,8 @@ BANDS = 6
 """Bands of rows, each with weights of its own."""
 TOLERANCE = 0.04
 """A cell is at rest if it is so close to an LED's pattern, as a share of the light."""
+AT_REST = 0.01
+"""A cell is surely at rest if it is so close to the sum that fits the film best."""
 NOISE = 0.005
 """What the film at rest strays from its pattern, as a share of the light."""
 QUANTILE = 0.4
@@ -46,6 +48,10 @@ MOST_SATURATED = 0.03
 """Share of pixels at full scale above which a frame is refused."""
 MOST_OF_ANOTHER = 0.04
 """Weight of a second LED, or lack of the first, above which a frame is mixed."""
+LEAST_REACH = 0.012
+"""Share of a neighbour in the cycle above which a frame is mixed."""
+REACH_SHARE = 0.1
+"""Weight of a new frame in the mean of that share, which is known better."""
 LEAST_AT_REST = 0.15
 """Share of the film at rest below which nothing can be said at all."""
 DIMMEST, BRIGHTEST = 0.5, 1.8
@@ -231,6 +237,40 @@ def _pair(basis: F4, target: F4, first: int, second: int) -> tuple[NDArray[np.fl
     return shares, float(np.quantile(off, QUANTILE))
 
 
+def reach(light: F4, patterns: F4, led: int, before: int, after: int) -> float:
+    """How much more of the LED after it than of the one before it lies in a frame.
+
+    An exposure that begins too early or ends too late has a little of one neighbour in it and
+    nothing of the other.  What the film has changed since the calibration looks like a little
+    of both, and cancels.
+
+    Parameters
+    ----------
+    light, patterns
+        Cells of the frame, h x w, and of the film at rest, K x h x w.
+    led, before, after
+        The LED of the frame and its neighbours in the cycle, 0 for a dark one.
+
+    Returns
+    -------
+    float
+        Share of the light: positive is the LED after.
+    """
+    numbers = [led, *(other for other in dict.fromkeys((before, after)) if other not in (0, led))]
+    scale = np.float32(1) / patterns[led - 1].ravel()
+    basis = patterns[[number - 1 for number in numbers]].reshape(len(numbers), -1) * scale
+    target = light.ravel() * scale
+    off = np.abs(target / np.median(target) - 1)
+    weights = np.zeros(len(numbers))
+    for limit in (TOLERANCE, AT_REST, AT_REST):
+        used = basis * (off < limit)
+        normal = (used @ basis.T).astype(np.float64) + 1e-6 * off.size * np.eye(len(numbers))
+        weights = np.linalg.solve(normal, (used @ target).astype(np.float64))
+        off = np.abs(weights.astype(np.float32) @ basis - target)
+    shares = dict(zip(numbers, weights / max(weights.sum(), 1e-6), strict=True))
+    return float(shares.get(after, 0.0) - shares.get(before, 0.0)) if before != after else 0.0
+
+
 def _another(mixed: list[NDArray[np.float64]], best: int) -> int:
     """The second LED of mixed bands; 0 if the first one is only partly exposed."""
     share = np.mean(mixed, axis=0)
@@ -280,6 +320,12 @@ class Matcher:
         The controller's cycle; None: the image alone decides.
     full
         The camera's largest value; 0: that of the frame's type.
+    burnt
+        LEDs that stay dark.
+    usual_reach
+        The `reach` of frames that are in order: 0 unless the film looks otherwise than it did.
+    mean_reach
+        Mean of what the last frames had above that.
     """
 
     film: Film
@@ -288,6 +334,8 @@ class Matcher:
     clock: Clock | None = None
     full: float = 0.0
     burnt: set[int] = field(default_factory=set)
+    usual_reach: float = 0.0
+    mean_reach: float = field(default=0.0, init=False)
     _delay: _Delay = field(init=False)
     _last: tuple[float, int] | None = None
     _before: NDArray[np.generic] | None = None
@@ -305,6 +353,7 @@ class Matcher:
         """Forget the cycle's phase: the camera or the controller was connected again."""
         self._delay = _Delay(self.cycle, self.rate)
         self._last = self._before = None
+        self.mean_reach = 0.0
         self._disagreed = 0
 
     def match(self, data: Plane, time: float) -> Verdict:
@@ -339,7 +388,22 @@ class Matcher:
             return Verdict(None, "covered")
         led = sight.led if sight.kind == "one" else due
         assert led is not None
+        overlap = self._overlap(data, led) if sight.kind == "one" else 0.0
+        if abs(overlap) > LEAST_REACH:
+            other = self._neighbours(led)[overlap > 0]
+            return Verdict(None, "mixed", led, other, abs(overlap))
+        self.mean_reach += REACH_SHARE * (overlap - self.mean_reach)
         return self._agreed(led, due, time, certain=sight.kind == "one")
+
+    def _overlap(self, data: Plane, led: int) -> float:
+        """`reach` of a frame, above what is usual."""
+        light = self._light(data) - self.film.dark
+        patterns = np.maximum(self.film.patterns, np.float32(FAINTEST))
+        return reach(light, patterns, led, *self._neighbours(led)) - self.usual_reach
+
+    def _neighbours(self, led: int) -> tuple[int, int]:
+        place = self.cycle.index(led)
+        return self.cycle[place - 1], self.cycle[(place + 1) % len(self.cycle)]
 
     def _learn_ambient(self, data: Plane) -> Verdict:
         """Take the darkest frame of the first cycle for the ambient step's."""

@@ -45,6 +45,8 @@ REACH_MM = 3.0
 """So far beyond the contact the film has come to rest: six times `press`'s own reach."""
 NOISES = 8
 """Fields of noise, used in turn."""
+RECENT = 8
+"""Films that are kept for the truth."""
 ROW_GROUPS = 24
 """A rolling shutter's rows are exposed in so many groups."""
 
@@ -144,7 +146,7 @@ class SimulatedSensor:
         rng = np.random.Generator(np.random.SFC64(scene.seed))
         self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISES)]
         self._resting: dict[tuple[int, int], NDArray[np.uint8]] = {}
-        self._pressed: tuple[float, _Pressed] | None = None
+        self._pressed: dict[float, _Pressed] = {}
 
     def place(self, moment: float) -> tuple[float, float, float]:
         """The ball at a moment: x and y of its axis from the middle, its depth; all mm."""
@@ -199,7 +201,8 @@ class SimulatedSensor:
 
     def _press(self, moment: float) -> _Pressed:
         """The film around the ball at a moment; all LEDs and the truth ask for the same one."""
-        if self._pressed is None or self._pressed[0] != moment:
+        pressed = self._pressed.get(moment)
+        if pressed is None:
             x, y, depth = self.place(moment)
             rows, columns = self._window(x, y)
             across, down = self._offsets(rows, columns, x, y)
@@ -208,9 +211,10 @@ class SimulatedSensor:
                 y + float(down[0, 0] + down[-1, 0]) / 2,
                 0.0,
             )
-            surface = self._film.surface(across, down, depth)
-            self._pressed = moment, _Pressed(rows, columns, middle, *surface)
-        return self._pressed[1]
+            pressed = _Pressed(rows, columns, middle, *self._film.surface(across, down, depth))
+            # Only the last few: the truth of a frame is asked for soon after it was taken.
+            self._pressed = dict([*self._pressed.items()][-RECENT:]) | {moment: pressed}
+        return pressed
 
     def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
         """Light of LED k around the ball, and where that is (equation N1; no cast shadows)."""

@@ -12,7 +12,7 @@ from tactograph.graph import warn
 from tactograph.nodes._assemble import Assembler, Refresh
 from tactograph.nodes._camera import Shot
 from tactograph.nodes._frames import LiveState, RawFrame, Touch
-from tactograph.nodes._match_frames import Matcher, Verdict
+from tactograph.nodes._match_frames import MOST_OF_ANOTHER, Matcher, Verdict
 from tactograph.nodes._sensor import Sensor
 
 LOG = logging.getLogger("tactograph")
@@ -26,6 +26,10 @@ MIXED_CYCLES = 1.5
 """After so many cycles in which no LED is seen alone, the LEDs' cycle is shifted."""
 EXPOSED = 0.6
 """The exposure as a share of the frame time, roughly."""
+CREEP = 0.004
+"""A mean share of a neighbour in the frames above which the cycle is shifted, too."""
+MOST_ATTEMPTS, ATTEMPT_S = 4, 3.0
+"""So many shifts are tried, each within so many seconds of the one before."""
 MARGIN, LEAST_MARGIN = 0.2, 0.03
 """So much of a step lies between an exposure and the next change of LED, at first, at least."""
 
@@ -40,6 +44,7 @@ SAYS = {
     "late": "a frame of LED {led} came late: discarded",
     "slipped": "camera and LED controller are out of step: matching them anew",
     "shifted": "camera and LEDs overlap: the LEDs' cycle is shifted",
+    "changed": "the film looks otherwise than in the calibration; calibrate again",
     "wrong size": "the camera delivers another size than the calibration's: opening it again",
     "lost": "frames are missing",
     "moved": "the light changes faster than the LEDs take turns: heights are smeared",
@@ -88,6 +93,7 @@ class Stream:
         self._connected = sensor.camera.connections, sensor.lamps.starts
         self._before: float | None = None
         self._overlaps: list[float] = []
+        self._attempts, self._shifted = 0, 0.0
         self._later: bool | None = None
         self._margin = MARGIN
         self._reopened = 0.0
@@ -154,6 +160,8 @@ class Stream:
             self._overlaps.append(self._reach(verdict))
         elif verdict.led:
             self._overlaps.clear()
+            if abs(self._matcher.mean_reach) > CREEP:
+                self._separate(self._matcher.mean_reach)
         if len(self._overlaps) > MIXED_CYCLES * len(self.sensor.cycle):
             self._separate(sum(self._overlaps) / len(self._overlaps))
         if verdict.fault == "slipped":
@@ -172,8 +180,17 @@ class Stream:
 
     def _separate(self, reach: float) -> None:
         """Move the LEDs' steps to where no exposure crosses from one into the next."""
-        self._note("shifted")
         self._overlaps.clear()
+        now = time.monotonic()
+        self._attempts = self._attempts + 1 if now - self._shifted < ATTEMPT_S else 1
+        self._shifted = now
+        if self._attempts > MOST_ATTEMPTS and abs(reach) < MOST_OF_ANOTHER:
+            # No shift helps: it is the film that looks otherwise than in the calibration.
+            self._note("changed")
+            self._matcher.usual_reach += reach
+            self._matcher.mean_reach = 0.0
+            return
+        self._note("shifted")
         later = reach >= 0
         if self._later not in (None, later):
             # It went too far the last time: little time is left between two exposures.

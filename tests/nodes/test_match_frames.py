@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes._match_frames import Film, Matcher, Verdict, make_film, see
+from tactograph.nodes._match_frames import Film, Matcher, Verdict, cells, make_film, reach, see
 from tactograph.nodes._simulated_camera import Scene, SimulatedSensor
 
 ROWS, COLUMNS = 120, 160
@@ -206,3 +206,20 @@ def test_the_ambient_step_is_found_and_its_light_taken_off(told: Clock | None) -
         lit = np.clip(data * 0.8 + lamp, 0, 254).astype(np.uint8)
         found.append(matching.match(lit, moment).led)
     assert found[10:] == [cycle[n % 5] for n in range(10, 25)]
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("moment", [0.0, 2.7])
+@pytest.mark.parametrize("second", [2, 4])
+def test_two_hundredths_of_a_neighbour_are_seen_from_its_pattern(
+    rig: str, moment: float, second: int
+) -> None:
+    """So little of it tilts the whole height map by tens of microns."""
+    rest = film(rig)
+    part = np.full(ROWS, 0.02, np.float32)
+    both = frame(1, moment, rig, k1=1 - part, **{f"k{second}": part})
+    found = reach(cells(both) / 255 - rest.dark, rest.patterns, 1, before=4, after=2)
+    assert found == pytest.approx(0.02 if second == 2 else -0.02, abs=0.01)
+    alone = frame(1, moment, rig)
+    none = reach(cells(alone) / 255 - rest.dark, rest.patterns, 1, before=4, after=2)
+    assert abs(none) < 0.01
