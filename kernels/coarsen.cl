@@ -10,13 +10,23 @@ __kernel void coarsen(
 {
     GRID_3(k, row, column, K, h, w)
     __global const float *plane = light + k * H * W;
+    const int x = column * factor;
     float total = 0.0f;
-    for (int i = 0; i < factor; ++i) {
-        const int x = min(column * factor + i, W - 1);
-        float sum = 0.0f;
-        for (int j = 0; j < factor; ++j)
-            sum += plane[min(row * factor + j, H - 1) * W + x];
-        total += sum;
+    if (factor % 4 == 0 && x + factor <= W) {
+        // Four columns at a time, in the same order.
+        for (int i = 0; i < factor; i += 4) {
+            float4 sum = 0.0f;
+            for (int j = 0; j < factor; ++j)
+                sum += vload4(0, plane + min(row * factor + j, H - 1) * W + x + i);
+            total = total + sum.x + sum.y + sum.z + sum.w;
+        }
+    } else {
+        for (int i = 0; i < factor; ++i) {
+            float sum = 0.0f;
+            for (int j = 0; j < factor; ++j)
+                sum += plane[min(row * factor + j, H - 1) * W + min(x + i, W - 1)];
+            total += sum;
+        }
     }
     out[(k * h + row) * w + column] = total * (1.0f / (float)(factor * factor));
 }

@@ -265,8 +265,11 @@ __kernel void label_lights(
     floats x, y;
     places(at, H, W, pixel, &x, &y);
     const floats z = load_floats(height + at, count);
-    const Vector believed = {-load_floats(prior + at, count),
-                             -load_floats(prior + size + at, count), 1.0f};
+    Vector believed = {0.0f, 0.0f, 1.0f};
+    if (!pair) {
+        believed.x = -load_floats(prior + at, count);
+        believed.y = -load_floats(prior + size + at, count);
+    }
     Pixels here;
     here.K = K;
     ints below = 0;

@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "lanes.clh"
 
 // Standard deviation of the light relative to the film at rest: shot and read noise.
 __kernel void light_noise(
@@ -9,8 +10,12 @@ __kernel void light_noise(
     const int K, const int H, const int W,
     const float floor_)
 {
-    GRID_3(k, y, x, K, H, W)
-    const int i = (k * H + y) * W + x;
-    const float variance = noise[0] * fmax(image[i], 0.0f) + noise[1];
-    out[i] = sqrt(variance) / fmax(flat[i], floor_);
+    GRID_LANES(pixel, count, H * W)
+    const floats low = floor_, none = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const int i = k * H * W + pixel;
+        const floats light = load_floats(image + i, count), rest = load_floats(flat + i, count);
+        const floats variance = noise[0] * MORE_OF(light, none) + noise[1];
+        store_floats(sqrt(variance) / MORE_OF(rest, low), out + i, count);
+    }
 }

@@ -1,10 +1,46 @@
 #include "common.clh"
+#include "lanes.clh"
 
-static float3 normal_at(__global const float *slope, const int size, const int i)
+#define TWELFTH (1.0f / 12.0f)
+
+typedef struct {
+    floats x, y, z;
+} Vector;
+
+// The normals of pixels that follow one another.
+static Vector normals(
+    __global const float *slope, const int size, const int at, const int count)
 {
-    const float p = slope[i], q = slope[size + i];
-    const float nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    return (float3)(-p * nz, -q * nz, nz);
+    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
+    const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
+    const Vector n = {-p * nz, -q * nz, nz};
+    return n;
+}
+
+// The normals at pixels that lie anywhere.
+static Vector normals_at(__global const float *slope, const int size, const int *at)
+{
+    float p[LANES], q[LANES];
+    for (int l = 0; l < LANES; ++l) {
+        p[l] = slope[at[l]];
+        q[l] = slope[size + at[l]];
+    }
+    const floats ps = LOAD_LANES(p), qs = LOAD_LANES(q);
+    const floats nz = 1.0f / sqrt(1.0f + ps * ps + qs * qs);
+    const Vector n = {-ps * nz, -qs * nz, nz};
+    return n;
+}
+
+static Vector difference(const Vector a, const Vector b, const floats share)
+{
+    const Vector d = {(a.x - b.x) * share, (a.y - b.y) * share, (a.z - b.z) * share};
+    return d;
+}
+
+static floats within(const floats value, const floats limit)
+{
+    const floats low = MORE_OF(value, -limit);
+    return LESS_OF(low, limit);
 }
 
 // Slopes corrected for the change of the normal within a pixel.
@@ -14,21 +50,37 @@ __kernel void pixel_mean_slope(
     const int H, const int W,
     const float most)
 {
-    GRID_2(y, x, H, W)
-    const int size = H * W, i = y * W + x;
-    const float p = slope[i], q = slope[size + i];
-    const float square = 1.0f + p * p + q * q;
-    float add_p = 0.0f, add_q = 0.0f;
-    for (int axis = 0; axis < 2; ++axis) {
-        const int at = axis ? x : y, end = (axis ? W : H) - 1, stride = axis ? 1 : W;
-        const int before = max(at - 1, 0), after = min(at + 1, end);
-        const float3 d = (normal_at(slope, size, i + (after - at) * stride)
-                          - normal_at(slope, size, i + (before - at) * stride))
-            / (float)max(after - before, 1);
-        add_p += (d.x * d.z + p * d.z * d.z) * square * (1.0f / 12.0f);
-        add_q += (d.y * d.z + q * d.z * d.z) * square * (1.0f / 12.0f);
+    GRID_LANES(at, count, H * W)
+    const int size = H * W, row = at / W, column = at - row * W;
+    Vector along, down;
+    if (column > 0 && column + LANES < W) {
+        const floats half_ = 0.5f, share = row > 0 && row + 1 < H ? 0.5f : 1.0f;
+        const int above = row > 0 ? at - W : at, below = row + 1 < H ? at + W : at;
+        along = difference(
+            normals(slope, size, at + 1, count), normals(slope, size, at - 1, count), half_);
+        down = difference(
+            normals(slope, size, below, count), normals(slope, size, above, count), share);
+    } else {
+        int left[LANES], right[LANES], above[LANES], below[LANES];
+        float across[LANES], upright[LANES];
+        for (int l = 0; l < LANES; ++l) {
+            const int i = min(at + l, size - 1), y = i / W, x = i - y * W;
+            left[l] = x > 0 ? i - 1 : i;
+            right[l] = x + 1 < W ? i + 1 : i;
+            above[l] = y > 0 ? i - W : i;
+            below[l] = y + 1 < H ? i + W : i;
+            across[l] = x > 0 && x + 1 < W ? 0.5f : 1.0f;
+            upright[l] = y > 0 && y + 1 < H ? 0.5f : 1.0f;
+        }
+        along = difference(
+            normals_at(slope, size, right), normals_at(slope, size, left), LOAD_LANES(across));
+        down = difference(
+            normals_at(slope, size, below), normals_at(slope, size, above), LOAD_LANES(upright));
     }
-    const float limit = most * square;
-    out[i] = p + clamp(add_p, -limit, limit);
-    out[size + i] = q + clamp(add_q, -limit, limit);
+    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
+    const floats square = 1.0f + p * p + q * q, limit = most * square, by = square * TWELFTH;
+    const floats add_p = down.z * (down.x + p * down.z) + along.z * (along.x + p * along.z);
+    const floats add_q = down.z * (down.y + q * down.z) + along.z * (along.y + q * along.z);
+    store_floats(p + within(add_p * by, limit), out + at, count);
+    store_floats(q + within(add_q * by, limit), out + size + at, count);
 }

@@ -13,12 +13,14 @@ BLOCK = 32768
 """Pixels of a block: few for the cache, many against the cost of calling NumPy."""
 
 
-def in_blocks(work: Callable[[slice], T], count: int) -> list[T]:
-    """Call `work` for slices that cover `count` pixels, on all cores, and return what it returns.
+def in_blocks(work: Callable[[slice], T], count: int, pixels: int = 1) -> list[T]:
+    """Call `work` for slices that cover `count`, on all cores, and return what it returns.
 
-    NumPy lets go of the interpreter during an operation, so that threads help.
+    What is counted has so many `pixels` each: rows have as many as there are columns.  NumPy
+    lets go of the interpreter during an operation, so that threads help.
     """
-    blocks = [slice(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK)]
+    step = max(1, BLOCK // pixels)
+    blocks = [slice(first, min(first + step, count)) for first in range(0, count, step)]
     if len(blocks) == 1:
         return [work(blocks[0])]
     with ThreadPoolExecutor(os.cpu_count()) as threads:

@@ -40,4 +40,4 @@ def flat_field(
     return np.asarray(top / np.maximum(flat, np.float32(floor)), np.float32)
 
 
-flat_field.opencl(grid="K H W")
+flat_field.opencl(grid="H W", lanes=True)

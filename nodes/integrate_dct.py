@@ -34,25 +34,31 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     ndarray
         H x W in mm, its mean being zero.
     """
-    divergence = _divergence(slope)
-    spectrum = dctn(divergence, type=2, norm="ortho", workers=-1)
-    spectrum *= inverse_laplacian(divergence.shape)
+    spectrum = dctn(_twice_divergence(slope), type=2, norm="ortho", workers=-1, overwrite_x=True)
+    spectrum *= _to_mm(spectrum.shape, pixel)
     height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
-    height *= np.float32(pixel)
     return np.asarray(height, np.float32)
 
 
-def _divergence(slope: Slope) -> F4:
-    """Divergence of the slopes half-way between neighbours; none across the border."""
+def _twice_divergence(slope: F4) -> F4:
+    """Twice the divergence of the slopes half-way between neighbours; none across the border.
+
+    Half-way slopes are means of neighbours, so that a pixel's own slope cancels.
+    """
     p, q = slope
-    across = (p[:, :-1] + p[:, 1:]) * np.float32(0.5)
-    down = (q[:-1] + q[1:]) * np.float32(0.5)
-    divergence = np.zeros(p.shape, np.float32)
-    divergence[:, :-1] = across
-    divergence[:, 1:] -= across
-    divergence[:-1] += down
-    divergence[1:] -= down
-    return divergence
+    twice = np.zeros(p.shape, np.float32)
+    for slopes, found in ((p.T, twice.T), (q, twice)):
+        if len(slopes) > 1:
+            found[0] += slopes[0] + slopes[1]
+            found[1:-1] += slopes[2:] - slopes[:-2]
+            found[-1] -= slopes[-2] + slopes[-1]
+    return twice
+
+
+@lru_cache(maxsize=8)
+def _to_mm(shape: tuple[int, int], pixel: float) -> F4:
+    """From the spectrum of twice the divergence to that of the height."""
+    return np.asarray(inverse_laplacian(shape) * np.float32(0.5 * pixel), np.float32)
 
 
 @lru_cache(maxsize=8)

@@ -40,4 +40,4 @@ def light_noise(
     return np.asarray(np.sqrt(variance) / np.maximum(flat, np.float32(floor)), np.float32)
 
 
-light_noise.opencl(grid="K H W")
+light_noise.opencl(grid="H W", lanes=True)

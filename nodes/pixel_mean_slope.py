@@ -9,8 +9,10 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Slope
+from tactograph.nodes._blocks import in_blocks
 
 TWELFTH = np.float32(1 / 12)
+ONE = np.float32(1)
 
 
 @node(neutral="slope", tolerance=Close(2e-5, 2e-5, why="differences of rounded normals"))
@@ -30,27 +32,40 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
     most
         Largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails.
     """
+    rows, columns = slope.shape[1:]
+    corrected = np.empty_like(slope)
+
+    def correct(part: slice) -> None:
+        around = slice(max(part.start - 1, 0), part.stop + 1)
+        inner = slice(part.start - around.start, part.stop - around.start)
+        corrected[:, part] = _corrected(slope[:, around], inner, np.float32(most))
+
+    in_blocks(correct, rows, columns)
+    return corrected
+
+
+def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
+    """The slopes of some rows, of which the others are neighbours."""
     p, q = slope
-    square = np.float32(1) + p * p + q * q
-    nz = np.float32(1) / np.sqrt(square)
-    add_p, add_q = np.zeros_like(p), np.zeros_like(p)
-    for axis in (0, 1):
-        dx, dy, dz = (_difference(part, axis) for part in (-p * nz, -q * nz, nz))
-        add_p += (dx * dz + p * dz * dz) * square * TWELFTH
-        add_q += (dy * dz + q * dz * dz) * square * TWELFTH
-    limit = np.float32(most) * square
-    corrected = [p + np.clip(add_p, -limit, limit), q + np.clip(add_q, -limit, limit)]
-    return np.asarray(np.stack(corrected), np.float32)
+    square = ONE + p * p + q * q
+    nz = ONE / np.sqrt(square)
+    normal = np.stack([-p * nz, -q * nz, nz])
+    slope, square = slope[:, rows], square[rows]
+    add = np.zeros_like(slope)
+    for axis in (1, 2):
+        change = _change(normal, axis)[:, rows]
+        along, dz = change[:2], change[2]
+        add += dz * (along + slope * dz)
+    limit = most * square
+    add *= square * TWELFTH
+    return slope + np.clip(add, -limit, limit)
 
 
-def _difference(plane: F4, axis: int) -> F4:
+def _change(planes: F4, axis: int) -> F4:
     """Change per pixel along `axis`: central, one-sided at the ends."""
-    index = np.arange(plane.shape[axis])
-    after = np.minimum(index + 1, index[-1])
-    before = np.maximum(index - 1, 0)
-    span = np.maximum(after - before, 1).astype(np.float32)
-    shape = (-1, 1) if axis == 0 else (1, -1)
-    return np.asarray((plane.take(after, axis) - plane.take(before, axis)) / span.reshape(shape))
+    if planes.shape[axis] == 1:
+        return np.zeros_like(planes)
+    return np.asarray(np.gradient(planes, axis=axis), np.float32)
 
 
-pixel_mean_slope.opencl(grid="H W")
+pixel_mean_slope.opencl(grid="H W", lanes=True)

@@ -14,9 +14,9 @@ from tactograph.graph.parity import cases, compare
 
 MUTANTS = {
     "flat_field": {
-        "dark not subtracted": ("(image[i] - dark[pixel])", "image[i]"),
-        "floor ignored": ("fmax(flat[i], floor_)", "flat[i]"),
-        "light of the first LED for all": ("image[i]", "image[pixel]"),
+        "dark not subtracted": ("count) - level", "count)"),
+        "floor ignored": ("MORE_OF(rest, low)", "rest"),
+        "light of the first LED for all": ("image + i", "image + pixel"),
     },
     "ball_slopes": {
         "p and q swapped": ("? -dx / z", "? -dy / z"),
@@ -48,14 +48,16 @@ MUTANTS = {
         "the steeper of a pair": ("flatter = first.z >= second.z", "flatter = first.z < second.z"),
         "attached and prior swapped": ("if (attached)", "if (!attached)"),
         "height ignored": ("dz = led[2] - z", "dz = led[2] - 0.0f * z"),
-        "lights from the corner": ("(float)column - 0.5f * (float)(W - 1)", "(float)column"),
+        "lights from the corner": ("left = 0.5f * (float)(W - 1)", "left = 0.0f"),
+        "all pixels in one column": ("(float)column + LANE_NUMBERS", "(float)column"),
         "a set that is closed wins": ("open & (cost < best)", "cost < best"),
         "variances swapped": ("store_floats(spread.p", "store_floats(spread.q"),
         "unknown pixels not dark": ("? forced : dim", "? nothing : dim"),
     },
     "coarsen": {
         "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
-        "rows only": ("column * factor + i", "column * factor"),
+        "rows only": ("min(x + i, W - 1)", "x"),
+        "a column left out": ("+ sum.z", ""),
         "beyond the border": ("min(row * factor + j, H - 1)", "(row * factor + j) % H"),
         "one plane for all": ("light + k * H * W", "light"),
     },
@@ -65,9 +67,9 @@ MUTANTS = {
         "the nearest column": ("right = min(left + 1, w - 1)", "right = left"),
     },
     "light_noise": {
-        "shot noise forgotten": ("noise[0] * fmax(image[i], 0.0f) + noise[1]", "noise[1]"),
+        "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
         "variance instead": ("sqrt(variance)", "variance"),
-        "of the image as captured": ("/ fmax(flat[i], floor_)", ""),
+        "of the image as captured": ("/ MORE_OF(rest, low)", ""),
     },
     "lut_nearest": {
         "boxes too small to reach": (
@@ -152,9 +154,11 @@ MUTANTS = {
         "no margin": ("max(x - 2, 0)", "max(x - 1, 0)"),
     },
     "pixel_mean_slope": {
-        "one axis": ("axis < 2", "axis < 1"),
+        "one axis": (" + along.z * (along.x + p * along.z)", ""),
         "limit ignored": ("most * square", "1e9f * square"),
-        "border not one-sided": ("(float)max(after - before, 1)", "2.0f"),
+        "border not one-sided": ("x > 0 && x + 1 < W ? 0.5f : 1.0f", "0.5f"),
+        "top not one-sided": ("row > 0 && row + 1 < H ? 0.5f : 1.0f", "0.5f"),
+        "a row too far": ("at + W : at;", "at + W + 1 : at;"),
     },
     "settle_loose": {
         "all pixels": ("> loose ?", "> -1.0f ?"),

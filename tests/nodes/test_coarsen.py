@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.parity import Case, compare
 from tactograph.nodes import F4
 from tactograph.nodes.coarsen import coarsen
 from tactograph.nodes.coarsen_pixel import coarsen_pixel
@@ -51,3 +53,9 @@ def test_a_ball_comes_back_within_the_sag_of_a_cell() -> None:
     back = enlarge_height(coarsen(ball[None], factor=factor)[0], like(48, 64), factor=factor)
     inner = (slice(factor, -factor), slice(factor, -factor))
     assert np.abs(back - ball)[inner].max() < factor**2 / radius / 2
+
+
+def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
+    """Eight columns: the kernel takes them four at a time, in two goes."""
+    case = Case({"K": 3, "H": 19, "W": 43, "h": 3, "w": 6}, "random", "factor=8", {"factor": 8})
+    assert compare(coarsen, device, case) is None
