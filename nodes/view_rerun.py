@@ -50,6 +50,7 @@ def view_rerun(
     file: Path | None = None,
     file_gb: Annotated[float, Gt(0)] = 4.0,
     rate_hz: Annotated[float, Gt(0)] = 10.0,
+    image_step: Annotated[int, Interval(ge=1, le=64)] = 2,
     surface_step: Annotated[int, Interval(ge=1, le=64)] = 4,
     provenance: Provenance,
     session: Session,
@@ -90,6 +91,8 @@ def view_rerun(
         What the file may take, near enough; after that nothing is added to it.
     rate_hz
         Most touches per second that are sent on.
+    image_step
+        The LEDs' images and the labels are sent smaller by this factor.
     surface_step
         Every such row and column becomes a vertex of the surface.
 
@@ -112,16 +115,16 @@ def view_rerun(
         return
     age = now - time if time is not None else None
     stream.begin(age)
-    stream.images(image, shadow)
+    stream.images(image[:, ::image_step, ::image_step], shadow, image_step)
     stream.surface(height, pixel, surface_step)
     stream.section(height, error, pixel)
     if error is not None:
         stream.error(error)
-    figures = {f"times/{s['node']}": s["ms"] for s in provenance.nodes if not s["once"]}
-    figures |= {f"metrics/{key}": value for key, value in (metrics or {}).items()}
+    times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
     if age is not None and 0 <= age < OLDEST_LATENCY_S:
-        figures["times/latency"] = 1e3 * age
-    stream.figures(figures)
+        times["latency"] = 1e3 * age
+    stream.figures("times", times)
+    stream.figures("metrics", metrics or {})
     stream.log("touch", rerun().TextLog(name))
     stream.note(provenance.warnings)
 
@@ -273,7 +276,7 @@ class _Stream:
             self._url = None
             warn(f"view_rerun: the viewer at {url} is gone; the stream goes on without it")
 
-    def log(self, path: str, *what: Any, static: bool = False) -> None:
+    def log(self, path: str | list[object], *what: Any, static: bool = False) -> None:
         self._recording.log(path, *what, static=static)
 
     def begin(self, age: float | None) -> None:
@@ -282,7 +285,7 @@ class _Stream:
         self._recording.set_time("touch", sequence=self._touches)
         self._recording.set_time("time", timestamp=clock.time() - (age or 0.0))
 
-    def images(self, image: Light, shadow: Labels | None) -> None:
+    def images(self, image: Light, shadow: Labels | None, step: int) -> None:
         rr = rerun()
         for k, plane in enumerate(image, start=1):
             grey = np.clip(plane * np.float32(255), 0, 255).astype(np.uint8)
@@ -292,7 +295,7 @@ class _Stream:
         if not self._colours_sent:
             self.log("shadow", rr.AnnotationContext(_classes(image.shape[0])), static=True)
             self._colours_sent = True
-        self.log("shadow", rr.SegmentationImage(shadow))
+        self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
 
     def surface(self, height: Height, pixel: float, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""
@@ -340,10 +343,10 @@ class _Stream:
     def error(self, error: HeightError) -> None:
         self.log("error", rerun().DepthImage(error, meter=1000.0, colormap="magma"))
 
-    def figures(self, figures: dict[str, float]) -> None:
+    def figures(self, group: str, figures: Metrics) -> None:
         scalars = rerun().Scalars
-        for path, value in figures.items():
-            self.log(path, scalars(float(value)))
+        for name, value in figures.items():
+            self.log([group, name], scalars(float(value)))
 
     def note(self, lines: list[str]) -> None:
         for line in lines:
