@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -71,9 +72,7 @@ class McapFile:
 
     def _decoded(self, stream: IO[bytes]) -> Iterator[Read]:
         from mcap.records import Channel, Schema
-        from mcap_ros2.decoder import DecoderFactory
 
-        factory = DecoderFactory()
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         for record in self._records(stream):
@@ -86,11 +85,14 @@ class McapFile:
                 self.lost += len(record.data)
             else:
                 channel = channels[record.channel_id]
-                decode = factory.decoder_for(
-                    channel.message_encoding, schemas.get(channel.schema_id)
-                )
+                schema = schemas.get(channel.schema_id)
+                if schema is None:
+                    continue
+                kind = schema.name, schema.encoding, schema.data
+                decode = _decoder(channel.message_encoding, *kind)
                 if decode is not None:
-                    yield Read(channel.topic, record.log_time, record.sequence, decode(record.data))
+                    body = decode(record.data)
+                    yield Read(channel.topic, record.log_time, record.sequence, body)
 
     def _records(self, stream: IO[bytes]) -> Iterator[Schema | Channel | Message]:
         from mcap.data_stream import ReadDataStream
@@ -134,6 +136,18 @@ class McapFile:
             yield opcode, stream.read(length)
             at += _OPCODE_AND_LENGTH.size + length
         self.lost += size - at
+
+
+@lru_cache
+def _decoder(
+    message_encoding: str, name: str, encoding: str, definition: bytes
+) -> Callable[[bytes], Any] | None:
+    """Turns bytes into a message; None where they are not ROS 2's."""
+    from mcap.records import Schema
+    from mcap_ros2.decoder import DecoderFactory
+
+    schema = Schema(id=1, name=name, encoding=encoding, data=definition)
+    return DecoderFactory().decoder_for(message_encoding, schema)
 
 
 def _damage() -> tuple[type[Exception], ...]:

@@ -110,6 +110,7 @@ def read_camera(
         "white_balance": white_balance,
         "refresh": refresh,
         "cycle": list(sensor.cycle),
+        "bits": bits,
     }
     stream = Stream(
         sensor, refresh, full, motion_limit, motion == "skip", LiveState(settings=settings)

@@ -210,7 +210,9 @@ def _assembler(
     leds = range(1, source.leds + 1)
     off = [0] if any(frame.led == 0 for frame in frames) else []
     film = make_film(np.ones((source.leds, *shape), np.float32))
-    return Assembler(film, dark, (*leds, *off), _rate(frames), refresh)
+    bits = source.settings.get("bits")
+    full = float(2**bits - 1) if bits else 0.0
+    return Assembler(film, dark, (*leds, *off), _rate(frames), refresh, full)
 
 
 def _rate(frames: list[RawFrame]) -> float:

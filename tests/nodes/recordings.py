@@ -47,8 +47,10 @@ def light_of(frames: list[RawFrame]) -> F4:
     return np.stack([f.data / np.float32(np.iinfo(f.data.dtype).max) for f in by_led])
 
 
-def record_touch(session: Session, frames: list[RawFrame], name: str, **settings: Any) -> None:
-    state = LiveState(frames=frames[-1].number, settings={"exposure": 12})
+def record_touch(
+    session: Session, frames: list[RawFrame], name: str, bits: int | None = None, **settings: Any
+) -> None:
+    state = LiveState(frames=frames[-1].number, settings={"exposure": 12, "bits": bits})
     state.faults["lost"] = 2
     light = light_of(frames)
     record(frames, light, name, state, provenance=PROVENANCE, session=session, **settings)

@@ -63,7 +63,7 @@ def test_leds_and_settings_stand_beside_the_frames(tmp_path: Path) -> None:
     assert json.loads(file.about["graph"])["name"] == "toy"
     assert [touch["name"] for touch in touches] == ["000000", "000001"]
     assert touches[1]["frames"] == [4, 5, 6, 7]
-    assert touches[1]["state"]["settings"] == {"exposure": 12}
+    assert touches[1]["state"]["settings"] == {"exposure": 12, "bits": None}
     assert touches[1]["state"]["faults"] == {"lost": 2}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def test_every_cycle_comes_back_as_it_was(tmp_path: Path) -> None:
         assert [f.number for f in touch.new] == [f.number for f in cycle]
         assert touch.truth is None
     assert touches[-1].state.frames == 3 * LEDS
-    assert touches[-1].state.settings == {"exposure": 12}
+    assert touches[-1].state.settings == {"exposure": 12, "bits": None}
 
 
 def test_a_rolling_touch_comes_with_every_frame_after_the_first_cycle(tmp_path: Path) -> None:
@@ -108,6 +109,15 @@ def test_missing_frames_are_counted_and_nothing_stale_is_reconstructed(tmp_path:
     assert len(touches) == 4
     assert [touch.state.dropped for touch in touches] == [0, 0, 7 * LEDS, 7 * LEDS]
     np.testing.assert_allclose(touches[2].image, light_of(make_cycle(9)), atol=1e-6)
+
+
+def test_a_camera_of_twelve_bits_has_its_own_full_scale(tmp_path: Path) -> None:
+    session = Session()
+    frames = [replace(frame, data=frame.data >> 4) for frame in make_cycle(0, dtype=np.uint16)]
+    record_touch(session, frames, "", bits=12, folder=tmp_path)
+    session.close()
+    (touch,) = replay(recording=tmp_path, speed=0)
+    np.testing.assert_allclose(touch.image, [f.data / np.float32(4095) for f in frames], atol=1e-6)
 
 
 def test_light_with_all_leds_off_is_taken_off_less_the_cameras_own_dark(tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes._mcap_log import log_files
@@ -52,6 +54,24 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
             for schema, channel, message, decoded in reader.iter_decoded_messages():
                 found.setdefault(channel.topic, []).append((schema, message, decoded))
     return found
+
+
+def test_another_reader_of_ros_bags_takes_them_for_the_standard_messages(
+    tmp_path: Path, messages: dict[str, Any]
+) -> None:
+    # By its own definitions of the messages, not by those in the file.
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    (path,) = log_files(tmp_path)
+    with AnyReader([path], default_typestore=store) as reader:
+        found: dict[str, list[Any]] = {}
+        for connection, _, raw in reader.messages():
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append(message)
+    assert {topic: len(m) for topic, m in found.items()} == dict.fromkeys(messages, 2)
+    height = found["/height"][0]
+    metres = height.data.view("<f4").reshape(height.height, height.width)
+    np.testing.assert_allclose(metres, HEIGHT / 1000, rtol=1e-6)
+    assert [status.message for status in found["/diagnostics"][1].status] == ["too bright"]
 
 
 def test_a_height_is_an_image_in_metres(messages: dict[str, Any]) -> None:
