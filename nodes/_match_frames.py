@@ -353,6 +353,7 @@ class Matcher:
         """Forget the cycle's phase: the camera or the controller was connected again."""
         self._delay = _Delay(self.cycle, self.rate)
         self._last = self._before = None
+        self._first, self._ambient_known = [], False
         self.mean_reach = 0.0
         self._disagreed = 0
 

@@ -272,6 +272,13 @@ def test_without_a_controller_the_images_decide() -> None:
     assert [(b - a) % 4 for a, b in pairwise(found)] == [1] * 7
 
 
+def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
+    sensor = open_sensor(f"{SCENE}&ambient=0.08", "none", FLAT, DARK, WANTED, ambient=True)
+    *_, touch = Stream(sensor).touches(items=12)
+    sensor.close()
+    assert np.median(touch.image / FLAT, axis=(1, 2)) == pytest.approx(1, abs=0.003)
+
+
 def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
     (touch,) = Stream(sensor).touches(items=1)
