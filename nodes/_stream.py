@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
@@ -20,6 +20,10 @@ AGAIN_S = 2.0
 """A fault that goes on is told again after so many seconds."""
 SILENCE_S = 0.7
 """Without a touch for so long, faults are told at once instead of with the next touch."""
+KEPT = 64
+"""Frames that wait for a touch to go with, at most."""
+PACE_S, MOST_OFF_PACE = 2.0, 0.05
+"""The camera's rate is measured over so many seconds, and may be off by this share."""
 REOPEN_S = 0.3
 """Time between two attempts to get the right size out of a camera."""
 MIXED_CYCLES = 1.5
@@ -97,7 +101,9 @@ class Stream:
         self._later: bool | None = None
         self._margin = MARGIN
         self._reopened = 0.0
-        self._new: list[RawFrame] = []
+        self._pace: Shot | None = None
+        # While no touch is due, as with an LED whose frames all fail, the oldest are let go.
+        self._new: deque[RawFrame] = deque(maxlen=max(KEPT, 4 * len(sensor.cycle)))
 
     def touches(
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
@@ -138,13 +144,14 @@ class Stream:
     def _restart(self) -> None:
         self._matcher.restart()
         self._assembler.restart()
-        self._before = None
+        self._before = self._pace = None
         self._overlaps.clear()
 
     def _take(self, shot: Shot) -> None:
         """Match one frame; keep it, or count why not."""
         self.state.frames += 1
         self._count_gap(shot.time)
+        self._check_pace(shot)
         verdict = self._matcher.match(shot.data, shot.time)
         if verdict.fault:
             self._note(verdict.fault, verdict.about)
@@ -181,6 +188,8 @@ class Stream:
     def _separate(self, reach: float) -> None:
         """Move the LEDs' steps to where no exposure crosses from one into the next."""
         self._overlaps.clear()
+        if self.sensor.lamps.clock is None:
+            return
         now = time.monotonic()
         self._attempts = self._attempts + 1 if now - self._shifted < ATTEMPT_S else 1
         self._shifted = now
@@ -206,6 +215,22 @@ class Stream:
                 self._note("lost", times=missing)
         self._before = moment
 
+    def _check_pace(self, shot: Shot) -> None:
+        """Compare the camera's rate with the LEDs' every few seconds."""
+        if self._pace is None:
+            self._pace = shot
+        since = shot.time - self._pace.time
+        if since < PACE_S:
+            return
+        rate = (shot.number - self._pace.number) / since
+        self._pace = shot
+        if abs(rate / self.sensor.rate - 1) > MOST_OFF_PACE:
+            self.state.faults["wrong rate"] += 1
+            self._teller.add(
+                f"the camera delivers {rate:.1f} frames per second, "
+                f"but the LEDs change {self.sensor.rate:g} times"
+            )
+
     def _touch(self) -> Touch | None:
         """The touch that is due, unless it moves too fast."""
         if not self._assembler.due:
@@ -216,8 +241,8 @@ class Stream:
             if self.skip_moving:
                 return None
         newest = self._assembler.newest
-        image, new = self._assembler.take(), self._new
-        self._new = []
+        image, new = self._assembler.take(), [*self._new]
+        self._new.clear()
         self.state.touches += 1
         self.state.motion = motion
         state = replace(self.state, faults=Counter(self.state.faults))

@@ -279,6 +279,17 @@ def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
     assert np.median(touch.image / FLAT, axis=(1, 2)) == pytest.approx(1, abs=0.003)
 
 
+def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
+    """Half of the frames are missing; each of the others shows its LED all the same."""
+    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
+    stream = Stream(sensor)
+    sensor.rate = 2 * RATE
+    for _ in stream.touches(seconds=2.6):
+        pass
+    sensor.close()
+    assert stream.state.faults["wrong rate"] == 1
+
+
 def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
     (touch,) = Stream(sensor).touches(items=1)
