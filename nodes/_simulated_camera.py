@@ -396,7 +396,7 @@ class SimulatedCamera:
         self._time, self._current = self._held.popleft()
         if fault == "late":
             self._released.wait(1 / self.rate)
-            self._time = time.monotonic()
+            self._time += 1 / self.rate
         return self.isOpened()
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8] | None]:

@@ -12,7 +12,7 @@ from tactograph.graph import warn
 from tactograph.nodes._assemble import Assembler, Refresh
 from tactograph.nodes._camera import Shot
 from tactograph.nodes._frames import LiveState, RawFrame, Touch
-from tactograph.nodes._match_frames import MOST_OF_ANOTHER, Matcher, Verdict
+from tactograph.nodes._match_frames import Matcher, Verdict
 from tactograph.nodes._sensor import Sensor
 
 LOG = logging.getLogger("tactograph")
@@ -32,8 +32,8 @@ EXPOSED = 0.6
 """The exposure as a share of the frame time, roughly."""
 CREEP = 0.004
 """A mean share of a neighbour in the frames above which the cycle is shifted, too."""
-MOST_ATTEMPTS, ATTEMPT_S = 4, 3.0
-"""So many shifts are tried, each within so many seconds of the one before."""
+ATTEMPTS = 4
+"""A share that stays the same through so many shifts is none of a neighbour's light."""
 MARGIN, LEAST_MARGIN = 0.2, 0.03
 """So much of a step lies between an exposure and the next change of LED, at first, at least."""
 
@@ -97,7 +97,7 @@ class Stream:
         self._connected = sensor.camera.connections, sensor.lamps.starts
         self._before: float | None = None
         self._overlaps: list[float] = []
-        self._attempts, self._shifted = 0, 0.0
+        self._tried: deque[float] = deque(maxlen=ATTEMPTS)
         self._later: bool | None = None
         self._margin = MARGIN
         self._reopened = 0.0
@@ -190,14 +190,13 @@ class Stream:
         self._overlaps.clear()
         if self.sensor.lamps.clock is None:
             return
-        now = time.monotonic()
-        self._attempts = self._attempts + 1 if now - self._shifted < ATTEMPT_S else 1
-        self._shifted = now
-        if self._attempts > MOST_ATTEMPTS and abs(reach) < MOST_OF_ANOTHER:
-            # No shift helps: it is the film that looks otherwise than in the calibration.
+        self._tried.append(reach)
+        if len(self._tried) == ATTEMPTS and max(self._tried) - min(self._tried) < CREEP:
+            # Shifts change nothing: it is the film that looks otherwise than calibrated.
             self._note("changed")
             self._matcher.usual_reach += reach
             self._matcher.mean_reach = 0.0
+            self._tried.clear()
             return
         self._note("shifted")
         later = reach >= 0
