@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.firmware import protocol as board
@@ -12,9 +12,11 @@ from tactograph.nodes import _led_line as host
 BODIES = st.text(
     st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*"), max_size=100
 )
+UNTIMED = settings(deadline=None)
 ENDS = [pytest.param(board, id="controller"), pytest.param(host, id="host")]
 
 
+@UNTIMED
 @given(BODIES)
 def test_both_ends_frame_alike(body: str) -> None:
     assert host.frame(body) == board.frame(body)
@@ -26,12 +28,14 @@ def test_the_checksum_is_the_one_documented() -> None:
 
 
 @pytest.mark.parametrize("end", ENDS)
+@UNTIMED
 @given(body=BODIES)
 def test_a_whole_line_is_understood(end, body: str) -> None:
     assert end.unframe(end.frame(body)[:-1]) == body
 
 
 @pytest.mark.parametrize("end", ENDS)
+@UNTIMED
 @given(body=BODIES, data=st.data())
 def test_a_line_with_one_altered_byte_is_refused(end, body: str, data: st.DataObject) -> None:
     line = end.frame(body)[:-1]
@@ -42,6 +46,7 @@ def test_a_line_with_one_altered_byte_is_refused(end, body: str, data: st.DataOb
 
 
 @pytest.mark.parametrize("end", ENDS)
+@UNTIMED
 @given(body=BODIES, data=st.data())
 def test_a_line_cut_off_is_refused(end, body: str, data: st.DataObject) -> None:
     line = end.frame(body)[:-1]
@@ -49,6 +54,7 @@ def test_a_line_cut_off_is_refused(end, body: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("end", ENDS)
+@UNTIMED
 @given(noise=st.binary(max_size=1000), sizes=st.lists(st.integers(1, 40)))
 def test_after_any_bytes_the_next_line_is_understood(end, noise: bytes, sizes: list[int]) -> None:
     lines = end.Lines()
@@ -61,6 +67,7 @@ def test_after_any_bytes_the_next_line_is_understood(end, noise: bytes, sizes: l
     assert said == (["7 ok t=12"] if end is board else [host.Answer(7, {"t": "12"})])
 
 
+@UNTIMED
 @given(st.one_of(st.text(), BODIES, st.from_regex(r"[0-9]{1,3} (ok|no)( [a-z]*=?[0-9]*)*")))
 def test_any_text_is_an_answer_an_event_or_nothing(body: str) -> None:
     assert isinstance(host.parse(body), host.Answer | host.Event | None)
