@@ -2,29 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 import click
 
-F = TypeVar("F", bound=Callable[..., Any])
+if TYPE_CHECKING:
+    from tactograph.graph.model import Graph
+    from tactograph.graph.run import Pipeline
 
 
-def run_options(function: F) -> F:
-    """The options of every command that plans a graph."""
-    for option in reversed(
-        (
-            click.option(
-                "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
-                help="Change a parameter of a node.",
-            ),
-            click.option(
-                "--backend", type=click.Choice(["numpy", "opencl"]),
-                help="Run on this back end instead of the graph's preference.",
-            ),
-            click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),
-            click.option("--strict", is_flag=True, help="Fail rather than fall back."),
-        )
-    ):  # fmt: skip
-        function = option(function)
-    return function
+@dataclass(frozen=True)
+class RunOptions:
+    """What the options of a command that plans a graph were set to."""
+
+    settings: tuple[str, ...]
+    backend: str | None
+    device: str | None
+    strict: bool
+
+    def read(self, graph: str) -> Graph:
+        """Read a graph with ``--set`` worked in."""
+        from tactograph.graph.given import read_settings
+        from tactograph.graph.read import read_graph
+        from tactograph.graph.run import with_changes
+
+        return with_changes(read_graph(graph), read_settings(self.settings))
+
+    def open(self, graph: Graph, given: Mapping[str, Any], *, sinks: bool = True) -> Pipeline:
+        """Plan and compile a graph where the options say."""
+        from tactograph.graph.run import open_pipeline
+
+        where = {"backend": self.backend, "device": self.device}
+        return open_pipeline(graph, given, **where, strict=self.strict, sinks=sinks)
+
+
+_RUN_OPTIONS = (
+    click.option(
+        "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
+        help="Change a parameter of a node.",
+    ),
+    click.option(
+        "--backend", type=click.Choice(["numpy", "opencl"]),
+        help="Run on this back end instead of the graph's preference.",
+    ),
+    click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),
+    click.option("--strict", is_flag=True, help="Fail rather than fall back."),
+)  # fmt: skip
+
+
+def run_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of every command that plans a graph; they arrive as `options`."""
+
+    @wraps(function)
+    def with_options(
+        *, settings: tuple[str, ...], backend: str | None, device: str | None, strict: bool,
+        **rest: Any,
+    ) -> None:  # fmt: skip
+        function(options=RunOptions(settings, backend, device, strict), **rest)
+
+    found: Callable[..., None] = with_options
+    for option in reversed(_RUN_OPTIONS):
+        found = option(found)
+    return found

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import run_options
+from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -57,10 +57,7 @@ def command(
     scheduler: str | None,
     scheduler_file: str | None,
     retry_failed: bool,
-    settings: tuple[str, ...],
-    backend: str | None,
-    device: str | None,
-    strict: bool,
+    options: RunOptions,
 ) -> None:
     """Run GRAPH over every capture that a pattern matches.
 
@@ -75,11 +72,9 @@ def command(
         store_place,
     )
     from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.given import read_settings, read_words
-    from tactograph.graph.read import read_graph
-    from tactograph.graph.run import with_changes
+    from tactograph.graph.given import read_words
 
-    read = with_changes(read_graph(graph), read_settings(settings))
+    read = options.read(graph)
     job = make_job(
         read,
         read_words(read, values),
@@ -87,9 +82,9 @@ def command(
         param=param,
         maps=maps.split(",") if maps else None,
         chunk=chunk,
-        backend=backend,
-        device=device,
-        strict=strict,
+        backend=options.backend,
+        device=options.device,
+        strict=options.strict,
     )
     captures = find_captures(over)
     place = store_place(out, job)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from statistics import median
 from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import run_options
+from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
     from tactograph.graph.run import Result
@@ -24,10 +25,7 @@ if TYPE_CHECKING:
 def command(
     graph: str,
     values: tuple[str, ...],
-    settings: tuple[str, ...],
-    backend: str | None,
-    device: str | None,
-    strict: bool,
+    options: RunOptions,
     repeats: int,
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
@@ -35,27 +33,28 @@ def command(
     Without --backend and --device: on NumPy, then as the graph prefers on every device that
     works.  Nothing is written.
     """
-    from tactograph.graph.given import read_settings, read_words
-    from tactograph.graph.read import read_graph
-    from tactograph.graph.run import open_pipeline, with_changes
+    from tactograph.graph.given import read_words
 
-    read = with_changes(read_graph(graph), read_settings(settings))
+    read = options.read(graph)
     given = read_words(read, values)
-    for back, name in _places(backend, device):
-        pipeline = open_pipeline(read, given, backend=back, device=name, strict=strict, sinks=False)
+    for place in _places(options):
+        pipeline = place.open(read, given, sinks=False)
         for line in pipeline.plan.fallbacks:
             click.echo(f"fallback: {line}", err=True)
         results = list(pipeline.items(repeats))
         _report(pipeline.plan.device or "numpy", results)
 
 
-def _places(backend: str | None, device: str | None) -> list[tuple[str | None, str | None]]:
+def _places(options: RunOptions) -> list[RunOptions]:
     from tactograph.graph.backends.devices import find_devices
 
-    if backend is not None or device is not None:
-        return [(backend, device)]
+    if options.backend is not None or options.device is not None:
+        return [options]
     working = [d.name for d in find_devices() if d.works and not d.simulator]
-    return [("numpy", None), *((None, name) for name in working)]
+    return [
+        replace(options, backend="numpy"),
+        *(replace(options, device=name) for name in working),
+    ]
 
 
 def _report(where: str, results: Sequence[Result]) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import run_options
+from tactograph.graph.commands import RunOptions, run_options
 
 
 @click.command("draw", short_help="Draw a graph as DOT, Mermaid or SVG.")
@@ -19,23 +19,16 @@ from tactograph.graph.commands import run_options
 def command(
     graph: str,
     out: Path | None,
-    settings: tuple[str, ...],
-    backend: str | None,
-    device: str | None,
-    strict: bool,
+    options: RunOptions,
 ) -> None:
     """Draw the plan of GRAPH: nodes by back end, and the transfers between them."""
     from tactograph.graph.draw import to_dot, to_mermaid
     from tactograph.graph.errors import InputError
-    from tactograph.graph.given import read_settings
-    from tactograph.graph.read import read_graph
-    from tactograph.graph.run import open_pipeline, placeholders, with_changes
+    from tactograph.graph.run import placeholders
     from tactograph.graph.whole import whole_file
 
-    read = with_changes(read_graph(graph), read_settings(settings))
-    plan = open_pipeline(
-        read, placeholders(read), backend=backend, device=device, strict=strict
-    ).plan
+    read = options.read(graph)
+    plan = options.open(read, placeholders(read)).plan
     if out is None:
         click.echo(to_dot(plan), nl=False)
         return

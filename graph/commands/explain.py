@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tactograph.graph.commands import run_options
+from tactograph.graph.commands import RunOptions, run_options
 
 
 @click.command("explain", short_help="Say where each node would run, and why.")
@@ -14,22 +14,18 @@ from tactograph.graph.commands import run_options
 def command(
     graph: str,
     values: tuple[str, ...],
-    settings: tuple[str, ...],
-    backend: str | None,
-    device: str | None,
-    strict: bool,
+    options: RunOptions,
 ) -> None:
     """Print the plan of GRAPH.  Params that are not given do not matter to the plan."""
     from rich.console import Console
     from rich.table import Table
 
-    from tactograph.graph.given import read_settings, read_words
-    from tactograph.graph.read import read_graph
-    from tactograph.graph.run import open_pipeline, placeholders, with_changes
+    from tactograph.graph.given import read_words
+    from tactograph.graph.run import placeholders
 
-    read = with_changes(read_graph(graph), read_settings(settings))
+    read = options.read(graph)
     given = {**placeholders(read), **read_words(read, values)}
-    plan = open_pipeline(read, given, backend=backend, device=device, strict=strict).plan
+    plan = options.open(read, given).plan
     table = Table(title=f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}")
     for heading in ("step", "op", "back end", "when", "why"):
         table.add_column(heading, overflow="fold")

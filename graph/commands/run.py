@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import run_options
+from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
     from tactograph.graph.run import Pipeline, Result
@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 def command(
     graph: str,
     values: tuple[str, ...],
-    settings: tuple[str, ...],
-    backend: str | None,
-    device: str | None,
-    strict: bool,
+    options: RunOptions,
     repeats: int,
     quiet: bool,
 ) -> None:
@@ -40,14 +37,10 @@ def command(
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
-    from tactograph.graph.given import read_settings, read_words
-    from tactograph.graph.read import read_graph
-    from tactograph.graph.run import open_pipeline, with_changes
+    from tactograph.graph.given import read_words
 
-    read = with_changes(read_graph(graph), read_settings(settings))
-    pipeline = open_pipeline(
-        read, read_words(read, values), backend=backend, device=device, strict=strict
-    )
+    read = options.read(graph)
+    pipeline = options.open(read, read_words(read, values))
     for line in pipeline.plan.fallbacks:
         click.echo(f"fallback: {line}", err=True)
     told: set[str] = set()
