@@ -6,6 +6,8 @@
 From host images in memory to host height in memory.  Captures are simulated; tables are drawn
 from the calibration's own entries, or topped up with jittered copies.  Each case is a process
 of its own, in which the literal flow and the graph alternate: ratios hold on a busy machine.
+A case that takes longer than --seconds is given up.  Cases measured before, by the same --out,
+stay in the table unless they are measured again, so the whole can be done in parts.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ from tactograph.graph.run import open_pipeline
 
 SIZES = "320x240,640x480,1640x1232,4928x3264"
 TABLES = "2000,20000,117000"
-MOST_FOR_LITERAL = 640 * 480
+VGA = 640 * 480
+"""Larger images are not given to the literal flow, and are measured in fewer rounds."""
 WIDTH_MM = 640 / 28
 
 
@@ -43,30 +46,53 @@ WIDTH_MM = 640 / 28
 @click.option("--graphs", default=None, help="Comma-separated; else all that take a capture.")
 @click.option("--sizes", default=SIZES)
 @click.option("--tables", default=TABLES)
-@click.option("--rounds", default=5)
+@click.option("--rounds", default=5, help="At 640 x 480; fewer on larger images, at least 1.")
+@click.option("--seconds", default=300.0, help="Longest a case may take.")
+@click.option("--devices", default=None, help="numpy, or parts of devices' names; else all.")
 @click.option("--out", default="bench", type=click.Path(path_type=Path))
 @click.option("--one", default=None, hidden=True, help="A case, as JSON.")
 def main(
-    graphs: str | None, sizes: str, tables: str, rounds: int, out: Path, one: str | None
+    graphs: str | None,
+    sizes: str,
+    tables: str,
+    rounds: int,
+    seconds: float,
+    devices: str | None,
+    out: Path,
+    one: str | None,
 ) -> None:
     if one is not None:
         print(json.dumps(measure(**json.loads(one))))
         return
     names = graphs.split(",") if graphs else takers()
-    places = [None, *(d.name for d in find_devices() if d.works and not d.simulator)]
-    rows: list[dict[str, Any]] = []
+    rows = former(out / "bench.json")
     for size in sizes.split(","):
         stack = capture(out, size)
         for table in map(int, tables.split(",")):
             file = calibration(out, size, table)
             for name in names:
-                for place in places:
+                for place in places(devices):
                     case = {"graph": name, "device": place, "stack": stack, "file": file}
-                    row = in_own_process({**case, "rounds": rounds})
-                    rows.append({"size": size, "table": table, **case, **row})
-                    print(as_line(rows[-1]), flush=True)
-                    (out / "bench.json").write_text(json.dumps(rows, indent=1))
-    plot(rows, out / "bench.png")
+                    row = in_own_process({**case, "rounds": rounds}, seconds)
+                    row = {"size": size, "table": table, **case, **row}
+                    rows[size, table, name, place or "numpy"] = row
+                    print(as_line(row), flush=True)
+                    (out / "bench.json").write_text(json.dumps(list(rows.values()), indent=1))
+    plot(list(rows.values()), out / "bench.png")
+
+
+def places(devices: str | None) -> list[str | None]:
+    """None for NumPy, and the names of the devices that work."""
+    every = ["numpy", *(d.name for d in find_devices() if d.works and not d.simulator)]
+    wanted = devices.split(",") if devices else [""]
+    chosen = [name for name in every if any(part in name for part in wanted)]
+    return [None if name == "numpy" else name for name in chosen]
+
+
+def former(file: Path) -> dict[tuple[str, int, str, str], dict[str, Any]]:
+    """The rows of an earlier run, by case."""
+    rows = json.loads(file.read_text()) if file.is_file() else []
+    return {(r["size"], r["table"], r["graph"], r["device"] or "numpy"): r for r in rows}
 
 
 def takers() -> list[str]:
@@ -127,10 +153,12 @@ def calibration(out: Path, size: str, entries: int) -> str:
     return str(file)
 
 
-def in_own_process(case: dict[str, Any]) -> dict[str, Any]:
-    done = subprocess.run(
-        [sys.executable, __file__, "--one", json.dumps(case)], capture_output=True, text=True
-    )
+def in_own_process(case: dict[str, Any], seconds: float) -> dict[str, Any]:
+    words = [sys.executable, __file__, "--one", json.dumps(case)]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return {"error": f"given up after {seconds:g} s"}
     if done.returncode:
         return {"error": done.stderr.strip().splitlines()[-1]}
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
@@ -148,12 +176,12 @@ def measure(graph: str, device: str | None, stack: str, file: str, rounds: int) 
     pipeline(frames=images)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     literal = None
-    if images[0].size <= MOST_FOR_LITERAL:
+    if images[0].size <= VGA:
         scaled = images / np.float64(np.iinfo(images.dtype).max)
         flow = Literal(file)
         literal = lambda: flow(scaled)  # noqa: E731
     ours, theirs, nodes = [], [], []
-    for _ in range(rounds):
+    for _ in range(max(1, min(rounds, rounds * VGA // images[0].size))):
         for _ in range(5 if literal else 1):
             ours.append(timed(lambda: nodes.append(pipeline(frames=images).times)))
         if literal is not None:
@@ -164,6 +192,7 @@ def measure(graph: str, device: str | None, stack: str, file: str, rounds: int) 
         "ms": median(wall for wall, _ in ours),
         "cpu_ms": median(cpu for _, cpu in ours),
         "nodes": {name: median(times[name] for times in nodes) for name in result.times},
+        "once": [step.name for step in pipeline.plan.steps if not step.stream],
     }
     if theirs:
         row["literal_ms"] = median(wall for wall, _ in theirs)

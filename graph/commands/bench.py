@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,27 +25,51 @@ if TYPE_CHECKING:
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )
+@click.option(
+    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write a JSON file as well."
+)
 def command(
     graph: str,
     values: tuple[str, ...],
     options: RunOptions,
     repeats: int,
+    out: Path | None,
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
 
     Without --backend and --device: on NumPy, then as the graph prefers on every device that
-    works.  Nothing is written.
+    works.  An item counts from what its source yielded to the last output; 'ready' is the
+    time to the first item done, with reading, indexing and compiling.  Nothing is written
+    but --out.
     """
+    from tactograph.graph.errors import InputError
     from tactograph.graph.given import read_words
+    from tactograph.graph.whole import whole_file
 
     read = options.read(graph)
     given = read_words(read, values)
+    rows = []
     for place in _places(options):
+        start = time.perf_counter()
         pipeline = place.open(read, given, sinks=False)
+        if pipeline.endless:
+            raise InputError(f"{read.name}: its stream has no end; bench wants one that has")
         for line in pipeline.plan.fallbacks:
             click.echo(f"fallback: {line}", err=True)
-        results = list(pipeline.items(repeats))
-        _report(pipeline.plan.device or "numpy", results)
+        results = []
+        for result in pipeline.items(repeats):
+            if not results:
+                # All repeats of the first item lie behind it, the first of them as it came.
+                ready = time.perf_counter() - start - 1e-3 * (repeats - 1) * result.total
+            results.append(result)
+        if not results:
+            raise InputError(f"{read.name} yielded nothing")
+        where = pipeline.plan.device or "numpy"
+        _report(where, results, ready)
+        rows.append(_row(where, results, ready))
+    if out is not None:
+        with whole_file(out) as target:
+            target.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 def _places(options: RunOptions) -> list[RunOptions]:
@@ -57,7 +84,7 @@ def _places(options: RunOptions) -> list[RunOptions]:
     ]
 
 
-def _report(where: str, results: Sequence[Result]) -> None:
+def _report(where: str, results: Sequence[Result], ready: float) -> None:
     """A table of the steps that run for every item, and the total."""
     from rich.console import Console
     from rich.table import Table
@@ -66,13 +93,34 @@ def _report(where: str, results: Sequence[Result]) -> None:
     table.add_column("step", overflow="fold")
     table.add_column("back end")
     table.add_column("ms", justify="right")
-    for step in results[0].plan.steps if results else ():
-        task = results[0].plan.tasks.get(step.name)
-        if step.stream and not (task is not None and task.node.source):
-            ms = median(result.times[step.name] for result in results)
-            table.add_row(step.name, step.backend, f"{ms:.3f}")
-    console = Console(markup=False)
-    console.print(table)
-    if results:
-        total = median(result.total for result in results)
-        click.echo(f"an item {total:.2f} ms, {1e3 / total:.1f} items per second")
+    for name, backend, ms in _medians(results):
+        table.add_row(name, backend, f"{ms:.3f}")
+    Console(markup=False).print(table)
+    total = median(result.total for result in results)
+    rate = 1e3 / total
+    click.echo(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")
+
+
+def _medians(results: Sequence[Result]) -> list[tuple[str, str, float]]:
+    """Name, back end and milliseconds of the steps that run for every item, sources aside."""
+    plan = results[0].plan
+    tasks = [(step, plan.tasks.get(step.name)) for step in plan.steps if step.stream]
+    return [
+        (step.name, step.backend, median(result.times[step.name] for result in results))
+        for step, task in tasks
+        if task is None or not task.node.source
+    ]
+
+
+def _row(where: str, results: Sequence[Result], ready: float) -> dict[str, Any]:
+    """What `_report` prints, for a file."""
+    return {
+        "device": where,
+        "graph": results[0].plan.graph.hash,
+        "items": len(results),
+        "ms": median(result.total for result in results),
+        "ready_s": ready,
+        "nodes": [
+            {"node": name, "backend": backend, "ms": ms} for name, backend, ms in _medians(results)
+        ],
+    }

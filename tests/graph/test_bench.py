@@ -1,0 +1,76 @@
+"""``tactograph bench``: a user's own graph and values, node by node, and nothing written."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.commands import bench
+from tests.graph.conftest import STREAM, Command, Write
+
+
+@pytest.fixture
+def graph(write: Write) -> str:
+    return write(STREAM)
+
+
+def test_every_step_of_an_item_is_timed_on_every_device(
+    tactograph: Command, toys: list[str], graph: str
+) -> None:
+    done = tactograph("bench", graph, "count=2", "--repeats", "2")
+    assert done.code == 0
+    tables = done.out.split("items per second")[:-1]
+    assert "numpy: 2 items" in tables[0]
+    assert len(tables) > 1, "a device as well"
+    for table in tables:
+        steps = re.findall(r"│ ([\w. ]+?) +│ +(\w+) +│ +[\d.]+ │", table)
+        assert {"light", "score"} <= {step for step, _ in steps}
+        assert not {"frames", "cal", "save"} & {step for step, _ in steps}
+    assert ("light", "opencl") in steps
+
+
+def test_an_item_is_timed_without_its_first_run(
+    tactograph: Command, toys: list[str], graph: str
+) -> None:
+    tactograph("bench", graph, "count=2", "--backend", "numpy", "--repeats", "3")
+    assert toys == ["at_rest", "touch 1", "touch 2"], "each item is read once, nothing is written"
+
+
+def test_options_say_where(tactograph: Command, toys: list[str], graph: str) -> None:
+    done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2")
+    assert done.out.count("items per second") == 1
+    assert "opencl" not in done.out
+
+
+def test_the_figures_can_be_had_as_a_file(
+    tactograph: Command, toys: list[str], graph: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "bench.json"
+    done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2", "--out", file)
+    (row,) = json.loads(file.read_text())
+    assert [node["node"] for node in row["nodes"]] == ["light", "score"]
+    assert f"an item {row['ms']:.2f} ms" in done.out
+    assert row["ready_s"] > 0
+
+
+def test_a_wrong_value_is_one_line(tactograph: Command, toys: list[str], graph: str) -> None:
+    done = tactograph("bench", graph, "cuont=2")
+    assert done.code == 2
+    assert "count" in done.err
+    assert done.err.count("\n") == 1
+
+
+def test_a_stream_of_nothing_is_refused(tactograph: Command, toys: list[str], graph: str) -> None:
+    done = tactograph("bench", graph, "count=0", "--backend", "numpy")
+    assert done.code == 2
+    assert "yielded nothing" in done.err
+
+
+def test_simulators_are_left_out() -> None:
+    assert not any("oclgrind" in str(place.device).lower() for place in bench._places(OPEN))
+
+
+OPEN = bench.RunOptions((), None, None, strict=False)
