@@ -10,6 +10,9 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
 import tactograph.nodes
@@ -25,8 +28,14 @@ def builtin_names() -> list[str]:
     return sorted(m.name for m in modules if not m.name.startswith("_"))
 
 
-def plugin_entry_points() -> dict[str, list[EntryPoint]]:
+def plugin_entry_points() -> Mapping[str, Sequence[EntryPoint]]:
     """The entry points of installed third-party packages, by node name; nothing is loaded."""
+    return _entry_points(tuple(sys.path))
+
+
+@cache
+def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
+    """What is installed on `path`, once for all: reading all packages' metadata takes long."""
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=GROUP):
         found.setdefault(point.name, []).append(point)

@@ -35,8 +35,14 @@ class RunOptions:
         """Plan and compile a graph where the options say."""
         from tactograph.graph.run import open_pipeline
 
-        where = {"backend": self.backend, "device": self.device}
-        return open_pipeline(graph, given, **where, strict=self.strict, sinks=sinks)
+        return open_pipeline(
+            graph,
+            given,
+            backend=self.backend,
+            device=self.device,
+            strict=self.strict,
+            sinks=sinks,
+        )
 
 
 _RUN_OPTIONS = (

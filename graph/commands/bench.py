@@ -56,7 +56,7 @@ def command(
             raise InputError(f"{read.name}: its stream has no end; bench wants one that has")
         for line in pipeline.plan.fallbacks:
             click.echo(f"fallback: {line}", err=True)
-        results = []
+        results: list[Result] = []
         for result in pipeline.items(repeats):
             if not results:
                 # All repeats of the first item lie behind it, the first of them as it came.
