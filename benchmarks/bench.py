@@ -39,6 +39,7 @@ SIZES = "320x240,640x480,1640x1232,4928x3264"
 TABLES = "2000,20000,117000"
 VGA = 640 * 480
 """Larger images are not given to the literal flow, and are measured in fewer rounds."""
+MOST_RENDERED = 1640 * 1232
 WIDTH_MM = 640 / 28
 
 
@@ -116,11 +117,24 @@ def simulated(out: Path, graph: str, size: str, **given: Any) -> Path:
 
 
 def capture(out: Path, size: str) -> str:
-    """A ball of 5 mm pressed in half, as an array file."""
-    folder = simulated(out, "simulate", size, radius_mm=5.0, seed=3)
+    """A ball of 5 mm pressed in half, as an array file; large ones enlarged, noise drawn anew."""
+    width, height = map(int, size.split("x"))
+    rendered = size if width * height <= MOST_RENDERED else "640x480"
+    folder = simulated(out, "simulate", rendered, radius_mm=5.0, seed=3)
     images = [cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in sorted(folder.glob("led*.png"))]
+    if rendered != size:
+        rng = np.random.default_rng(5)
+        images = [enlarged(image, (width, height), rng) for image in images]
     np.save(out / f"{size}.npy", np.stack(images))
     return str(out / f"{size}.npy")
+
+
+def enlarged(image: Any, size: tuple[int, int], rng: np.random.Generator) -> Any:
+    """An image with more pixels and as much noise in each."""
+    level = np.diff(image[:40].astype(np.float32), axis=1).std() / np.sqrt(2)
+    smooth = cv2.resize(cv2.GaussianBlur(image, (0, 0), 2), size).astype(np.float32)
+    noisy = smooth + level * rng.standard_normal(smooth.shape, np.float32)
+    return np.clip(np.round(noisy), 0, np.iinfo(image.dtype).max).astype(image.dtype)
 
 
 def calibration(out: Path, size: str, entries: int) -> str:
@@ -173,6 +187,7 @@ def measure(graph: str, device: str | None, stack: str, file: str, rounds: int) 
     pipeline = load(graph, calibration=file, backend=backend, device=device)
     result = pipeline(frames=images)
     first = 1e3 * (time.perf_counter() - start)
+    allocated = pipeline.buffers
     pipeline(frames=images)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     literal = None
@@ -189,6 +204,7 @@ def measure(graph: str, device: str | None, stack: str, file: str, rounds: int) 
     row: dict[str, Any] = {
         "first_ms": first,
         "peak_mib": peak,
+        "buffers": [allocated, pipeline.buffers],
         "ms": median(wall for wall, _ in ours),
         "cpu_ms": median(cpu for _, cpu in ours),
         "nodes": {name: median(times[name] for times in nodes) for name in result.times},

@@ -36,6 +36,9 @@ def main() -> None:
         print(f"{backend}: {per_node:.1f} us per node and item, the node's own call taken off")
         before, after = stream_growth(pipeline)
         print(f"{backend}: {ITEMS} items: {before} KiB peak after 100, {after} KiB at the end")
+        if backend == "opencl":
+            first, last = buffers(chain(backend))
+            print(f"opencl: {first} buffers allocated by the first item, {last} by {ITEMS} items")
     bare = seconds([sys.executable, "-c", "import numpy"])
     for words in (["-m", "tactograph.graph.command", "--help"], ["-c", "import tactograph.graph"]):
         took = seconds([sys.executable, *words])
@@ -92,6 +95,16 @@ def stream_growth(pipeline: Pipeline) -> tuple[int, int]:
     for _ in range(ITEMS):
         pipeline(frames=STACK)
     return before, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def buffers(pipeline: Pipeline) -> tuple[int, int]:
+    """Device buffers that exist after the first item and after ITEMS; the pool frees none."""
+    counts = []
+    for items in (1, ITEMS - 1):
+        for _ in range(items):
+            pipeline(frames=STACK)
+        counts.append(pipeline.buffers)
+    return counts[0], counts[1]
 
 
 def seconds(words: list[str]) -> float:

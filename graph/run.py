@@ -164,6 +164,11 @@ class Pipeline:
             yield self._item({source.id: item}, repeats)
 
     @property
+    def buffers(self) -> int:
+        """How many buffers were ever allocated on the device; a steady stream adds none."""
+        return self._device.buffers if self._device is not None else 0
+
+    @property
     def endless(self) -> bool:
         """Whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.graph.backends.launch import DeviceArray, Launch, as_array
 
 REQUIRES = ("pyvkfft", "pip install 'tactograph[vkfft]'")
 ON_CPU = "SciPy transforms 1.5 to 10 times as fast as VkFFT"
@@ -24,14 +24,15 @@ class _Vkfft:
     def __init__(self, run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> None:
         from pyvkfft.opencl import VkFFTApp
 
-        self._run = run
+        # Not the launch itself, which holds the buffers of its item.
+        self._queue = run.queue
         self._app = VkFFTApp(shape, dtype, queue=run.queue, ndim=2, dct=dct, norm=1, inplace=True)
 
     def forward(self, found: DeviceArray) -> None:
-        self._app.fft(self._run.array(found))
+        self._app.fft(as_array(self._queue, found))
 
     def inverse(self, found: DeviceArray) -> None:
-        self._app.ifft(self._run.array(found))
+        self._app.ifft(as_array(self._queue, found))
 
 
 class _OnePixel:

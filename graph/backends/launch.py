@@ -102,8 +102,8 @@ class Launch:
         return self._device.empty(shape, np.dtype(dtype))
 
     def upload(self, array: Any) -> DeviceArray:
-        """Copy a host array to the device; for constants, inside `keep`."""
-        return self._device.upload(array)
+        """Copy a host array to the device, to stay there: for constants, inside `keep`."""
+        return self._device.constant(array)
 
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made for `key`, made once for this node on this device."""
@@ -112,9 +112,10 @@ class Launch:
         found: T = self._compiled.kept[key]
         return found
 
-    def array(self, found: DeviceArray) -> pyopencl.array.Array:
-        """Look at a device array as pyopencl's own array class, which libraries take."""
-        return pyopencl.array.Array(self.queue, found.shape, found.dtype, data=found.buffer)
+
+def as_array(queue: cl.CommandQueue, found: DeviceArray) -> pyopencl.array.Array:
+    """Look at a device array as pyopencl's own array class, which libraries take."""
+    return pyopencl.array.Array(queue, found.shape, found.dtype, data=found.buffer)
 
 
 def _argument(value: Any) -> Any:

@@ -134,6 +134,12 @@ class OpenCL:
             cl.enqueue_copy(self.queue, target.buffer, np.ascontiguousarray(array))
         return target
 
+    def constant(self, array: NDArray[Any]) -> DeviceArray:
+        """Copy a host array to a buffer of its own, that the pool does not lack afterwards."""
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        buffer = cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+        return DeviceArray(buffer, array.shape, array.dtype)
+
     def download(self, source: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host."""
         target = np.empty(source.shape, source.dtype)
@@ -183,6 +189,11 @@ class OpenCL:
 
     def finish(self) -> None:
         self.queue.finish()
+
+    @property
+    def buffers(self) -> int:
+        """How many buffers were ever allocated: the pool hands back none."""
+        return int(self.pool.active_blocks + self.pool.held_blocks)
 
 
 def milliseconds(timer: Timer) -> float:

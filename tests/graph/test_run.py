@@ -189,7 +189,7 @@ def test_a_steady_stream_allocates_nothing_after_its_first_item(
     try:
         for _ in pipeline.items():
             managed.append(pool.managed_bytes)
-            blocks.append(pool.active_blocks + pool.held_blocks)
+            blocks.append(pipeline.buffers)
             memory.append(tracemalloc.get_traced_memory()[0])
             toys.clear()
     finally:
