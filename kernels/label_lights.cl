@@ -137,8 +137,8 @@ static Vector least_squares(const Pixels *pixels, const int used)
     b = scaled(b, scale);
     Vector normal = visible(unit(solution(over_trace, b)));
     for (int step = 0; step < STEPS; ++step)
-        normal = visible(gauss_newton(over_trace, b, unit(normal)));
-    return unit(normal);
+        normal = unit(visible(gauss_newton(over_trace, b, normal)));
+    return normal;
 }
 
 // The light that LEDs called dark would give; plenty for a normal the camera cannot see.
@@ -332,8 +332,12 @@ __kernel void label_lights(
     }
     if (used) store_bytes(best_used, used + at, count);
     if (shadow) {
-        const ints dim = dim_of(&here, best_normals.normal) & ~best_used;
-        store_bytes(best_used == 0 ? forced : dim, shadow + at, count);
+        ints dim = 0;
+        if (ANY(best_used != all)) {
+            dim = dim_of(&here, best_normals.normal) & ~best_used;
+            dim = best_used == 0 ? forced : dim;
+        }
+        store_bytes(dim, shadow + at, count);
     }
     if (misfit) store_floats(best_misfit, misfit + at, count);
 }

@@ -36,8 +36,11 @@ def flat_field(
         Smallest value of the flat image that is divided by; darker pixels carry no
         information and would only blow up noise.
     """
-    top = image - dark
-    return np.asarray(top / np.maximum(flat, np.float32(floor)), np.float32)
+    light = np.empty_like(image)
+    for captured, rest, found in zip(image, flat, light, strict=True):
+        np.subtract(captured, dark, out=found)
+        found /= np.maximum(rest, np.float32(floor))
+    return light
 
 
 flat_field.opencl(grid="H W", lanes=True)

@@ -318,8 +318,8 @@ def _least_squares(pixels: _Pixels, used: list[int]) -> F4:
     a, b = _normal_equations(pixels, used)
     normal = _visible(_unit(_solve(a, b)))
     for _ in range(STEPS):
-        normal = _visible(_gauss_newton(a, b, _unit(normal)))
-    return _unit(normal)
+        normal = _unit(_visible(_gauss_newton(a, b, normal)))
+    return normal
 
 
 def _normal_equations(pixels: _Pixels, used: list[int]) -> tuple[F4, F4]:
@@ -424,6 +424,8 @@ def _slope(n: F4, rules: _Rules) -> F4:
 
 def _shadow(pixels: _Pixels, best: _Choice) -> NDArray[np.uint8]:
     """The LEDs whose light is not there; where the slope is not known, those below the floor."""
+    if (best.used == (1 << len(pixels.light)) - 1).all():
+        return np.zeros_like(best.used)
     dim = []
     for k, plane in enumerate(pixels.light):
         expected = np.maximum(_dot(pixels.vectors[k], best.normal), FAINTEST)

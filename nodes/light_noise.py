@@ -36,8 +36,11 @@ def light_noise(
         Smallest value of the flat image that is divided by, as for `flat_field`.
     """
     shot, read = noise
-    variance = shot * np.maximum(image, np.float32(0)) + read
-    return np.asarray(np.sqrt(variance) / np.maximum(flat, np.float32(floor)), np.float32)
+    sigma = np.empty_like(image)
+    for captured, rest, found in zip(image, flat, sigma, strict=True):
+        np.sqrt(shot * np.maximum(captured, np.float32(0)) + read, out=found)
+        found /= np.maximum(rest, np.float32(floor))
+    return sigma
 
 
 light_noise.opencl(grid="H W", lanes=True)

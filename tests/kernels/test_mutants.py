@@ -53,6 +53,7 @@ MUTANTS = {
         "a set that is closed wins": ("open & (cost < best)", "cost < best"),
         "variances swapped": ("store_floats(spread.p", "store_floats(spread.q"),
         "unknown pixels not dark": ("? forced : dim", "? nothing : dim"),
+        "shadows only where all are lit": ("ANY(best_used != all)", "!ANY(best_used != all)"),
     },
     "coarsen": {
         "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
