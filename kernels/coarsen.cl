@@ -1,16 +1,22 @@
 #include "common.clh"
 
-// The mean of every cell of factor x factor pixels; beyond the border its pixels count again.
+// The mean, or the first, of every cell of factor x factor pixels; beyond the border its pixels
+// count again.
 __kernel void coarsen(
     __global const float *restrict light,
     __global float *restrict out,
     const int K, const int H, const int W,
     const int h, const int w,
-    const int factor)
+    const int factor,
+    const int take)
 {
     GRID_3(k, row, column, K, h, w)
     __global const float *plane = light + k * H * W;
-    const int x = column * factor;
+    const int x = column * factor, cell = (k * h + row) * w + column;
+    if (take) {
+        out[cell] = plane[row * factor * W + x];
+        return;
+    }
     float total = 0.0f;
     if (factor % 4 == 0 && x + factor <= W) {
         // Four columns at a time, in the same order.
@@ -28,5 +34,5 @@ __kernel void coarsen(
             total += sum;
         }
     }
-    out[(k * h + row) * w + column] = total * (1.0f / (float)(factor * factor));
+    out[cell] = total * (1.0f / (float)(factor * factor));
 }

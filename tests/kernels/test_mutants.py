@@ -59,6 +59,10 @@ MUTANTS = {
         "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
         "rows only": ("min(x + i, W - 1)", "x"),
         "a column left out": ("+ sum.z", ""),
+        "the corner's neighbour": (
+            "row * factor * W + x]",
+            "row * factor * W + min(x + 1, W - 1)]",
+        ),
         "beyond the border": ("min(row * factor + j, H - 1)", "(row * factor + j) % H"),
         "one plane for all": ("light + k * H * W", "light"),
     },

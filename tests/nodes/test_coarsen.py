@@ -24,6 +24,11 @@ def test_a_cell_is_the_mean_of_its_pixels() -> None:
     assert found[2, 1, 0] == pytest.approx(light[2, 4:8, :4].mean())
 
 
+def test_the_corner_of_a_cell_is_its_first_pixel() -> None:
+    light = np.random.default_rng(0).random((4, 11, 7), np.float32)
+    assert np.array_equal(coarsen(light, factor=4, take="corner"), light[:, ::4, ::4])
+
+
 def test_cells_beyond_the_border_count_its_pixels_again() -> None:
     light = np.arange(5, dtype=np.float32).reshape(1, 1, 5)
     assert coarsen(light, factor=4)[0, 0].tolist() == [1.5, 4]
@@ -57,5 +62,10 @@ def test_a_ball_comes_back_within_the_sag_of_a_cell() -> None:
 
 def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
     """Eight columns: the kernel takes them four at a time, in two goes."""
-    case = Case({"K": 3, "H": 19, "W": 43, "h": 3, "w": 6}, "random", "factor=8", {"factor": 8})
+    case = Case(
+        {"K": 3, "H": 19, "W": 43, "h": 3, "w": 6},
+        "random",
+        "factor=8",
+        {"factor": 8, "take": "mean"},
+    )
     assert compare(coarsen, device, case) is None
