@@ -48,6 +48,7 @@ class Limits:
     when_full: WhenFull = "stop"
     queue_bytes: float = 64e6
     sync_s: float = 0.0
+    wait: bool = False
 
     @property
     def rotate_at(self) -> float:
@@ -128,10 +129,13 @@ class McapLog:
         """Hand over messages that belong together; whether they were taken.
 
         Returns once they are in the file, as far as the system is concerned; but if the disk
-        makes that last longer than `PATIENCE_S`, they and what follows wait in the queue.
+        makes that last longer than `PATIENCE_S`, they and what follows wait in the queue, and
+        where that is full and the limits do not say `wait`, they are dropped.
         """
         size = sum(message.size for message in messages)
         with self._changed:
+            if self._limits.wait:
+                self._changed.wait_for(lambda: not self._queue)
             if self._waiting + size > self._limits.queue_bytes and self._queue:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
@@ -228,6 +232,12 @@ class McapLog:
             self._fail(error)
             self._drop()
             return
+        except Exception as error:
+            # Whatever it is, a thread that ends unseen would be worse.
+            self._stopped = True
+            self._say(f"{self._folder}: recording has stopped: {type(error).__name__}: {error}")
+            self._drop()
+            return
         if self._failed_since is not None:
             missing = self.dropped - self._failed_since
             self._say(f"{self._folder}: recording again; {missing} touches were left out")
@@ -247,13 +257,13 @@ class McapLog:
             )
             return False
         while self._old and used >= limit:
-            used -= self._delete_oldest()
+            used -= self._delete(next(iter(self._old)))
         return used < limit
 
-    def _delete_oldest(self) -> int:
-        oldest = next(iter(self._old))
-        oldest.unlink(missing_ok=True)
-        return self._old.pop(oldest)
+    def _delete(self, path: Path) -> int:
+        """Delete an old file; the bytes that it took."""
+        path.unlink(missing_ok=True)
+        return self._old.pop(path)
 
     def _fail(self, error: OSError) -> None:
         """Leave the file whole as far as it goes, say so once, and try again later."""
@@ -263,11 +273,14 @@ class McapLog:
                 f"{self._folder}: recording is interrupted, {error.strerror or error}; "
                 "what was written stays readable"
             )
-        if self._file is not None:
-            self._file.cut()
-            self._put_away(self._file)
+        file = self._file
+        if file is not None:
+            file.cut()
+            self._put_away(file)
+            if file.is_empty:
+                self._delete(file.path)
         if self._limits.when_full == "oldest" and len(self._old) > 1:
-            self._delete_oldest()
+            self._delete(next(iter(self._old)))
         self._retry_at = time.monotonic() + RETRY_S
 
     def _end(self, file: _File) -> None:
@@ -321,7 +334,7 @@ class _File:
 
         self.path = path
         self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self.size = self.kept = 0
+        self.size = self.kept = self.messages = 0
         self._began = time.monotonic()
         self._pending = _Pending()
         # Chunks of size 0: each message ends its chunk.
@@ -332,10 +345,15 @@ class _File:
             self._flush()
         except OSError:
             os.close(self.handle)
+            path.unlink(missing_ok=True)
             raise
 
+    @property
+    def is_empty(self) -> bool:
+        return self.messages == 0
+
     def is_over(self, limits: Limits) -> bool:
-        if not self._schemas:
+        if self.is_empty:
             return False
         age = time.monotonic() - self._began
         return self.size >= limits.rotate_at or age >= limits.file_s
@@ -353,6 +371,7 @@ class _File:
                 sequence=message.sequence,
             )
         self._flush()
+        self.messages += len(messages)
 
     def write_index(self) -> None:
         self._writer.finish()

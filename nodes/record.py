@@ -32,6 +32,7 @@ def record(
     when_full: WhenFull = "stop",
     sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0,
     queue_mb: Annotated[float, Gt(0)] = 64.0,
+    wait: bool = False,
     provenance: Provenance,
     session: Session,
 ) -> None:
@@ -70,6 +71,9 @@ def record(
         may cost.  0: after each touch, or as often as the disk manages.
     queue_mb
         Memory for touches that wait for the disk.
+    wait
+        Let the stream wait for a slow disk, instead of leaving touches out: for streams that
+        are not live.
 
     Raises
     ------
@@ -87,6 +91,7 @@ def record(
                 when_full=when_full,
                 queue_bytes=1e6 * queue_mb,
                 sync_s=1e-3 * sync_ms,
+                wait=wait,
             ),
             leds=image.shape[0],
             provenance=provenance,

@@ -42,6 +42,7 @@ def write_mcap(
     file_mb: Annotated[float, Gt(0)] = 512.0,
     total_gb: Annotated[float, Gt(0)] = 50.0,
     when_full: WhenFull = "stop",
+    wait: bool = False,
     provenance: Provenance,
     session: Session,
 ) -> None:
@@ -80,6 +81,9 @@ def write_mcap(
         What all files in the folder may take together.
     when_full
         At that limit "stop" writing, or let the "oldest" file go.
+    wait
+        Let the stream wait for a slow disk, instead of leaving touches out: for streams that
+        are not live.
 
     Raises
     ------
@@ -91,6 +95,7 @@ def write_mcap(
         file_s=float("inf"),
         total_bytes=1e9 * total_gb,
         when_full=when_full,
+        wait=wait,
     )
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))

@@ -9,6 +9,7 @@ import queue
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -92,10 +93,9 @@ def test_a_file_cut_anywhere_gives_every_frame_before_the_cut(tmp_path: Path) ->
     ends = [where + len(part) for where, part in _chunks(whole)]
     # Every byte of the last frame and of the touch's name after it, and some of all others.
     lengths = {*range(0, len(whole), 61), *range(ends[-3], ends[-1] + 12), len(whole)}
-    cut = tmp_path / "cut.mcap"
-    for length in sorted(lengths):
-        cut.write_bytes(whole[:length])
-        found = sum(1 for _ in McapFile(cut).messages())
+    for length in sorted(lengths, reverse=True):
+        os.truncate(path, length)
+        found = sum(1 for _ in McapFile(path).messages())
         assert found == sum(end <= length for end in ends), length
 
 
@@ -209,6 +209,8 @@ def test_a_full_disk_costs_touches_but_neither_the_stream_nor_what_was_written(
         before = read_numbers(tmp_path)
         assert before == list(range(len(before)))
         assert len(before) % LEDS == 0 < len(before)
+        # Trying again and again leaves no empty files behind.
+        assert len(log_files(tmp_path)) == 1
 
         disk.space = 10**9
         for touch in range(5, 8):
@@ -276,6 +278,40 @@ def test_every_touch_is_there_after_a_kill(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert figures["touches promised before a kill"] >= 10
     assert figures["of those not readable"] == 0
+
+
+def test_a_stream_that_may_wait_loses_nothing_to_a_slow_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_mcap_log, "PATIENCE_S", 0.0)
+    written = os.write
+
+    def write(handle: int, data: Any) -> int:
+        time.sleep(0.005)
+        return written(handle, data)
+
+    monkeypatch.setattr(_mcap_log.os, "write", write)
+    frames = make_recording(tmp_path, 20, queue_mb=0.03, wait=True)
+    assert read_numbers(tmp_path) == [frame.number for frame in frames]
+
+
+def test_a_failure_that_nobody_thought_of_stops_the_recording_with_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> int:
+        raise ZeroDivisionError("unthinkable")
+
+    session, notes = Session(), []
+    record_touch(session, make_cycle(0), "0", folder=tmp_path)
+    monkeypatch.setattr(_mcap_log.os, "write", fail)
+    with collect_warnings(notes):
+        for touch in range(1, 4):
+            record_touch(session, make_cycle(touch), str(touch), folder=tmp_path)
+    monkeypatch.undo()
+    session.close()
+    assert len(notes) == 1
+    assert "recording has stopped: ZeroDivisionError: unthinkable" in notes[0]
+    assert read_numbers(tmp_path) == [0, 1, 2, 3]
 
 
 def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> None:
