@@ -1,8 +1,8 @@
-"""Which LEDs reach each pixel of a calibration capture."""
+"""Which LEDs reach each pixel, told by brightness alone."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
@@ -12,22 +12,32 @@ from tactograph.nodes import Labels, Light
 
 
 @node(sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")})
-def label_lit(light: Light, *, black: Annotated[float, Interval(ge=0, le=1)] = 0.01) -> Labels:
-    """Set bit k-1 where LED k gives more light than `black`.
+def label_lit(
+    light: Light,
+    *,
+    black: Annotated[float, Interval(ge=0, le=1)] = 0.01,
+    which: Literal["lit", "dark"] = "lit",
+) -> Labels:
+    """Set bit k-1 where LED k gives more light than `black`, or where it does not.
 
     On a known convex object any darker pixel is in attached shadow.  It must stay out of
-    the fits: with black pixels in it the null vector of equation 11 detects nothing.
+    the fits: with black pixels in it the null vector of equation 11 detects nothing.  And
+    three lights leave no fourth against which a shadow could be tested (equation 11 needs
+    one), so darkness is all there is to tell it by.
 
     Parameters
     ----------
     light
         K x H x W, 1 on the film at rest.
     black
-        The light below which a pixel counts as not reached.
+        The light up to which a pixel counts as not reached.
+    which
+        The LEDs to label: those that reach a pixel, or those that do not.
     """
     bits = np.arange(light.shape[0], dtype=np.uint8)[:, None, None]
-    lit = (light > np.float32(black)).astype(np.uint8)
-    return np.asarray(np.bitwise_or.reduce(lit << bits, axis=0), np.uint8)
+    lit = light > np.float32(black)
+    chosen = (lit if which == "lit" else ~lit).astype(np.uint8)
+    return np.asarray(np.bitwise_or.reduce(chosen << bits, axis=0), np.uint8)
 
 
 label_lit.opencl(grid="H W")

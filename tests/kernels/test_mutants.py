@@ -32,6 +32,7 @@ MUTANTS = {
     "label_lit": {
         "LEDs counted from 1": ("1 << k", "2 << k"),
         "dark instead of lit": ("> black", "<= black"),
+        "lit whatever is asked for": ("!= which", "!= 0"),
     },
     "shadow_linear": {
         "sign kept": ("fabs(departure)", "departure"),
@@ -102,10 +103,6 @@ MUTANTS = {
         "limit ignored": ("limit * square", "1e9f * square"),
         "one harmonic's sign": ("l[7] * (x * x - y * y)", "l[7] * (x * x + y * y)"),
         "off-diagonal sign": ("(c * u - b * v)", "(c * u + b * v)"),
-    },
-    "label_dark": {
-        "LEDs counted from 1": ("1 << k", "2 << k"),
-        "lit instead of dark": ("< black", ">= black"),
     },
     "smooth_light": {
         "rows only": ("clamp(x + i - 2, 0, W - 1)", "x"),
