@@ -26,11 +26,15 @@ SINGLE_VISITS = 2
 """How many of the finest networks are visited once a cycle; the coarser ones twice."""
 
 
-class Ties(NamedTuple):
-    """Springs between distant pixels (flat indices), one per shadow."""
+Pixels = NDArray[np.int64]
+"""Flat indices."""
 
-    top: NDArray[np.int64]
-    foot: NDArray[np.int64]
+
+class Ties(NamedTuple):
+    """Springs between distant pixels, one per shadow."""
+
+    top: Pixels
+    foot: Pixels
     stiffness: F4
 
 
@@ -67,6 +71,13 @@ class Springs:
             np.subtract.at(force.ravel(), self.ties.foot, stretch)
         return force
 
+    def energy(self, right: F4, down: F4) -> float:
+        """What the springs between neighbours hold at height zero when they want these steps.
+
+        Twice the energy, to be exact; the measure of what is left to gain.
+        """
+        return float(np.vdot(self.right * right, right) + np.vdot(self.down * down, down))
+
     def apply(self, height: F4) -> F4:
         """The matrix of the normal equations times `height`."""
         flat = height.ravel()
@@ -94,24 +105,51 @@ class Springs:
         )
 
     def _coarser_ties(self, half: tuple[int, int]) -> Ties:
-        width, size = self.shape[1], half[0] * half[1]
-        top, foot = (
-            index // width // 2 * half[1] + index % width // 2
-            for index in (self.ties.top, self.ties.foot)
-        )
-        apart = top != foot
-        pairs, which = np.unique(top[apart] * size + foot[apart], return_inverse=True)
-        stiffness = np.bincount(which, self.ties.stiffness[apart], len(pairs))
-        return Ties(pairs // size, pairs % size, stiffness.astype(np.float32))
+        top, foot, which = join_ends(self.ties.top, self.ties.foot, self.shape[1], half)
+        apart = which >= 0
+        stiffness = np.bincount(which[apart], self.ties.stiffness[apart], len(top))
+        return Ties(top, foot, stiffness.astype(np.float32))
 
     @cached_property
     def dense_inverse(self) -> F4:
         """The inverse matrix; only for the smallest network."""
         size = self.ground.size
         units = np.eye(size, dtype=np.float32).reshape(size, *self.shape)
-        matrix = np.stack([self.apply(unit).ravel() for unit in units], axis=1).astype(float)
-        softly = np.eye(size) * (1e-7 * np.trace(matrix) / size)
-        return np.linalg.inv(matrix + softly).astype(np.float32)
+        return soft_inverse(np.stack([self.apply(unit).ravel() for unit in units], axis=1))
+
+
+def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> tuple[Pixels, ...]:
+    """The ends of ties in a network of half the size, and the number of the one each joins.
+
+    A tie whose ends become one pixel joins none: -1.
+    """
+    size = half[0] * half[1]
+    top, foot = (index // width // 2 * half[1] + index % width // 2 for index in (top, foot))
+    apart = top != foot
+    which = np.full(top.size, -1, np.int64)
+    pairs, which[apart] = np.unique(top[apart] * size + foot[apart], return_inverse=True)
+    return pairs // size, pairs % size, which
+
+
+def soft_inverse(matrix: F4) -> F4:
+    """The inverse of a network's matrix, a little softened; pixels joined to nothing stay.
+
+    Where nothing holds the others either, they are kept from moving as a whole: rounding
+    alone would move them far.
+    """
+    joined = np.diag(matrix) > 0
+    size = int(joined.sum())
+    inside = np.ix_(joined, joined)
+    inverse = np.zeros_like(matrix)
+    if size:
+        stiffness = float(np.trace(matrix, dtype=float)) / size
+        held = matrix[inside] + np.eye(size) * (1e-7 * stiffness)
+        keep = np.eye(size)
+        if held.sum() <= 1e-5 * stiffness * size:
+            held += stiffness / size
+            keep -= 1 / size
+        inverse[inside] = keep @ np.linalg.inv(held) @ keep
+    return inverse
 
 
 def _padded(plane: F4, half: tuple[int, int]) -> F4:
@@ -156,19 +194,21 @@ def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
 
 
 def conjugate_gradients(
-    levels: Sequence[Springs], force: F4, height: F4, steps: int, tolerance: float
+    levels: Sequence[Springs], force: F4, height: F4, steps: int, enough: float
 ) -> F4:
-    """Improve `height` until it balances `force`, `steps` times at most."""
+    """Improve `height` until about `enough` energy is left to gain, `steps` times at most."""
     left = force - levels[0].apply(height)
     correction = cycle(levels, left)
     direction = correction
     energy = float(np.vdot(left, correction))
-    enough = tolerance * tolerance * energy
     for _ in range(steps):
         if energy <= enough or energy <= 0:
             break
         moved = levels[0].apply(direction)
-        length = np.float32(energy / float(np.vdot(direction, moved)))
+        stretched = float(np.vdot(direction, moved))
+        if stretched <= 0:
+            break
+        length = np.float32(energy / stretched)
         height = height + length * direction
         left = left - length * moved
         correction = cycle(levels, left)

@@ -34,6 +34,9 @@ SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 
+ENOUGH = 1e-6
+"""The share of the steps' energy that may be left to gain."""
+
 
 class _Response(NamedTuple):
     """What a small change of each LED's light does to the slope: K x H x W each."""
@@ -59,6 +62,7 @@ def height_error(
     used: Labels,
     lights: LightPositions,
     pixel: PixelSize,
+    mask: Mask | None = None,
     *,
     robust: Annotated[float, Gt(0)] = 2.0,
     bend: Annotated[float, Ge(0)] = 0.5,
@@ -95,7 +99,7 @@ def height_error(
     ----------
     height
         H x W in mm, as integrated.
-    slope, variance, rest, rises, pixel, robust, bend, floor, rise_px
+    slope, variance, rest, rises, pixel, mask, robust, bend, floor, rise_px
         As `integrate_weighted` had them.
     light, sigma
         K x H x W, and its standard deviation.
@@ -122,9 +126,18 @@ def height_error(
     ndarray
         H x W, one standard deviation in mm.
     """
-    window = contact_window(rest)
+    window = contact_window(rest, mask)
     system = height_system(
-        window, slope, variance, rest, rises, pixel, bend=bend, floor=floor, rise_mm=rise_px * pixel
+        window,
+        slope,
+        variance,
+        rest,
+        rises,
+        pixel,
+        mask,
+        bend=bend,
+        floor=floor,
+        rise_px=rise_px,
     )
     springs = system.springs(window.of(height), robust)
     levels = hierarchy(springs)
@@ -138,7 +151,8 @@ def height_error(
 
     def moved(right: F4, down: F4, rise: F4) -> F4:
         force = springs.pull(right, down, rise)
-        return conjugate_gradients(levels, force, level, steps, 1e-3)
+        enough = ENOUGH * springs.energy(right, down)
+        return conjugate_gradients(levels, force, level, steps, enough)
 
     total = np.zeros_like(level)
     for sign in SIGNS:

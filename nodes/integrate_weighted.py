@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import node
+from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
+from tactograph.nodes._height_solver import HeightSolver, find_touch
 from tactograph.nodes._height_system import HeightSystem, contact_window, height_system
 from tactograph.nodes._springs import conjugate_gradients, hierarchy
 
-ENOUGH = 1e-4
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+ENOUGH = 4e-10
+"""The share of the steps' energy that may be left to gain."""
 
 
-@node
+@node(tolerance=Close(5e-4, 1e-4, why="conjugate gradients add up in another order"))
 def integrate_weighted(
     slope: Slope,
     variance: SlopeVariance,
@@ -23,6 +28,8 @@ def integrate_weighted(
     start: Height,
     rises: ShadowRises,
     pixel: PixelSize,
+    mask: Mask | None = None,
+    before: Height | None = None,
     *,
     rounds: Annotated[int, Interval(ge=1, le=50)] = 4,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
@@ -53,6 +60,12 @@ def integrate_weighted(
         The C measurements of `shadow_constraints`.
     pixel
         mm per px.
+    mask
+        H x W, 1 on the pixels that count; all do without it.  The height of the others is 0.
+    before
+        H x W in mm, the height of the touch before in a stream.  If it agrees better with
+        the slopes than `start`, it is the first height, outliers are given
+        up at once, and half the rounds are done.
     rounds, steps
         How often the weights are renewed, and conjugate gradients after each renewal.
     robust
@@ -73,7 +86,7 @@ def integrate_weighted(
     ndarray
         H x W in mm.
     """
-    window = contact_window(rest)
+    window = contact_window(rest, mask)
     system = height_system(
         window,
         slope,
@@ -81,24 +94,95 @@ def integrate_weighted(
         rest,
         rises,
         pixel,
+        mask,
         bend=bend,
         floor=floor,
-        rise_mm=rise_px * pixel,
+        rise_px=rise_px,
     )
-    height = np.where(system.at_rest > 0, np.float32(0), window.of(start))
-    for left in reversed(range(rounds)):
-        height = _improve(system, height, robust * ease**left, steps)
+    height, warm = _first(system, window.of(start)), False
+    if before is not None:
+        known = _first(system, window.of(before))
+        warm = system.cost(known, robust) < system.cost(height, robust)
+        height = known if warm else height
+    for scale in _scales(rounds, robust, ease, warm=warm):
+        height = _improve(system, height, scale, steps)
     out = np.zeros(rest.shape, np.float32)
     out[window.rows, window.columns] = height
-    return out if rest.any() else out - np.float32(np.median(_border(out)))
+    counts = np.ones_like(rest) if mask is None else mask
+    if not (rest & counts).any():
+        out -= _border_median(out, counts)
+    return out * counts
+
+
+def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[float]:
+    """The scale of each round; a height that is nearly right needs half of them, and no ease."""
+    if warm:
+        return [robust] * ((rounds + 1) // 2)
+    return [robust * ease**left for left in reversed(range(rounds))]
+
+
+def _first(system: HeightSystem, height: F4) -> F4:
+    return np.where(system.at_rest > 0, np.float32(0), height)
 
 
 def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
     """One round: weights from the height, then a better height."""
     springs = system.springs(height, scale)
     force = springs.pull(system.right, system.down, system.rise)
-    return conjugate_gradients(hierarchy(springs), force, height, steps, ENOUGH)
+    enough = ENOUGH * springs.energy(system.right, system.down)
+    return conjugate_gradients(hierarchy(springs), force, height, steps, enough)
 
 
-def _border(height: F4) -> F4:
-    return np.concatenate([height[0], height[-1], height[:, 0], height[:, -1]])
+def _border_median(height: F4, counts: Mask) -> np.float32:
+    """The median over the frame's outermost pixels that count; 0 if none does."""
+    border = np.ones(height.shape, bool)
+    border[1:-1, 1:-1] = False
+    found = height[border & (counts > 0)]
+    return np.float32(np.median(found) if found.size else 0)
+
+
+@integrate_weighted.opencl()
+def _launch(run: Launch) -> None:
+    size = run.sizes["H"], run.sizes["W"]
+    settings, out = run.settings, run.outputs["integrate_weighted"]
+    robust = settings["robust"]
+    touch = find_touch(run)
+    solver = HeightSolver(run, touch.window)
+    height, warm = solver.cut(run.inputs["start"]), False
+    if run.inputs.get("before") is not None:
+        known = solver.cut(run.inputs["before"])
+        warm = solver.cost(known, robust) < solver.cost(height, robust)
+        height = known if warm else height
+    for scale in _scales(settings["rounds"], robust, settings["ease"], warm=warm):
+        solver.weigh(height, scale)
+        enough = ENOUGH * solver.energy(solver.wants)
+        solver.solve(solver.wants, height, settings["steps"], enough)
+    run.kernel("place", size, height, out, *size, *solver.place)
+    mask = run.inputs.get("mask")
+    if not touch.any_rest:
+        counts = np.ones(size, np.uint8) if mask is None else run.download(mask)
+        run.kernel("lower", size, out, *size, float(_border_median(run.download(out), counts)))
+    if mask is not None:
+        run.kernel("leave_out", size, mask, out, *size)
+
+
+@integrate_weighted.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """Shadows with both ends in the frame; some slopes are not known; the film rests outside."""
+    rows, columns = sizes["H"], sizes["W"]
+    number = rows * columns // 7
+    rest = np.ones((rows, columns), np.uint8)
+    rest[rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
+    variance = rng.uniform(1e-6, 1e-2, (2, rows, columns)).astype(np.float32)
+    variance[:, rng.random((rows, columns)) < 0.1] = 1e12
+    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
+    return {
+        "rest": rest,
+        "variance": variance,
+        "rises.top": ends[0],
+        "rises.foot": ends[1],
+        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
+        "rises.led": rng.integers(1, 5, number).astype(np.uint8),
+        "before": rng.uniform(-0.1, 1, (rows, columns)).astype(np.float32),
+        "mask": (rng.random((rows, columns)) < 0.95).astype(np.uint8),
+    }

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import pyopencl as cl
 import pyopencl.array
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.opencl import Compiled, OpenCL
@@ -104,6 +105,10 @@ class Launch:
     def upload(self, array: Any) -> DeviceArray:
         """Copy a host array to the device, to stay there: for constants, inside `keep`."""
         return self._device.constant(array)
+
+    def download(self, array: DeviceArray) -> NDArray[Any]:
+        """Wait for an array and copy it to the host: for what decides the next launch."""
+        return self._device.download(array)
 
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made for `key`, made once for this node on this device."""

@@ -133,6 +133,28 @@ MUTANTS = {
         "added": ("- median[0]", "+ median[0]"),
         "top rows only": ("|| y >= H - border", ""),
     },
+    "integrate_weighted": {
+        "film at rest not held": ("? HOLD : 0.0f", "? 0.0f : 0.0f"),
+        "a step twice": ("float step_ = 0.5f *", "float step_ = 1.0f *"),
+        "no cubic part": ("step_ += fmin(fmax(curve", "step_ += 0.0f * fmin(fmax(curve"),
+        "turns cost nothing": ("turned * turned", "0.0f * turned"),
+        "unknown slopes as good": ("+ LONELY", "+ 0.0f"),
+        "outliers not given up": ("residual * residual / square", "0.0f * square"),
+        "rises forgotten": ("tie_stiffness[t] * want_rise[t]", "0.0f * want_rise[t]"),
+        "a tie without a foot": (
+            "? -stretch : stretch;\n        }\n    return",
+            "? 0.0f : stretch;\n        }\n    return",
+        ),
+        "the mask ignored": ("mask && !mask[i] ? INFINITY", "mask && !mask[i] ? 0.0f"),
+        "what is left out has a height": ("*= (float)mask[", "*= 1.0f + 0.0f * (float)mask["),
+        "the height before ignored": ("total += log1p(r * r / square / right_variance[i])", ";"),
+        "window off by one": ("z[y * W + x] : 0.0f", "z[y * W + max(x - 1, 0)] : 0.0f"),
+        "the coarsest level ignored": ("total += dense[", "total += 0.0f * dense["),
+        "coarse springs half as stiff": (
+            "right[i] + right[i + W] : right[i]",
+            "right[i] : right[i]",
+        ),
+    },
     "calm_film": {
         "the window forgotten": ("fabs(sum) / width", "fabs(sum)"),
         "noise of the first LED": ("sigma[k * size + i]", "sigma[i]"),

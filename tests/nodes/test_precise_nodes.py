@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tactograph.nodes import ShadowRises
+from tactograph.nodes import ShadowRises, _springs
 from tactograph.nodes._springs import Springs, Ties
 from tactograph.nodes.calm_film import calm_film
 from tactograph.nodes.cast_shadows import cast_shadows
@@ -131,6 +133,79 @@ def test_outliers_are_given_up() -> None:
     robust = integrate_weighted(*arguments, rounds=8, steps=15, ease=2.0, bend=0.0)
     plain = integrate_weighted(*arguments, rounds=1, steps=60, robust=1e6, bend=0.0)
     assert np.abs(robust - z).mean() < 0.2 * np.abs(plain - z).mean()
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many cycles every call of the solver takes, from now on."""
+    counts: list[int] = []
+    plain = _springs.cycle
+
+    def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
+        counts[-1] += depth == 0
+        return plain(levels, force, depth)
+
+    monkeypatch.setattr(_springs, "cycle", cycle)
+    return counts
+
+
+def test_a_film_that_changes_little_is_found_from_the_height_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Twenty touches, each a hundredth higher; cold, and each from the one before."""
+    counts = counted(monkeypatch)
+    z, slope = dome()
+    noise = np.random.default_rng(5).normal(0, 0.003, slope.shape).astype(np.float32)
+    before, cold_cycles, warm_cycles = None, 0, 0
+    for size in 1 + 0.01 * np.arange(20, dtype=np.float32):
+        given = (size * slope + noise, variance_of(1e-5), at_rest(z), 0.7 * size * z, NO_RISES)
+        counts.append(0)
+        cold = integrate_weighted(*given, PIXEL, ease=4.0)
+        cold_cycles += counts[-1]
+        counts.append(0)
+        warm = integrate_weighted(*given, PIXEL, None, before, ease=4.0)
+        warm_cycles += counts[-1]
+        assert np.abs(warm - cold).max() < 0.003 * PIXEL
+        before = warm
+    assert warm_cycles < 0.7 * cold_cycles
+
+
+def test_the_height_before_does_not_count_when_the_touch_is_another() -> None:
+    z, slope = dome()
+    given = (slope, variance_of(1e-5), at_rest(z), z, NO_RISES, PIXEL)
+    other = integrate_weighted(*given, None, np.roll(z, 12, axis=1))
+    assert np.array_equal(other, integrate_weighted(*given))
+
+
+def test_pixels_that_do_not_count_change_nothing() -> None:
+    z, slope = dome()
+    mask = np.ones(SHAPE, np.uint8)
+    mask[16:19, 30:36] = 0
+    wild = np.where(mask, slope, np.float32(3)).astype(np.float32)
+    top, foot = np.array([17 * SHAPE[1] + 32], np.int32), np.array([5], np.int32)
+    wrong = ShadowRises(top, foot, np.array([2], np.float32), np.array([1], np.uint8))
+    found = integrate_weighted(
+        wild, variance_of(1e-6), at_rest(z), 0 * z, wrong, PIXEL, mask, steps=30
+    )
+    assert not found[mask == 0].any()
+    assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
+
+
+def test_parts_that_a_mask_parts_are_found_each_for_itself() -> None:
+    """The left part is held by the film at rest, the right by nothing; no light moves it."""
+    z, slope = dome()
+    mask = np.ones(SHAPE, np.uint8)
+    mask[:, 40:42] = 0
+    rest = at_rest(z)
+    rest[:, 40:] = 0
+    found = integrate_weighted(slope, variance_of(1e-6), rest, z, NO_RISES, PIXEL, mask, steps=30)
+    assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
+
+
+def test_a_touch_without_any_film_at_rest_has_a_border_at_zero() -> None:
+    z, slope = dome()
+    nowhere = np.zeros(SHAPE, np.uint8)
+    found = integrate_weighted(slope, variance_of(1e-6), nowhere, z + 1, NO_RISES, PIXEL, steps=30)
+    assert np.abs(found - z).max() < 0.02 * PIXEL
 
 
 def test_the_film_at_rest_stays_at_zero() -> None:

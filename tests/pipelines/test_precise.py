@@ -106,3 +106,19 @@ def test_the_error_is_written_beside_the_height(
     capture = raytraced / "near33" / "sphere_film"
     run("precise", capture, calibrations["near33"], out=str(tmp_path))
     assert {"height.npy", "error.npy", "error.png"} <= {file.name for file in tmp_path.iterdir()}
+
+
+def test_a_stream_finds_what_single_captures_give(
+    raytraced: Path, calibrations: dict[str, str], tmp_path: Path
+) -> None:
+    """The same touch twice, then another: from the height before, or not."""
+    for name, shape in (("1", "cat_film"), ("2", "cat_film"), ("3", "sphere_film")):
+        (tmp_path / name).symlink_to(raytraced / "near33" / shape)
+    given = {"capture": str(tmp_path), "calibration": calibrations["near33"]}
+    stream = open_pipeline(read_graph("precise_stream"), given, sinks=False)
+    found = [result["metrics"]["rmse_px"] for result in stream.items()]
+    alone = [
+        metrics("precise", raytraced / "near33" / shape, calibrations["near33"])["rmse_px"]
+        for shape in ("cat_film", "cat_film", "sphere_film")
+    ]
+    assert found == pytest.approx(alone, abs=0.002)
