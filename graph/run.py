@@ -322,7 +322,7 @@ class Pipeline:
             if step.kind == "fill":
                 self._fill(task, step, sizes)
             elif step.backend == "opencl":
-                self._launch(task, sizes, timers)
+                self._launch(task, sizes, known, timers)
             else:
                 self._run(task, sizes, known, given)
         for value in step.release:
@@ -352,7 +352,13 @@ class Pipeline:
             self._host[value] = np.full(shape, task.node.neutral, dtype)
         self._times[task.id] = 0.0
 
-    def _launch(self, task: Task, sizes: Mapping[str, int], timers: dict[str, Timer]) -> None:
+    def _launch(
+        self,
+        task: Task,
+        sizes: Mapping[str, int],
+        known: dict[Symbol, Bound],
+        timers: dict[str, Timer],
+    ) -> None:
         assert self._device is not None
         inputs = {
             name: self._remote.get(value) if port.kind == "array" else self._host[value]
@@ -368,6 +374,7 @@ class Pipeline:
             )
         timers[task.id] = timer
         for name, array in outputs.items():
+            self.plan.sizes.bind(known, task, name, array.shape)
             self._remote[Value(task.id, name)] = array
 
     def _run(

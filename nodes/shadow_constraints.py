@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import node
+from tactograph.graph import Close, node
 from tactograph.nodes import (
     F4,
     Height,
@@ -22,6 +22,9 @@ from tactograph.nodes import (
 )
 from tactograph.nodes._near_light import light_vectors
 from tactograph.nodes._sample import bilinear
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
 
 HALF = np.float32(0.5)
 FAINTEST = np.float32(0.02)
@@ -48,7 +51,7 @@ class _Rays(NamedTuple):
         return _Rays(*(part[keep] for part in self))
 
 
-@node
+@node(tolerance=Close(1e-5, 1e-5, why="square roots that a device rounds otherwise"))
 def shadow_constraints(
     light: Light,
     shadow: Labels,
@@ -130,7 +133,7 @@ def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> _Rays:
     row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & known))
     dx = led[0] + np.float32((columns - 1) / 2) - column
     dy = led[1] + np.float32((rows - 1) / 2) - row
-    plan = np.hypot(dx, dy)
+    plan = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     rays = _Rays(column, row, dx / plan, dy / plan, plan)
     return rays.only(_look_up(dark, *rays.at(np.float32(1))))
 
@@ -200,3 +203,44 @@ def _march(
         going, before = going[~lit], before[~lit]
         t = np.float32(t + step)
     return end, edge
+
+
+@shadow_constraints.opencl()
+def _launch(run: Launch) -> None:
+    """Measure everywhere, count by rows, then gather in the order of LEDs, rows and columns."""
+    lights, height, width = sizes = tuple(run.sizes[symbol] for symbol in "KHW")
+    of = run.inputs
+    part, rise = run.scratch(sizes), run.scratch(sizes)
+    top, counts = run.scratch(sizes, np.int32), run.scratch((lights * height,), np.int32)
+    pixel = float(of["pixel"])
+    run.kernel(
+        "lit_part", (-(-height * width // run.lanes),),
+        of["light"], of["slope"], of["height"], of["lights"], part, *sizes, pixel,
+    )  # fmt: skip
+    run.kernel(
+        "measure", sizes,
+        of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part, top, rise,
+        *sizes, pixel, run.settings["step_px"], run.settings["longest_px"],
+    )  # fmt: skip
+    run.kernel("count_rows", counts.shape, top, counts, lights * height, width)
+    ends = np.cumsum(run.download(counts), dtype=np.int32)
+    run.found("C", int(ends[-1]))
+    start = run.upload(np.concatenate([[0], ends[:-1]]).astype(np.int32))
+    out = [run.outputs[name] for name in ShadowRises._fields]
+    run.kernel("gather_rows", counts.shape, top, rise, start, *out, *sizes)
+
+
+@shadow_constraints.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """Patches of shadow on a rough film that two LEDs at least were used on nearly everywhere."""
+    shape = sizes["H"], sizes["W"]
+    patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
+    shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]
+    around = rng.uniform(0, 2 * np.pi, sizes["K"])
+    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    return {
+        "shadow": np.ascontiguousarray(shadow),
+        "used": np.where(rng.random(shape) < 0.9, 15, 1).astype(np.uint8),
+        "height": rng.uniform(0, 0.5, shape).astype(np.float32),
+        "lights": lights.astype(np.float32),
+    }

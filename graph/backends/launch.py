@@ -56,9 +56,9 @@ class Launch:
         self._device = device
         self._compiled = compiled
         self.inputs = inputs
-        self.outputs = outputs
+        self.outputs = dict(outputs)
         self.settings = settings
-        self.sizes = sizes
+        self.sizes = dict(sizes)
 
     @property
     def lanes(self) -> int:
@@ -109,6 +109,16 @@ class Launch:
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host: for what decides the next launch."""
         return self._device.download(array)
+
+    def found(self, symbol: str, size: int) -> None:
+        """Say how large a size symbol is that only the data tells, and make the outputs with it."""
+        node = self._compiled.node
+        self.sizes[symbol] = size
+        for name, port in node.outputs.items():
+            if symbol in port.dims:
+                assert port.dtype is not None
+                shape = node.output_shape(name, self.sizes)
+                self.outputs[name] = self._device.empty(shape, port.dtype)
 
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made for `key`, made once for this node on this device."""

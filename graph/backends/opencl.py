@@ -166,18 +166,21 @@ class OpenCL:
     ) -> tuple[dict[str, DeviceArray], Timer]:
         """Launch a node; return its outputs, which are not ready yet, and its two events.
 
-        Outputs that are not wanted are left out if the node can do without them.
+        Outputs that are not wanted are left out if the node can do without them.  Those whose
+        size only the data tells are made by the launch function, when it knows.
         """
         compiled = self.compile(node)
         outputs = {}
         for name, port in node.outputs.items():
             assert port.dtype is not None
-            if node.wanted is None or name in wanted:
+            is_known = all(isinstance(d, int) or d in sizes for d in port.dims)
+            if is_known and (node.wanted is None or name in wanted):
                 outputs[name] = self.empty(node.output_shape(name, sizes), port.dtype)
         if node.launch is not None:
             before = cl.enqueue_marker(self.queue)
-            node.launch(Launch(self, compiled, inputs, outputs, settings, sizes))
-            return outputs, (before, cl.enqueue_marker(self.queue))
+            launch = Launch(self, compiled, inputs, outputs, settings, sizes)
+            node.launch(launch)
+            return launch.outputs, (before, cl.enqueue_marker(self.queue))
         assert node.grid is not None
         grid = tuple(sizes[symbol] for symbol in node.grid)
         if node.lanes:

@@ -175,6 +175,22 @@ def test_an_optional_input_of_a_stand_in_is_absent(toys: list[str], write: Write
     assert found["score"]["truth"] == -1
 
 
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = """
+format: 1
+nodes:
+  frames: {op: touches}
+  found:  {op: bright, in: {image: frames.image}}
+outputs: {pixel: found.pixel, light: found.light}
+"""
+    results = list(open_pipeline(read_graph(write(text)), {}, backend=backend).items())
+    assert [result["pixel"].tolist() for result in results] == [[], [*range(20)], [*range(20)]]
+    assert [result["light"].tolist() for result in results] == [[], [2.0] * 20, [3.0] * 20]
+
+
 def test_a_steady_stream_allocates_nothing_after_its_first_item(
     toys: list[str], write: Write, device: OpenCL
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import (
     EVERYTHING,
@@ -20,6 +21,7 @@ from tactograph.graph import (
     node,
     warn,
 )
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Dark, Height, Light, Metrics
 
 CALLS: list[str] = []
@@ -111,6 +113,29 @@ def strips(image: Light, *, rows: int = 2) -> Annotated[F4, Port("K h W", "1")]:
 
 
 strips.opencl(grid="K h W")
+
+
+class Bright(NamedTuple):
+    pixel: Annotated[NDArray[np.int32], Port("C", "pixel number")]
+    light: Annotated[F4, Port("C", "1")]
+
+
+@node
+def bright(image: Light, *, above: float = 1.5) -> Bright:
+    """The pixels of the first image that are brighter; how many, only the image tells."""
+    found = np.flatnonzero(image[0] > above).astype(np.int32)
+    return Bright(found, image[0].ravel()[found])
+
+
+@bright.opencl()
+def _launch_bright(run: Launch) -> None:
+    height, width = run.sizes["H"], run.sizes["W"]
+    image = run.inputs["image"]
+    found = np.flatnonzero(run.download(image)[0] > run.settings["above"])
+    run.found("C", found.size)
+    if found.size:
+        arguments = image, run.outputs["pixel"], run.outputs["light"], run.settings["above"]
+        run.kernel("bright", (1,), *arguments, height * width)
 
 
 class Halves(NamedTuple):
@@ -252,5 +277,5 @@ TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
-    "filed", "strips", "halves",
+    "filed", "strips", "halves", "bright",
 )  # fmt: skip

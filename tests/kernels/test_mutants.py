@@ -155,6 +155,20 @@ MUTANTS = {
             "right[i] : right[i]",
         ),
     },
+    "shadow_constraints": {
+        "away from the LED": ("row + uy * t;", "row - uy * t;"),
+        "the light's share forgotten": ("/ MORE_OF(expected, faintest)", ""),
+        "the shadow's end at half a pixel": (
+            "end = clamp(t - back",
+            "end = HALF + 0.0f * (t - back",
+        ),
+        "slopes not known": ("popcount(used[i]) < 2", "popcount(used[i]) < 1"),
+        "the edge not known": ("popcount(used[edge]) < 2", "popcount(used[edge]) < 1"),
+        "the slope at the end ignored": ("* tangent + to_end", "* tangent"),
+        "a distant LED": ("- (height[i] + to_end)", "- 0.0f * height[i]"),
+        "LEDs counted from 0": ("row / H + 1", "row / H"),
+        "no longest shadow": ("t <= longest", "t <= 1e9f"),
+    },
     "calm_film": {
         "the window forgotten": ("fabs(sum) / width", "fabs(sum)"),
         "noise of the first LED": ("sigma[k * size + i]", "sigma[i]"),
