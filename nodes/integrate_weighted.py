@@ -168,11 +168,18 @@ def _launch(run: Launch) -> None:
 
 @integrate_weighted.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """Shadows with both ends in the frame; some slopes are not known; the film rests outside."""
+    """Shadows with both ends in the frame; some slopes are not known; the film rests outside.
+
+    Sometimes it rests nowhere, and then all pixels count: parts that nothing holds could lie
+    anywhere.
+    """
     rows, columns = sizes["H"], sizes["W"]
     number = rows * columns // 7
     rest = np.ones((rows, columns), np.uint8)
-    rest[rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
+    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
+    mask = (rng.random((rows, columns)) < 0.95).astype(np.uint8)
+    if rng.random() < 0.2:
+        rest[:], mask[:] = 0, 1
     variance = rng.uniform(1e-6, 1e-2, (2, rows, columns)).astype(np.float32)
     variance[:, rng.random((rows, columns)) < 0.1] = 1e12
     ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
@@ -184,5 +191,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
         "rises.led": rng.integers(1, 5, number).astype(np.uint8),
         "before": rng.uniform(-0.1, 1, (rows, columns)).astype(np.float32),
-        "mask": (rng.random((rows, columns)) < 0.95).astype(np.uint8),
+        "mask": mask,
     }
