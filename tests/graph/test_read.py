@@ -212,7 +212,10 @@ TREES = st.recursive(
 )  # fmt: skip
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(
     st.dictionaries(
         st.sampled_from(["title", "extends", "params", "prefer", "nodes", "patch", "outputs"])
@@ -228,13 +231,19 @@ def test_any_mapping_is_a_graph_or_an_input_error(write: Write, content: dict[st
     _graph_or_error(write(text))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(st.text(max_size=100))
 def test_any_text_is_a_graph_or_an_input_error(write: Write, text: str) -> None:
     _graph_or_error(write(f"format: 1\n{text}"))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(st.data())
 def test_a_graph_file_with_a_slip_is_a_graph_or_an_input_error(
     write: Write, data: st.DataObject
@@ -245,7 +254,10 @@ def test_a_graph_file_with_a_slip_is_a_graph_or_an_input_error(
     _graph_or_error(write(SLOPES[:start] + slip + SLOPES[start + length :]))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(content=st.binary(max_size=100))
 def test_any_bytes_are_a_graph_or_an_input_error(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "graph.yaml"
