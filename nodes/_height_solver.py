@@ -130,11 +130,10 @@ class HeightSolver:
         rises = ShadowRises(**{name: run.download(array) for name, array in there.items()})
         mask = run.inputs.get("mask")
         mask_here = None if mask is None or not rises.top.size else run.download(mask)
-        ties, rise, self.rise_led = rises_inside(window, rises, run.sizes["W"], mask_here)
+        ties, rise = rises_inside(window, rises, run.sizes["W"], mask_here)
         self.wants = Wants(*self._steps_wanted, run.upload(rise))
         found = _tie_levels(ties, self._levels)
         self._ties, self._all_ties = len(rise), len(found.ends)
-        self.tops = ties.top
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.upload(found.member_start), run.upload(found.members)
@@ -145,6 +144,11 @@ class HeightSolver:
             run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
         self._knots = knot, run.upload(found.knot_start), run.upload(found.knot_tie)
         self._ends = run.upload(found.ends)
+
+    @property
+    def rises(self) -> int:
+        """How many rises have both ends in the window."""
+        return self._ties
 
     @property
     def _network(self) -> tuple[DeviceArray, ...]:

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, U1, Mask, ShadowRises, Slope, SlopeVariance
+from tactograph.nodes import F4, Mask, ShadowRises, Slope, SlopeVariance
 from tactograph.nodes._springs import Springs, Ties
 
 MARGIN = 8
@@ -41,9 +41,12 @@ class HeightSystem(NamedTuple):
     at_rest: F4
     rises: Ties
     rise: F4
-    rise_led: U1
     rise_variance: np.float32
     unit: np.float32
+
+    def cut(self, height: F4) -> F4:
+        """A height inside the window, put to zero on the film at rest."""
+        return np.where(self.at_rest > 0, np.float32(0), height)
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
         """By how much the height departs from what is wanted, in mm."""
@@ -138,7 +141,7 @@ def height_system(
     right, right_variance = _steps(slopes[0], variances[0], bend, floor)
     down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
     size = np.float32(pixel)
-    ties, rise, led = rises_inside(window, rises, rest.shape[1], mask)
+    ties, rise = rises_inside(window, rises, rest.shape[1], mask)
     return HeightSystem(
         right * size,
         np.ascontiguousarray(down.T) * size,
@@ -147,7 +150,6 @@ def height_system(
         at_rest,
         ties,
         rise,
-        led,
         rise_variance(rise_px, pixel),
         stiffest(floor, pixel),
     )
@@ -194,7 +196,7 @@ def _cubic_part(slope: F4, variance: F4) -> F4:
 
 def rises_inside(
     window: Window, rises: ShadowRises, columns: int, mask: Mask | None
-) -> tuple[Ties, F4, U1]:
+) -> tuple[Ties, F4]:
     """The rises of which both ends lie in the window and count, numbered by its pixels.
 
     A tie's `stiffness` is 1 here.
@@ -210,4 +212,4 @@ def rises_inside(
             kept &= mask.ravel()[index] != 0
         ends.append((row - window.rows.start) * width + column - window.columns.start)
     ones = np.ones(int(kept.sum()), np.float32)
-    return Ties(ends[0][kept], ends[1][kept], ones), rises.rise[kept], rises.led[kept]
+    return Ties(ends[0][kept], ends[1][kept], ones), rises.rise[kept]

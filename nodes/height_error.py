@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from scipy.linalg import hadamard
 
-from tactograph.graph import node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import (
     F4,
     Height,
@@ -23,9 +24,13 @@ from tactograph.nodes import (
     Slope,
     SlopeVariance,
 )
+from tactograph.nodes._height_solver import HeightSolver, Wants, find_touch
 from tactograph.nodes._height_system import HeightSystem, Window, contact_window, height_system
 from tactograph.nodes._near_light import light_vectors
 from tactograph.nodes._springs import conjugate_gradients, hierarchy
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 SIGNS = hadamard(8).astype(np.float32)
 """A row per random error, a column per LED: what is common to an LED's light adds up exactly."""
@@ -33,7 +38,9 @@ STEEPEST = np.float32(3)
 SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
-
+SHARE = np.float32(1 / len(SIGNS))
+SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
+"""The Gaussian by which the variance is averaged over neighbours."""
 ENOUGH = 1e-6
 """The share of the steps' energy that may be left to gain."""
 
@@ -50,7 +57,10 @@ class _Response(NamedTuple):
         return np.clip(p, -STEEPEST, STEEPEST), np.clip(q, -STEEPEST, STEEPEST)
 
 
-@node
+@node(
+    tolerance=Close(1e-6, 1e-3, why="conjugate gradients add up in another order"),
+    sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
+)
 def height_error(
     height: Height,
     slope: Slope,
@@ -139,14 +149,14 @@ def height_error(
         floor=floor,
         rise_px=rise_px,
     )
-    springs = system.springs(window.of(height), robust)
+    springs = system.springs(system.cut(window.of(height)), robust)
     levels = hierarchy(springs)
     inside = window.of(light)
-    noise = window.of(sigma) * np.sqrt(1 + np.square(np.float32(flat_noise) * inside))
+    flat = np.float32(flat_noise) * inside
+    noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
     response = _response(window, height, slope, used, rest, sigma, lights, pixel)
     turn = _turns(system)
-    rise_error = np.full(system.rise.shape, rise_px * pixel, np.float32)
-    rng = np.random.default_rng(seed)
+    rise_error = np.float32(rise_px * pixel)
     level = np.zeros(inside.shape[1:], np.float32)
 
     def moved(right: F4, down: F4, rise: F4) -> F4:
@@ -155,24 +165,57 @@ def height_error(
         return conjugate_gradients(levels, force, level, steps, enough)
 
     total = np.zeros_like(level)
-    for sign in SIGNS:
+    half = np.float32(0.5 * pixel)
+    for number, sign in enumerate(SIGNS):
+        keys = _keys(seed, number)
         common = np.float32(calibration) * (inside - 1) * sign[: len(lights), None, None]
-        p, q = response.slope(common + noise * _normal(rng, noise.shape))
-        half = np.float32(0.5 * pixel)
+        p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
+        across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
         right = (p[:, 1:] + p[:, :-1]) * half
         down = (q[1:] + q[:-1]) * half
-        right += np.float32(aperture) * turn[0] * _normal(rng, right.shape)
-        down += np.float32(aperture) * turn[1] * _normal(rng, down.shape)
-        total += np.square(moved(right, down, rise_error * _normal(rng, rise_error.shape)))
-    total /= np.float32(len(SIGNS))
-    total += np.square(moved(*_kink_errors(system, turn, kink, pixel), 0 * rise_error))
+        right += np.float32(aperture) * turn[0] * across[:, :-1]
+        down += np.float32(aperture) * turn[1] * along[:-1]
+        change = moved(right, down, rise_error * _drawn(keys.rises, system.rise.shape))
+        total += SHARE * change * change
+    change = moved(*_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise))
+    total += change * change
+    free = window.of(rest) == 0
+    if mask is not None:
+        free &= window.of(mask) != 0
     out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = _smooth_deviation(total, system.at_rest)
+    out[window.rows, window.columns] = _smooth_deviation(total, free.astype(np.float32))
     return out
 
 
-def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> F4:
-    return rng.standard_normal(shape, dtype=np.float32)
+class _Keys(NamedTuple):
+    """What the draws of one error hang on."""
+
+    light: int
+    right: int
+    down: int
+    rises: int
+
+
+def _keys(seed: int, number: int) -> _Keys:
+    start = 4 * (len(SIGNS) * seed + number)
+    return _Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
+
+
+def _drawn(key: int, shape: tuple[int, ...]) -> F4:
+    """+1 or -1 for each element, by a hash, so that every device draws the same.
+
+    Of unit variance, as a normal distribution is; more is not asked of an error.
+    """
+    numbers = np.arange(np.prod(shape), dtype=np.uint32) ^ np.uint32(key)
+    return np.where(_hashed(numbers) >> np.uint32(31), np.float32(1), np.float32(-1)).reshape(shape)
+
+
+def _hashed(x: Any) -> Any:
+    """Every bit of a 32-bit number depends on all bits of `x` (after Wellons, lowbias32)."""
+    with np.errstate(over="ignore"):
+        x = (x ^ x >> np.uint32(16)) * np.uint32(0x7FEB352D)
+        x = (x ^ x >> np.uint32(15)) * np.uint32(0x846CA68B)
+    return x ^ x >> np.uint32(16)
 
 
 def _response(
@@ -232,14 +275,110 @@ def _kink_errors(
 
     def lacking(step: F4, turned: F4) -> F4:
         slopes = np.minimum(turned / np.float32(pixel), SHARPEST)
-        return np.asarray(np.float32(kink * pixel) * slopes**3 * np.sign(step), np.float32)
+        return np.asarray(
+            np.float32(kink * pixel) * (slopes * slopes * slopes) * np.sign(step), np.float32
+        )
 
     return lacking(system.right, turn[0]), lacking(system.down, turn[1])
 
 
-def _smooth_deviation(variance: F4, at_rest: F4, spread: float = 3.0) -> F4:
-    """The root of the variance, averaged over the neighbours that are not at rest."""
-    free = 1 - at_rest
-    total = cv2.GaussianBlur(variance * free, (0, 0), spread)
-    weight = np.maximum(cv2.GaussianBlur(free, (0, 0), spread), np.float32(1e-3))
+def _smooth_deviation(variance: F4, free: F4) -> F4:
+    """The root of the variance, averaged over the neighbours that are free."""
+    total = cv2.GaussianBlur(variance * free, SPREAD_TAPS, SPREAD_PX)
+    weight = np.maximum(cv2.GaussianBlur(free, SPREAD_TAPS, SPREAD_PX), np.float32(1e-3))
     return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
+
+
+@height_error.opencl()
+def _launch(run: Launch) -> None:
+    """The same errors through the same networks; no pixel comes to the host."""
+    of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
+    lights, rows, columns = frame = tuple(run.sizes[symbol] for symbol in "KHW")
+    touch = find_touch(run)
+    solver = HeightSolver(run, touch.window)
+    solver.weigh(solver.cut(of["height"]), settings["robust"])
+    height, width = shape = solver.shape
+    size, ties = height * width, solver.rises
+    p, q, right, down, moved, total = (run.scratch(shape) for _ in range(6))
+    by_p, by_q = run.scratch(frame), run.scratch(frame)
+    wants = Wants(right, down, run.scratch((ties,)))
+
+    def integrate(share: float) -> None:
+        run.kernel("level", (size,), moved, size)
+        enough = ENOUGH * solver.energy(wants)
+        solver.solve(wants, moved, settings["steps"], enough)
+        run.kernel("add_square", (size,), moved, total, size, share)
+
+    def err_rises(error: float, key: int) -> None:
+        if ties:
+            run.kernel("err_rises", (ties,), wants.rise, ties, error, np.uint32(key))
+
+    run.kernel(
+        "respond", (-(-rows * columns // run.lanes),),
+        of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
+        by_p, by_q, *frame, pixel,
+    )  # fmt: skip
+    run.kernel("level", (size,), total, size)
+    for number, sign in enumerate(SIGNS):
+        keys = _keys(settings["seed"], number)
+        signs = run.keep(("signs", number), partial(run.upload, sign))
+        run.kernel(
+            "err_slopes", shape, of["light"], of["sigma"], by_p, by_q, signs, p, q,
+            lights, rows * columns, columns, *solver.place,
+            settings["flat_noise"], settings["calibration"], np.uint32(keys.light),
+        )  # fmt: skip
+        run.kernel(
+            "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,
+            0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
+        )  # fmt: skip
+        err_rises(settings["rise_px"] * pixel, keys.rises)
+        integrate(float(SHARE))
+    kink = settings["kink"] * pixel
+    run.kernel("err_kinks", shape, *solver.wants[:2], right, down, *shape, pixel, kink)
+    err_rises(0.0, 0)
+    integrate(1.0)
+    _deviate(run, solver, total)
+
+
+def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
+    """What `_smooth_deviation` does, into the output."""
+    shape, frame = solver.shape, (run.sizes["H"], run.sizes["W"])
+    kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
+    taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
+    free, half, weight = (run.scratch(shape) for _ in range(3))
+    run.kernel(
+        "free_part", shape,
+        run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
+    )  # fmt: skip
+    for source, target in ((free, weight), (total, total)):
+        run.kernel("blur", shape, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
+        run.kernel("blur", shape, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+    out = run.outputs["height_error"]
+    run.kernel("deviation", frame, total, weight, free, out, *frame, *solver.place)
+
+
+@height_error.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """A touch with some film at rest around it, and shadows with both ends in the frame."""
+    rows, columns, lights = sizes["H"], sizes["W"], sizes["K"]
+    number = rows * columns // 7
+    rest = np.ones((rows, columns), np.uint8)
+    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
+    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
+    around = rng.uniform(0, 2 * np.pi, lights)
+    places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    shape = rows, columns
+    return {
+        "rest": rest,
+        "variance": rng.uniform(1e-6, 1e-2, (2, *shape)).astype(np.float32),
+        "slope": rng.uniform(-1, 1, (2, *shape)).astype(np.float32),
+        "height": rng.uniform(-0.1, 0.5, shape).astype(np.float32),
+        "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
+        "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
+        "lights": places.astype(np.float32),
+        "rises.top": ends[0],
+        "rises.foot": ends[1],
+        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
+        "rises.led": rng.integers(1, lights + 1, number).astype(np.uint8),
+        "mask": (rng.random(shape) < 0.95).astype(np.uint8),
+    }

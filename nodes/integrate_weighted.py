@@ -99,9 +99,9 @@ def integrate_weighted(
         floor=floor,
         rise_px=rise_px,
     )
-    height, warm = _first(system, window.of(start)), False
+    height, warm = system.cut(window.of(start)), False
     if before is not None:
-        known = _first(system, window.of(before))
+        known = system.cut(window.of(before))
         warm = system.cost(known, robust) < system.cost(height, robust)
         height = known if warm else height
     for scale in _scales(rounds, robust, ease, warm=warm):
@@ -119,10 +119,6 @@ def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[floa
     if warm:
         return [robust] * ((rounds + 1) // 2)
     return [robust * ease**left for left in reversed(range(rounds))]
-
-
-def _first(system: HeightSystem, height: F4) -> F4:
-    return np.where(system.at_rest > 0, np.float32(0), height)
 
 
 def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
