@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tactograph.graph.describe import describe
 from tactograph.graph.find import builtin_names, find_node
 from tactograph.graph.node import Node
 from tactograph.graph.read import GraphModel, shipped_names
@@ -34,8 +35,10 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
     model = model_of(node).model_json_schema(ref_template="#/$defs/{model}")
     definitions.update(model.pop("$defs", {}))
     reference = {"type": "string", "pattern": r"^\$[A-Za-z_]\w*$"}
+    words = describe(node).arguments
     properties = {
-        name: {"anyOf": [rule, reference]} for name, rule in model.get("properties", {}).items()
+        name: {"description": words[name], "anyOf": [rule, reference]}
+        for name, rule in model.get("properties", {}).items()
     }
     return {
         "type": "object",
@@ -46,13 +49,17 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rule(node: Node) -> dict[str, Any]:
+    about = describe(node)
     ports = [*node.input_records, *(p for p in node.inputs if "." not in p)]
     properties: dict[str, Any] = {
-        "op": {"description": node.summary},
+        "op": {"description": about.summary},
         "with": {"$ref": f"#/$defs/with_{node.name}"},
         "in": {
             "properties": {
-                name: {"type": "string", "description": str(node.inputs.get(name, "a record"))}
+                name: {
+                    "type": "string",
+                    "description": f"{about.arguments[name]} ({node.inputs.get(name, 'a record')})",
+                }
                 for name in ports
             },
             "additionalProperties": False,

@@ -425,7 +425,11 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
     assert done.code == 0
     assert "flat_field " in done.out
     page = tactograph("nodes", "flat_field").out
-    for words in ("image: float32 K x H x W [1]", "floor: default 0.02", "Neutral: image"):
+    for words in (
+        "`image` (float32 K x H x W [1])",
+        "default 0.02, above 0",
+        "`image` is passed on",
+    ):
         assert words in page
 
 

@@ -208,4 +208,5 @@ def test_an_installed_package_is_seen_by_the_command_line(install: Install, tmp_
         text=True,
         check=True,
     )
-    assert done.stdout.startswith("acme_scale (of acme-optics)\n\nMultiply the light.")
+    assert done.stdout.startswith("# acme_scale\n\nMultiply the light.")
+    assert "Of the package acme-optics" in done.stdout
