@@ -1,0 +1,49 @@
+"""Pages made from the code when the site is built: the nodes and the shipped graphs."""
+
+from __future__ import annotations
+
+import mkdocs_gen_files
+
+from tactograph.graph.describe import describe, node_page
+from tactograph.graph.draw import to_mermaid
+from tactograph.graph.find import builtin_names, find_node
+from tactograph.graph.model import Graph
+from tactograph.graph.read import read_graph, shipped_names
+from tactograph.graph.run import open_pipeline, placeholders
+
+
+def write_nodes() -> None:
+    """``nodes.md``, and a page for each node."""
+    rows = ["# Nodes", "", "| node | kernel | what it does |", "| --- | --- | --- |"]
+    for name in builtin_names():
+        node = find_node(name)
+        kernel = "yes" if node.has_kernel else ""
+        rows.append(f"| [{name}](nodes/{name}.md) | {kernel} | {describe(node).summary} |")
+        with mkdocs_gen_files.open(f"nodes/{name}.md", "w") as page:
+            page.write(node_page(node))
+    with mkdocs_gen_files.open("nodes.md", "w") as page:
+        page.write("\n".join(rows) + "\n")
+
+
+def write_pipelines() -> None:
+    """``pipelines.md``: what ships, with params and a drawing of each graph."""
+    lines = ["# Shipped graphs", ""]
+    for name in shipped_names():
+        graph = read_graph(name)
+        lines += [f"## {name}", "", f"{graph.title}.", "", *_params(graph), ""]
+        plan = open_pipeline(graph, placeholders(graph), backend="numpy").plan
+        lines += ["```mermaid", to_mermaid(plan).rstrip(), "```", ""]
+    with mkdocs_gen_files.open("pipelines.md", "w") as page:
+        page.write("\n".join(lines))
+
+
+def _params(graph: Graph) -> list[str]:
+    rows = ["| param | kind | default | |", "| --- | --- | --- | --- |"]
+    for name, param in graph.params.items():
+        default = "needed" if param.required else f"`{param.default}`"
+        rows.append(f"| `{name}` | {param.kind} | {default} | {param.help} |")
+    return rows
+
+
+write_nodes()
+write_pipelines()

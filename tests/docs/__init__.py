@@ -1,0 +1,1 @@
+"""Documentation: what it says can be done is done."""

@@ -1,0 +1,130 @@
+"""Every command and code block of the documentation works.
+
+Blocks marked sh, python and yaml are run, page by page, each page in a folder of its own.
+Commands in other blocks are examples that need a sensor, a cluster or hours: of them the
+graphs, parameters, options and scripts must be there.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from markdown_it import MarkdownIt
+
+from tactograph.graph.command import COMMANDS
+from tactograph.graph.read import read_graph, shipped_names
+from tactograph.graph.strict_yaml import read_yaml
+from tests.conftest import ROOT
+
+PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))
+RUN = ("sh", "python", "yaml")
+TITLE = re.compile(r'title="([^"]+)"')
+
+
+class Block(NamedTuple):
+    """A fenced block: its language, the rest of that line, its text, and where it stands."""
+
+    language: str
+    info: str
+    text: str
+    where: str
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    for token in MarkdownIt().parse(page.read_text(encoding="utf-8")):
+        if token.type == "fence" and token.map:
+            language, _, info = token.info.partition(" ")
+            yield Block(language, info, token.content, f"{page.name}:{token.map[0] + 1}")
+
+
+RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
+COMMAND_LINES = [
+    (block.where, line)
+    for page in [*PAGES, ROOT / "README.md"]
+    for block in blocks(page)
+    if block.language in ("", "text")
+    for line in block.text.splitlines()
+]
+
+
+@pytest.mark.parametrize("page", RUNNABLE, ids=lambda page: page.name)
+def test_a_page_does_what_it_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for block in blocks(page):
+        if block.language == "sh":
+            _run_shell(block, tmp_path)
+        elif block.language == "python":
+            exec(compile(block.text, block.where, "exec"), names)
+        elif block.language == "yaml":
+            title = TITLE.search(block.info)
+            assert title, f"{block.where}: a graph file needs a title"
+            (tmp_path / title[1]).write_text(block.text)
+            assert read_yaml(tmp_path / title[1]).data["format"] == 1
+
+
+def _run_shell(block: Block, folder: Path) -> None:
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", block.text],
+        cwd=folder, env={**os.environ, "PATH": path},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{block.where}\n{block.text}\n{done.stdout}\n{done.stderr}"
+
+
+@pytest.mark.parametrize(
+    ("where", "line"),
+    [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")],
+)
+def test_a_command_that_is_only_shown_exists(where: str, line: str) -> None:
+    words = shlex.split(line.partition("  #")[0].split("|")[0])[1:]
+    assert words[0] in COMMANDS, where
+    _check_options(where, [sys.executable, "-m", "tactograph.graph.command", words[0]], words)
+    graphs = [read_graph(word) for word in words[1:] if word in shipped_names()]
+    params = {name for graph in graphs for name in graph.params}
+    for word in words[1:]:
+        name, equals, _ = word.partition("=")
+        if graphs and equals and name.isidentifier():
+            assert name in params, f"{where}: {line}: no graph takes {name}"
+
+
+@pytest.mark.parametrize(
+    ("where", "line"),
+    [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")],
+)
+def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
+    words = shlex.split(line.partition("  #")[0])[1:]
+    script = next(word for word in words if word.endswith(".py"))
+    assert (ROOT / script).is_file(), f"{where}: {line}"
+    if words[0].startswith("benchmarks/"):
+        _check_options(where, [sys.executable, str(ROOT / script)], words)
+
+
+def _check_options(where: str, start: list[str], words: list[str]) -> None:
+    options = [word.partition("=")[0] for word in words if word.startswith("--")]
+    if not options:
+        return
+    shown = subprocess.run([*start, "--help"], capture_output=True, text=True, check=False)
+    assert shown.returncode == 0, f"{where}: {shown.stderr}"
+    for option in options:
+        assert option in shown.stdout, f"{where}: {option}"
+
+
+def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(tmp_path)],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "nodes" / "flat_field" / "index.html").is_file()
