@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
@@ -47,6 +48,8 @@ class Cluster:
         tell: Callable[[str], None] = print,
     ) -> None:
         self._tell = tell
+        # What goes wrong on a cluster is told in a line, not in its log's tracebacks.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._where = {"address": address} if address else {"scheduler_file": file}
         self.name = f"Dask at {address or file}"
         self._client = self._connect()
