@@ -14,5 +14,13 @@ from tactograph.nodes import PixelSize
 def coarsen_pixel(
     pixel: PixelSize, *, factor: Annotated[int, Interval(ge=1, le=64)] = 4
 ) -> PixelSize:
-    """Return the side of a cell of ``factor`` by ``factor`` pixels in mm; see `coarsen`."""
+    """Return the side of a cell of ``factor`` by ``factor`` pixels in mm; see `coarsen`.
+
+    Parameters
+    ----------
+    pixel
+        mm per pixel.
+    factor
+        Pixels along the side of a cell.
+    """
     return pixel * factor
