@@ -67,7 +67,7 @@ class Statistics:
         self._every = every_s
         self._begun = self._told = time.monotonic()
         self._heights = self._heights_told = 0
-        self._first = self._last = 0.0
+        self._first = self._last = self._processor = 0.0
         self._latencies = np.zeros(round(LONGEST_S / BIN_S), np.int64)
         self._errors = 0
         self._square_error = self._worst = 0.0
@@ -90,6 +90,7 @@ class Statistics:
             return
         if not self._heights:
             self._first = self._told = now
+            self._processor = time.process_time()
             self._memory_first = resident_mib()
         self._last = now
         self._heights += 1
@@ -107,6 +108,8 @@ class Statistics:
         figures: Metrics = {"heights": float(self._heights)}
         if self._heights > 1:
             figures["heights_per_s"] = (self._heights - 1) / (self._last - self._first)
+            used = time.process_time() - self._processor
+            figures["processor_ms_per_height"] = 1e3 * used / (self._heights - 1)
             figures["latency_median_ms"] = 1e3 * self._latency(0.5)
             figures["latency_99_percent_ms"] = 1e3 * self._latency(0.99)
         if self._errors:

@@ -30,6 +30,7 @@ def test_latency_is_from_the_exposures_end_until_now() -> None:
         statistics.take(STILL, time.monotonic() - late, LiveState(), None)
     figures = statistics.figures()
     assert figures["heights"] == 100
+    assert 0 < figures["processor_ms_per_height"] < 100
     assert figures["latency_median_ms"] == pytest.approx(20, abs=2)
     assert figures["latency_99_percent_ms"] == pytest.approx(300, abs=5)
 

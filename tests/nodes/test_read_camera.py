@@ -259,7 +259,7 @@ def test_a_slow_reader_gets_the_newest_frames_and_drops_are_counted() -> None:
     next(touches)
     time.sleep(0.5)
     touch = next(touches)
-    assert time.monotonic() - touch.time < 0.2
+    assert time.monotonic() - touch.time < 0.3
     assert len(touch.new) == 4
     assert touch.state.dropped >= 8
     sensor.close()
@@ -267,9 +267,12 @@ def test_a_slow_reader_gets_the_newest_frames_and_drops_are_counted() -> None:
 
 def test_without_a_controller_the_images_decide() -> None:
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
-    found = [touch.new[-1].led for touch in Stream(sensor).touches(items=8)]
+    touches = list(Stream(sensor).touches(items=8))
     sensor.close()
-    assert [(b - a) % 4 for a, b in pairwise(found)] == [1] * 7
+    frames = [frame for touch in touches for frame in touch.new]
+    for one, next_ in pairwise(frames):
+        steps = round((next_.time - one.time) * RATE)
+        assert (next_.led - one.led - steps) % 4 == 0
 
 
 def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
@@ -313,8 +316,8 @@ def test_the_real_videocapture_reads_a_file_of_the_same_frames(tmp_path: Path) -
     sensor = open_sensor(str(file), "none", FLAT, DARK, WANTED, queue=32)
     touches = list(Stream(sensor).touches())
     sensor.close()
-    assert len(touches) == 17
-    assert [touch.new[-1].led for touch in touches[:5]] == [4, 1, 2, 3, 4]
+    frames = [frame for touch in touches for frame in touch.new]
+    assert [frame.led for frame in frames] == [1, 2, 3, 4] * 5
     assert set(touches[-1].state.faults) <= {"moved"}
 
 
