@@ -299,6 +299,8 @@ class Verdict(NamedTuple):
     other: int = 0
     share: float = 0.0
     """Of a mixed frame: the second LED, 0 for none, and its share of the light."""
+    gain: float = 1.0
+    """The LED's brightness, 1 as calibrated."""
 
 
 @dataclass
@@ -394,7 +396,8 @@ class Matcher:
             other = self._neighbours(led)[overlap > 0]
             return Verdict(None, "mixed", led, other, abs(overlap))
         self.mean_reach += REACH_SHARE * (overlap - self.mean_reach)
-        return self._agreed(led, due, time, certain=sight.kind == "one")
+        verdict = self._agreed(led, due, time, certain=sight.kind == "one")
+        return verdict._replace(gain=sight.gain) if sight.kind == "one" else verdict
 
     def _overlap(self, data: Plane, led: int) -> float:
         """`reach` of a frame, above what is usual."""

@@ -24,6 +24,8 @@ KEPT = 64
 """Frames that wait for a touch to go with, at most."""
 PACE_S, MOST_OFF_PACE = 2.0, 0.05
 """The camera's rate is measured over so many seconds, and may be off by this share."""
+MOST_DIMMED = 0.1
+"""Change of an LED's brightness since the calibration above which heights are not trusted."""
 REOPEN_S = 0.3
 """Time between two attempts to get the right size out of a camera."""
 MIXED_CYCLES = 1.5
@@ -49,6 +51,7 @@ SAYS = {
     "slipped": "camera and LED controller are out of step: matching them anew",
     "shifted": "camera and LEDs overlap: the LEDs' cycle is shifted",
     "changed": "the film looks otherwise than in the calibration; calibrate again",
+    "brightness": "LED {led} is not as bright as calibrated and heights are off: calibrate again",
     "wrong size": "the camera delivers another size than the calibration's: opening it again",
     "lost": "frames are missing",
     "moved": "the light changes faster than the LEDs take turns: heights are smeared",
@@ -157,6 +160,8 @@ class Stream:
             self._note(verdict.fault, verdict.about)
         self._react(verdict)
         if verdict.led is not None:
+            if abs(verdict.gain - 1) > MOST_DIMMED:
+                self._note("brightness", verdict.led)
             frame = RawFrame(shot.number, verdict.led, shot.time, shot.data)
             self._new.append(frame)
             self._assembler.add(frame)

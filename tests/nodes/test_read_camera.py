@@ -293,6 +293,21 @@ def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
     assert stream.state.faults["wrong rate"] == 1
 
 
+def test_an_led_that_is_not_as_bright_as_calibrated_is_named() -> None:
+    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
+    assert sensor.table is not None
+    lines: list[str] = []
+    with collect_warnings(lines):
+        touches = Stream(sensor).touches()
+        next(touches)
+        assert not lines
+        sensor.table.strength[2] = 0.8
+        for _ in range(8):
+            next(touches)
+    sensor.close()
+    assert any(line.startswith("LED 3 is not as bright") for line in lines)
+
+
 def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
     (touch,) = Stream(sensor).touches(items=1)
