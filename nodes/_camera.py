@@ -66,6 +66,8 @@ class Shot(NamedTuple):
 def open_capture(camera: int | str) -> Capture:
     """Open a camera by index, path or URL; it may turn out not to be opened."""
     text = str(camera)
+    # What cannot be opened is told once, by us.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     if text.isdecimal():
         return cv2.VideoCapture(int(text))
     if "://" in text:
@@ -179,8 +181,15 @@ class Camera:
             self._start()
         return shots
 
-    def check(self, wait: float) -> None:
+    def check(self, wait: float, name: object) -> None:
         """Wait for a first frame, and see that it has the size that is wanted.
+
+        Parameters
+        ----------
+        wait
+            Seconds to wait at most.
+        name
+            What the user calls the camera.
 
         Raises
         ------
@@ -193,13 +202,13 @@ class Camera:
         if first is None:
             why = "delivers no frame" if self.connections else "cannot be opened"
             raise InputError(
-                f"the camera {why}; look at its cable, whether another program has it, and "
+                f"camera={name}: {why}; look at its cable, whether another program has it, and "
                 "whether you are in the group 'video'"
             )
         height, width = first.data.shape
         if (width, height) != (self._wanted.width, self._wanted.height):
             raise InputError(
-                f"the camera delivers {width} x {height} pixels, but the calibration is for "
+                f"camera={name}: delivers {width} x {height} pixels, but the calibration is for "
                 f"{self._wanted.width} x {self._wanted.height}; calibrate with this camera"
             )
 

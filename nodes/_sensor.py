@@ -250,7 +250,7 @@ def open_sensor(
     film = make_film(flat, dark)
     sensor = Sensor(source, lamps, film, dark, cycle, wanted.rate, table, board, link)
     try:
-        source.check(START_S)
+        source.check(START_S, camera)
     except InputError:
         sensor.close()
         raise
