@@ -8,6 +8,7 @@
 #include "lanes.clh"
 #include "table_tree.clh"
 
+#if LANES == 1 || NEIGHBOURS > 1
 // The nearest entries of one pixel, nearest first; of equally near ones the first in the table.
 typedef struct {
     int found;
@@ -113,7 +114,7 @@ __kernel void lut_nearest(
     out[size + pixel] = q / max(several.found, 1);
 }
 
-#if LANES > 1
+#else
 #include "sort_by_light.clh"
 
 // The entries nearest to a packet of pixels: of equally near ones the first in the table.

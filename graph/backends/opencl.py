@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -55,14 +55,19 @@ Convert = Callable[[Any], list[Any]]
 """From a parameter's value to kernel arguments."""
 
 
-@dataclass
 class Compiled:
     """A node's kernels on one device, and what its launches keep from one to the next."""
 
-    node: Node
-    kernels: dict[str, Kernel]
-    converters: dict[str, Convert]
-    kept: dict[Any, Any]
+    def __init__(self, node: Node, build: Callable[[], dict[str, Kernel]]) -> None:
+        self.node = node
+        self.converters = _converters(node)
+        self.kept: dict[Any, Any] = {}
+        self._build = build
+
+    @cached_property
+    def kernels(self) -> dict[str, Kernel]:
+        """By name; built when first asked for."""
+        return self._build()
 
 
 class OpenCL:
@@ -99,20 +104,25 @@ class OpenCL:
         """
         key = id(node), tuple((constants or {}).items())
         if key not in self._compiled:
-            program = cl.Program(self.context, kernel_source(node))
-            values = {"LANES": self.lanes, **(constants or {})}
-            macros = [f"-D{name}={value}" for name, value in values.items()]
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # compilers' remarks on their own speed
-                try:
-                    program = program.build(options=[*self._options, *macros])
-                except cl.RuntimeError as error:
-                    lines = [line for line in str(error).splitlines() if "error" in line.lower()]
-                    reason = lines[0] if lines else str(error)
-                    raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
-            kernels = {kernel.function_name: Kernel(kernel) for kernel in program.all_kernels()}
-            self._compiled[key] = Compiled(node, kernels, _converters(node), {})
+            compiled = Compiled(node, partial(self._build, node, constants or {}))
+            # A launch function may want its kernels with constants, and never without.
+            if node.launch is None or constants:
+                _ = compiled.kernels
+            self._compiled[key] = compiled
         return self._compiled[key]
+
+    def _build(self, node: Node, constants: Mapping[str, int]) -> dict[str, Kernel]:
+        program = cl.Program(self.context, kernel_source(node))
+        macros = [f"-D{name}={value}" for name, value in {"LANES": self.lanes, **constants}.items()]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # compilers' remarks on their own speed
+            try:
+                program = program.build(options=[*self._options, *macros])
+            except cl.RuntimeError as error:
+                lines = [line for line in str(error).splitlines() if "error" in line.lower()]
+                reason = lines[0] if lines else str(error)
+                raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
+        return {kernel.function_name: Kernel(kernel) for kernel in program.all_kernels()}
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
         """Take a buffer from the pool; an empty array still gets some bytes to point at.
