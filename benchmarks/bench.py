@@ -238,24 +238,44 @@ def as_line(row: dict[str, Any]) -> str:
 
 
 def plot(rows: list[dict[str, Any]], file: Path) -> None:
-    """Time against pixels, a line for each graph and device, at the largest table."""
+    """Processor time against pixels and against the table's entries, a line a graph and device."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    lines: dict[str, list[tuple[int, float]]] = {}
-    largest = max(row["table"] for row in rows)
-    for row in rows:
-        if row["table"] == largest and "ms" in row:
-            width, height = map(int, row["size"].split("x"))
-            label = f"{row['graph']}, {(row['device'] or 'numpy').partition(' /')[0]}"
-            lines.setdefault(label, []).append((width * height, row["ms"]))
-    figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
-    for label, points in lines.items():
-        axes.loglog(*zip(*sorted(points), strict=True), "o-", label=label)
-    axes.set_xlabel("pixels")
-    axes.set_ylabel("ms")
-    axes.legend(fontsize="small")
+    done = [row for row in rows if "cpu_ms" in row]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout="constrained", sharey=True)
+    largest = max((row["table"] for row in done), default=0)
+    by_pixels = lines([row for row in done if row["table"] == largest], pixels)
+    by_table = lines([row for row in done if row["size"] == "640x480"], lambda row: row["table"])
+    for axes, found in ((left, by_pixels), (right, by_table)):
+        for label, points in found.items():
+            axes.loglog(*zip(*points, strict=True), "o-", label=label)
+        axes.grid(alpha=0.3)
+    for points in by_pixels.values():
+        (first, ms), many = points[0], np.array([n for n, _ in points])
+        scale = ms / (first * np.log(first))
+        left.loglog(many, scale * many * np.log(many), "--", color="0.6", zorder=0)
+    left.set_xlabel(f"pixels, {largest} entries in the table (dashed: n log n)")
+    right.set_xlabel("entries in the table, 640 x 480 pixels")
+    left.set_ylabel("processor time by the cores / ms")
+    left.legend(fontsize="small")
     figure.savefig(file, dpi=120)
+
+
+def pixels(row: dict[str, Any]) -> int:
+    width, height = map(int, row["size"].split("x"))
+    return width * height
+
+
+def lines(
+    rows: list[dict[str, Any]], by: Callable[[dict[str, Any]], int]
+) -> dict[str, list[tuple[int, float]]]:
+    """Points (what `by` says, ms), in order, by graph and device."""
+    found: dict[str, list[tuple[int, float]]] = {}
+    for row in sorted(rows, key=by):
+        label = f"{row['graph']}, {(row['device'] or 'numpy').partition(' /')[0]}"
+        found.setdefault(label, []).append((by(row), row["cpu_ms"]))
+    return found
 
 
 if __name__ == "__main__":
