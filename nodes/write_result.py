@@ -30,6 +30,7 @@ def write_result(
     metrics: Metrics,
     name: str,
     error: HeightError | None = None,
+    highlight: Labels | None = None,
     *,
     folder: Path,
     mesh: bool = True,
@@ -41,7 +42,8 @@ def write_result(
     ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
     y up, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
     pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``; with an error
-    ``error.npy`` and ``error.png`` too.
+    ``error.npy`` and ``error.png`` too, with highlights ``highlight.png`` (bits as in
+    ``shadow.png``).
 
     Parameters
     ----------
@@ -59,6 +61,8 @@ def write_result(
         The capture's name in a stream; empty for a single capture.
     error
         H x W, the height's standard deviation in mm, where the graph knows it.
+    highlight
+        H x W, the LEDs that the film mirrors, where the graph looks for them.
     folder
         Made if needed.
     mesh, pictures
@@ -75,6 +79,8 @@ def write_result(
         cv2.imwrite(str(target / "shadow.png"), shadow)
         if error is not None:
             np.save(target / "error.npy", error)
+        if highlight is not None:
+            cv2.imwrite(str(target / "highlight.png"), highlight)
         if mesh:
             write_mesh(target / "height.ply", height, pixel)
         if pictures:
