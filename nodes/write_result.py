@@ -11,12 +11,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from tactograph.graph import Provenance, node
+from tactograph.graph import Provenance, node, warn
 from tactograph.graph.whole import whole_files
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
 from tactograph.nodes._height_files import write_mesh, write_tiff
 from tactograph.nodes._led_colours import LED_COLOURS
 
+FEWEST = 3
+"""With so many LEDs a shadow leaves two, and two lights allow two slopes."""
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
 
@@ -73,6 +75,12 @@ def write_result(
     InputError
         If the folder cannot be written; then no file of this touch is.
     """
+    if len(image) == FEWEST and shadow.any():
+        share = np.mean(shadow != 0)
+        warn(
+            f"three LEDs, {share:.1%} of the pixels in shadow: two lights allow two slopes, so "
+            "heights there and beyond may be wrong; a fourth LED, or 'precise', helps"
+        )
     with whole_files(folder / name if name else folder) as target:
         np.save(target / "height.npy", height)
         write_tiff(target / "height.tiff", height, pixel)
