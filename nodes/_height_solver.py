@@ -99,8 +99,8 @@ class HeightSolver:
         self._direction, self._moved = self._planes(2, rows * columns)
         self._gather(window)
         self._tie(window, total)
-        self._levels_there = run.upload(np.array([*self._levels, (0, 0, 0)], np.int32))
-        self._steps_there = run.upload(np.array(self._steps, np.int32))
+        self._levels_there = run.put(np.array([*self._levels, (0, 0, 0)], np.int32))
+        self._steps_there = run.put(np.array(self._steps, np.int32))
 
     def _planes(self, count: int, size: int) -> list[DeviceArray]:
         return [self._run.scratch((size,)) for _ in range(count)]
@@ -131,19 +131,19 @@ class HeightSolver:
         mask = run.inputs.get("mask")
         mask_here = None if mask is None or not rises.top.size else run.download(mask)
         ties, rise = rises_inside(window, rises, run.sizes["W"], mask_here)
-        self.wants = Wants(*self._steps_wanted, run.upload(rise))
+        self.wants = Wants(*self._steps_wanted, run.put(rise))
         found = _tie_levels(ties, self._levels)
         self._ties, self._all_ties = len(rise), len(found.ends)
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
-        self._members = run.upload(found.member_start), run.upload(found.members)
+        self._members = run.put(found.member_start), run.put(found.members)
         knot = run.scratch((total,), np.int32)
         run.kernel("no_knots", (total,), knot, total)
         if found.knot_pixel.size:
-            pixel = run.upload(found.knot_pixel)
+            pixel = run.put(found.knot_pixel)
             run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
-        self._knots = knot, run.upload(found.knot_start), run.upload(found.knot_tie)
-        self._ends = run.upload(found.ends)
+        self._knots = knot, run.put(found.knot_start), run.put(found.knot_tie)
+        self._ends = run.put(found.ends)
 
     @property
     def rises(self) -> int:
@@ -192,7 +192,7 @@ class HeightSolver:
                 "coarsen_level", coarse[1:],
                 *planes, *self._knots, self._stiffness, *fine, *coarse,
             )  # fmt: skip
-        self._dense = run.upload(self._coarsest_inverse())
+        self._dense = run.put(self._coarsest_inverse())
 
     def _coarsest_inverse(self) -> F4:
         run, last = self._run, self._levels[-1]

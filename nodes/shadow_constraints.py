@@ -225,7 +225,7 @@ def _launch(run: Launch) -> None:
     run.kernel("count_rows", counts.shape, top, counts, lights * height, width)
     ends = np.cumsum(run.download(counts), dtype=np.int32)
     run.found("C", int(ends[-1]))
-    start = run.upload(np.concatenate([[0], ends[:-1]]).astype(np.int32))
+    start = run.put(np.concatenate([[0], ends[:-1]]).astype(np.int32))
     out = [run.outputs[name] for name in ShadowRises._fields]
     run.kernel("gather_rows", counts.shape, top, rise, start, *out, *sizes)
 

@@ -106,6 +106,10 @@ class Launch:
         """Copy a host array to the device, to stay there: for constants, inside `keep`."""
         return self._device.constant(array)
 
+    def put(self, array: NDArray[Any]) -> DeviceArray:
+        """Copy a host array, which may be empty, to a buffer for this launch alone."""
+        return self._device.upload(array)
+
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host: for what decides the next launch."""
         return self._device.download(array)
