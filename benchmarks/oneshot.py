@@ -31,6 +31,7 @@ from tactograph.nodes.fit_reflectance_map import (
     make_bench,
     refine_center,
 )
+from tactograph.nodes.level_presses import level_presses
 from tactograph.nodes.rate_presses import judge_contact
 from tactograph.nodes.read_presses import read_presses
 from tactograph.nodes.write_press_calibration import write_press_calibration
@@ -60,11 +61,13 @@ def measure(captures: Path, calibration: Path, out: Path) -> list[tuple[np.ndarr
 
 def main(data: Path, out: Path) -> None:
     folder = data / "6.310mm"
-    image, flat, names = read_presses(folder=folder, flat=data / "background.png")
+    captured, flat, names = read_presses(folder=folder, flat=data / "background.png")
+    image = level_presses(captured, flat)
     ball = find_presses(image, flat, names, PIXEL_MM, radius_mm=RADIUS_MM).circle
     bench = make_bench(image, flat, RADIUS_MM, PIXEL_MM, degree=4)
     rows: dict[str, list[tuple[float, float, float]]] = {"refined": [], "as found": []}
     shown: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    at_rest: list[tuple[float, float]] = []
     for fold in range(FOLDS):
         training = ball.copy()
         training[fold::FOLDS, 2] = 0
@@ -81,14 +84,26 @@ def main(data: Path, out: Path) -> None:
         for i, (slope, height) in zip(held, results, strict=True):
             found = ball[i].astype(np.float64)
             circle = refine_center(bench, reflectance, found, i, fit.rim, steps=6)
+            at_rest.append(resting(height, circle))
             for row, truth in (("refined", circle), ("as found", found)):
                 rows[row].append(judge_contact(slope, height, truth, bench.radius, PIXEL_MM))
             shown[names[i]] = height, circle
         print(f"fold {fold + 1} of {FOLDS} done, {time.process_time():.0f} s", file=sys.stderr)
     report(rows)
+    spread, tilt = 1e3 * np.mean(at_rest, axis=0)
+    print(f"\nfilm at rest: {spread:.1f} um from its mean, tilted by {tilt:.1f} um over the frame")
     for name, figures in zip(shown, rows["refined"], strict=True):
         print(f"press {name}: {figures[0]:.2f} degrees, {figures[1]:.1f} um", file=sys.stderr)
     draw({name: shown[name] for name in DRAWN}, bench, out / "oneshot.png")
+
+
+def resting(height: np.ndarray, circle: np.ndarray) -> tuple[float, float]:
+    """Standard deviation and tilt over the frame, in mm, beyond 2.5 radii of the contact."""
+    y, x = np.mgrid[: height.shape[0], : height.shape[1]]
+    far = np.hypot(x - circle[0], y - circle[1]) > 2.5 * circle[2]
+    plane = np.stack([x[far], y[far], np.ones(far.sum())], axis=1)
+    p, q, _ = np.linalg.lstsq(plane, height[far], rcond=None)[0]
+    return float(height[far].std()), float(np.hypot(p * height.shape[1], q * height.shape[0]))
 
 
 def report(rows: dict[str, list[tuple[float, float, float]]]) -> None:

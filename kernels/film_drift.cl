@@ -1,8 +1,6 @@
 #include "common.clh"
 
 #define GROUP 64
-#define STEP 4
-#define REACH 2
 #define TERMS 6
 #define PAIRS 21
 #define MOST 8
@@ -11,29 +9,6 @@
 #define DARKEST 0.02f
 #define FEWEST 0.05f
 #define HELD 0.003f
-
-// The mean light around every fourth pixel, and what of it counts as noise.
-__kernel void places(
-    __global const float *restrict light,
-    __global const float *restrict sigma,
-    __global float *restrict means,
-    __global float *restrict noise,
-    const int K, const int H, const int W,
-    const int R, const int C,
-    const float share)
-{
-    GRID_3(k, r, c, K, R, C)
-    const int y = min(r * STEP + REACH, H - 1), x = min(c * STEP + REACH, W - 1);
-    __global const float *plane = light + k * H * W;
-    float sum = 0.0f;
-    for (int dy = -REACH; dy <= REACH; ++dy) {
-        const int row = clamp(y + dy, 0, H - 1) * W;
-        for (int dx = -REACH; dx <= REACH; ++dx) sum += plane[row + clamp(x + dx, 0, W - 1)];
-    }
-    const int i = (k * R + r) * C + c;
-    means[i] = sum / (float)((2 * REACH + 1) * (2 * REACH + 1));
-    noise[i] = share > 0.0f ? share * sigma[(k * H + y) * W + x] : 0.0f;
-}
 
 // Order-preserving map of floats to unsigned integers, and back.
 static uint key_of(const float value)
@@ -47,9 +22,9 @@ static float value_of(const uint key)
     return as_float(key & 0x80000000u ? key & 0x7fffffffu : ~key);
 }
 
-static void terms_at(float *t, const int i, const int H, const int W, const int C)
+static void terms_at(float *t, const int i, const int H, const int W)
 {
-    const int y = min(i / C * STEP + REACH, H - 1), x = min(i % C * STEP + REACH, W - 1);
+    const int y = i / W, x = i % W;
     const float scale = 2.0f / (float)W;
     const float u = ((float)x - 0.5f * (float)(W - 1)) * scale;
     const float v = ((float)y - 0.5f * (float)(H - 1)) * scale;
@@ -68,28 +43,35 @@ static float gain_at(__global const float *c, const float *t)
     return gain;
 }
 
+// What of a cell's light counts as noise.
+static float share_of(__global const float *sigma, const float share, const int i)
+{
+    return share > 0.0f ? share * sigma[i] : 0.0f;
+}
+
 static int is_calm(
-    __global const float *means,
-    __global const float *noise,
+    __global const float *light,
+    __global const float *sigma,
     __global const float *drift,
     const float *t,
     const int i, const int K, const int size,
+    const float share,
     const float beyond)
 {
     for (int k = 0; k < K; ++k) {
-        const float gain = gain_at(drift + TERMS * k, t), mean = means[k * size + i];
-        if (!(fabs(mean - gain) < gain * (noise[k * size + i] + beyond))) return 0;
+        const float gain = gain_at(drift + TERMS * k, t), mean = light[k * size + i];
+        if (!(fabs(mean - gain) < gain * (share_of(sigma, share, k * size + i) + beyond))) return 0;
     }
     return 1;
 }
 
-// The place number j of the outermost ring of R x C places.
-static int on_ring(const int j, const int R, const int C)
+// The place number j of the outermost ring of H x W cells.
+static int on_ring(const int j, const int H, const int W)
 {
-    if (j < C) return j;
-    if (j < 2 * C) return (R - 1) * C + j - C;
-    const int side = j - 2 * C;
-    return (1 + side / 2) * C + (side & 1 ? C - 1 : 0);
+    if (j < W) return j;
+    if (j < 2 * W) return (H - 1) * W + j - W;
+    const int side = j - 2 * W;
+    return (1 + side / 2) * W + (side & 1 ? W - 1 : 0);
 }
 
 __kernel void begin(
@@ -103,17 +85,16 @@ __kernel void begin(
 // on the bits, a work-group per LED.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
 void border_level(
-    __global const float *restrict means,
+    __global const float *restrict light,
     __global const float *restrict old,
     __global float *restrict other,
-    const int H, const int W,
-    const int R, const int C)
+    const int H, const int W)
 {
     __local int counts[GROUP];
     __local uint low, high;
     const int me = get_local_id(0), k = get_group_id(0);
-    const int thin = min(R, C) <= 2;
-    const int ring = thin ? R * C : 2 * C + 2 * (R - 2);
+    const int thin = min(H, W) <= 2;
+    const int ring = thin ? H * W : 2 * W + 2 * (H - 2);
     if (me == 0) {
         low = 0u;
         high = 0xffffffffu;
@@ -123,11 +104,11 @@ void border_level(
         const uint pivot = low + (high - low) / 2;
         int below = 0;
         for (int j = me; j < ring; j += GROUP) {
-            const int i = thin ? j : on_ring(j, R, C);
+            const int i = thin ? j : on_ring(j, H, W);
             float t[TERMS];
-            terms_at(t, i, H, W, C);
+            terms_at(t, i, H, W);
             const float gain = fmax(gain_at(old + TERMS * k, t), DARKEST);
-            below += key_of(means[k * R * C + i] / gain) <= pivot;
+            below += key_of(light[k * H * W + i] / gain) <= pivot;
         }
         counts[me] = below;
         barrier(CLK_LOCAL_MEM_FENCE);
@@ -143,22 +124,22 @@ void border_level(
 }
 
 __kernel void count_calm(
-    __global const float *restrict means,
-    __global const float *restrict noise,
+    __global const float *restrict light,
+    __global const float *restrict sigma,
     __global const float *restrict old,
     __global const float *restrict other,
     __global int *restrict counts,
     const int K, const int H, const int W,
-    const int R, const int C,
+    const float share,
     const float beyond)
 {
     GRID_1(me, WORKERS)
     int calm[2] = {0, 0};
-    for (int i = me; i < R * C; i += WORKERS) {
+    for (int i = me; i < H * W; i += WORKERS) {
         float t[TERMS];
-        terms_at(t, i, H, W, C);
-        calm[0] += is_calm(means, noise, old, t, i, K, R * C, beyond);
-        calm[1] += is_calm(means, noise, other, t, i, K, R * C, beyond);
+        terms_at(t, i, H, W);
+        calm[0] += is_calm(light, sigma, old, t, i, K, H * W, share, beyond);
+        calm[1] += is_calm(light, sigma, other, t, i, K, H * W, share, beyond);
     }
     counts[2 * me] = calm[0];
     counts[2 * me + 1] = calm[1];
@@ -178,31 +159,31 @@ __kernel void choose(
     drift[i] = more > 0 ? other[i] : old[i];
 }
 
-// Sums over the places that are calm under `judge`, of what `known` leaves.
+// Sums over the cells that are calm under `judge`, of what `known` leaves.
 __kernel void tally(
-    __global const float *restrict means,
-    __global const float *restrict noise,
+    __global const float *restrict light,
+    __global const float *restrict sigma,
     __global const float *judge,
     __global const float *known,
     __global float *restrict sums,
     const int K, const int H, const int W,
-    const int R, const int C,
+    const float share,
     const float beyond)
 {
     GRID_1(me, WORKERS)
-    const int size = R * C;
+    const int size = H * W;
     float mine[SUMS];
     for (int j = 0; j < SUMS; ++j) mine[j] = 0.0f;
     for (int i = me; i < size; i += WORKERS) {
         float t[TERMS];
-        terms_at(t, i, H, W, C);
-        if (!is_calm(means, noise, judge, t, i, K, size, beyond)) continue;
+        terms_at(t, i, H, W);
+        if (!is_calm(light, sigma, judge, t, i, K, size, share, beyond)) continue;
         for (int a = 0, j = 0; a < TERMS; ++a)
             for (int b = 0; b <= a; ++b, ++j) mine[j] += t[a] * t[b];
         for (int k = 0; k < K; ++k) {
-            const float left = means[k * size + i] - gain_at(known + TERMS * k, t);
+            const float left = light[k * size + i] - gain_at(known + TERMS * k, t);
             for (int a = 0; a < TERMS; ++a) mine[PAIRS + TERMS * k + a] += t[a] * left;
-            const float chance = noise[k * size + i];
+            const float chance = share_of(sigma, share, k * size + i);
             mine[PAIRS + MOST * TERMS + k] += chance * chance;
         }
     }

@@ -25,6 +25,8 @@ def level_light(light: Light, drift: Drift) -> Light:
         K x 6, as `film_drift` gives it.
     """
     _, rows, columns = light.shape
+    if not drift[:, 1:].any():
+        return light / np.maximum(drift[:, 0], DARKEST)[:, None, None]
     basis = terms(np.arange(rows), np.arange(columns), (rows, columns))
     gain = np.maximum(np.tensordot(drift, basis, axes=1), DARKEST)
     return np.asarray(light / gain, np.float32)
