@@ -26,7 +26,7 @@ def level_light(light: Light, drift: Drift) -> Light:
     """
     _, rows, columns = light.shape
     if not drift[:, 1:].any():
-        return light / np.maximum(drift[:, 0], DARKEST)[:, None, None]
+        return np.asarray(light / np.maximum(drift[:, :1, None], DARKEST), np.float32)
     basis = terms(np.arange(rows), np.arange(columns), (rows, columns))
     gain = np.maximum(np.tensordot(drift, basis, axes=1), DARKEST)
     return np.asarray(light / gain, np.float32)
