@@ -22,7 +22,7 @@ def level_presses(
     image: PressImages,
     flat: Light,
     *,
-    degree: Annotated[int, Interval(ge=0, le=2)] = 2,
+    degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
 ) -> PressImages:
     """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
