@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 RUN    := $(BIN)/tactograph run
 DEMO   := demo
 
-.PHONY: demo test lint ablation clean
+.PHONY: demo demo-live test lint docs ablation clean
 
 # The package and its dependencies; again whenever pyproject.toml changes.
 $(VENV)/.installed: pyproject.toml
@@ -29,10 +29,15 @@ demo: $(VENV)/.installed
 	@echo "--- look at"
 	@ls $(DEMO)/cal.png $(DEMO)/report/*/*/*/height.png $(DEMO)/report/*/*/*/shadow_view.png
 
+# A sensor made of software, pressed by a moving ball, as a live stream of heights.
+LIVE_SECONDS ?= 20
+demo-live: $(VENV)/.installed
+	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)
+
 # What the tests need beyond that: VkFFT, an OpenCL device that works, and a browser.
 $(VENV)/.tested: $(VENV)/.installed
 	sh tests/install_system.sh $(BIN)
-	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint,vkfft]'
+	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint,docs,vkfft]'
 	@touch $@
 
 test: $(VENV)/.tested lint
@@ -42,10 +47,14 @@ test: $(VENV)/.tested lint
 # Type checkers cannot follow the folder mapping of an editable install: show them a tree of links.
 lint: $(VENV)/.tested
 	@mkdir -p .typing/tactograph
-	@for part in graph nodes kernels pipelines; do ln -sfn ../../$$part .typing/tactograph/$$part; done
+	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part .typing/tactograph/$$part; done
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	MYPYPATH=.typing $(BIN)/mypy -p tactograph.graph -p tactograph.nodes
+
+# The documentation as a site, in build/site; links and commands are checked by the tests.
+docs: $(VENV)/.tested
+	$(BIN)/python -m mkdocs build --strict
 
 # The figures and pictures of docs/ablation.md; several minutes.
 ablation: $(VENV)/.installed
