@@ -33,7 +33,7 @@ def integrate_weighted(
     *,
     rounds: Annotated[int, Interval(ge=1, le=50)] = 4,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
-    robust: Annotated[float, Gt(0)] = 2.0,
+    robust: Annotated[float, Ge(0.1)] = 2.0,
     ease: Annotated[float, Ge(1)] = 1.0,
     bend: Annotated[float, Ge(0)] = 0.5,
     floor: Annotated[float, Gt(0)] = 0.05,
