@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
@@ -36,8 +36,8 @@ def integrate_weighted(
     robust: Annotated[float, Ge(0.1)] = 2.0,
     ease: Annotated[float, Ge(1)] = 1.0,
     bend: Annotated[float, Ge(0)] = 0.5,
-    floor: Annotated[float, Gt(0)] = 0.05,
-    rise_px: Annotated[float, Gt(0)] = 0.5,
+    floor: Annotated[float, Ge(0.01)] = 0.05,
+    rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> Height:
     """Return the height that agrees best with slopes, shadows and the film at rest.
 
