@@ -296,4 +296,5 @@ def test_differences_are_told_node_by_node() -> None:
     found = differences(base, read_graph("reconstruct_no_flat"))
     assert Difference("smooth", "added", "", "estimate_flat") in found
     assert Difference("raw", "op", "integrate_frankot_chellappa", "integrate_dct") in found
-    assert Difference("light", "input flat", "cal.flat", "smooth") in found
+    without = differences(base, read_graph("paper_no_flat"))
+    assert Difference("light", "input flat", "cal.flat", "smooth") in without

@@ -72,6 +72,18 @@ MUTANTS = {
         "rows not mixed": ("row - (float)above)", "0.0f)"),
         "the nearest column": ("right = min(left + 1, w - 1)", "right = left"),
     },
+    "level_light": {
+        "drift of the first LED for all": ("drift + 6 * k", "drift"),
+        "across the rows only": ("c[2] * v", "c[2] * u"),
+        "times instead of over": ("light[i] / fmax", "light[i] * fmax"),
+    },
+    "film_drift": {
+        "no memory": ("has_before ? before[i]", "0 ? before[i]"),
+        "touched cells count too": (
+            "return 0;\n    }\n    return 1;",
+            "return 1;\n    }\n    return 1;",
+        ),
+    },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
         "variance instead": ("sqrt(variance)", "variance"),
