@@ -264,7 +264,6 @@ def batch(out: Path, name: str) -> list[str]:
     return [
         "batch", "reconstruct", f"calibration={(out / 'cal.npz').resolve()}",
         "--over", f"{(out / 'captures').resolve()}/*", "--out", str((out / name).resolve()),
-        "--backend", "numpy",
     ]  # fmt: skip
 
 

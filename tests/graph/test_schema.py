@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ from tactograph.graph.find import builtin_names
 from tactograph.graph.read import graph_file, shipped_names
 from tactograph.graph.schema import make_schema
 from tactograph.graph.strict_yaml import parse_yaml, read_yaml
+from tests.conftest import ROOT
 from tests.graph.conftest import SLOPES
 
 
@@ -30,6 +32,18 @@ def slopes() -> dict[str, Any]:
 
 def test_the_schema_is_a_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(make_schema())
+
+
+def test_the_schema_beside_the_pipelines_is_of_these_nodes() -> None:
+    """If not: ``tactograph schema > pipelines/pipeline.schema.json``."""
+    kept = json.loads((ROOT / "pipelines" / "pipeline.schema.json").read_text())
+    assert kept == json.loads(json.dumps(make_schema()))
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_a_shipped_graph_tells_editors_where_the_schema_is(name: str) -> None:
+    first = Path(graph_file(name)).read_text().partition("\n")[0]
+    assert first == "# yaml-language-server: $schema=pipeline.schema.json"
 
 
 def test_the_schema_is_the_same_every_time() -> None:
