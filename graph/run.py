@@ -303,8 +303,17 @@ class Pipeline:
 
     def _stand_in(self, name: str, array: NDArray[Any]) -> Any:
         record = self.plan.tasks[name].node.output_record
-        stack = _as_stack(array)
+        stack = _checked_stack(array)
+        port = next(iter(self.plan.tasks[name].node.outputs))
+        if stack.dtype.kind == "u" and not self._goes_up(Value(name, port)):
+            stack = np.asarray(stack / np.float32(np.iinfo(stack.dtype).max), np.float32)
         return stack if record is None else record(stack)
+
+    def _goes_up(self, value: Value) -> bool:
+        """Whether the device alone reads a value, so that it may go there as it came."""
+        readers = [step for step in self.plan.steps if value in step.reads]
+        host = value in self.plan.outputs.values() or value in self._recalled
+        return not host and bool(readers) and all(step.kind == "upload" for step in readers)
 
     def _execute(
         self,
@@ -335,7 +344,9 @@ class Pipeline:
         if step.kind == "download":
             self._host[value] = self._device.download(self._remote[value])
         elif self._host[value] is not None:
-            self._remote[value] = self._device.upload(self._host[value])
+            array = self._host[value]
+            upload = self._device.upload_fraction if _is_whole(array) else self._device.upload
+            self._remote[value] = upload(array)
         self._times[step.name] = 1e3 * (time.perf_counter() - start)
 
     def _fill(self, task: Task, step: Step, sizes: Mapping[str, int]) -> None:
@@ -401,7 +412,8 @@ class Pipeline:
             port = task.node.outputs[name]
             unread = task.node.wanted is not None and name not in self._wanted[task.id]
             if port.kind == "array" and not (result is None and (port.optional or unread)):
-                result = _as_declared(task, name, result)
+                if not (task.id in given and _is_whole(result)):
+                    result = _as_declared(task, name, result)
                 self.plan.sizes.bind(known, task, name, result.shape)
             self._host[Value(task.id, name)] = result
 
@@ -626,12 +638,20 @@ def _as_declared(task: Task, name: str, array: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(array)
 
 
-def _as_stack(array: NDArray[Any]) -> NDArray[np.float32]:
+def _is_whole(array: Any) -> bool:
+    """Whether light is still the camera's unsigned integers; labels never are handed in."""
+    return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
+
+
+def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
+    """K x H x W: 8 or 16 bits as they came, everything else as float32."""
     found = np.asarray(array)
     if found.ndim != 3:
         raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
     if not found.size:
         raise InputError(f"a stack of images of shape {found.shape} holds no pixel")
+    if found.dtype in (np.uint8, np.uint16):
+        return found
     if found.dtype.kind == "u":
         return np.asarray(found / np.float32(np.iinfo(found.dtype).max), np.float32)
     if found.dtype.kind != "f":

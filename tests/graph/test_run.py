@@ -398,3 +398,20 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another(
     for thread in threads:
         thread.join()
     assert wrong == []
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("op", ["flat_field", "doubled"])
+def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
+    toys: list[str], write: Write, dtype: type, op: str
+) -> None:
+    text = WAITING.replace(
+        "  frames:", "  more: {op: doubled, in: {image: frames.image}}\n  frames:"
+    )
+    # With a reader on the host the integers cannot go to the device as they came.
+    graph = write(text if op == "doubled" else WAITING)
+    stack = np.arange(60, dtype=dtype).reshape(3, 4, 5) * dtype(4)
+    on_host = load(graph, backend="numpy")(frames=stack)["light"]
+    on_device = load(graph, backend="opencl")(frames=stack)["light"]
+    np.testing.assert_array_equal(on_device, on_host)
+    np.testing.assert_array_equal(on_host, stack / np.float32(np.iinfo(dtype).max))
