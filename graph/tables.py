@@ -147,7 +147,8 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
     for heading in _row_headings(lines):
         table.add_column(heading, no_wrap=True)
     for name in columns(lines):
-        table.add_column(words(name), justify="right")
+        longest = max(map(len, words(name).split()))
+        table.add_column(words(name), justify="right", min_width=longest)
     for line in shown:
         cells = [_starred(line, name, shown) for name in columns(lines)]
         table.add_row(*_row_labels(line, lines), *cells)

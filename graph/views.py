@@ -1,8 +1,9 @@
 """What of a result can be looked at: picked by type, with no knowledge of its meaning.
 
 A float array H x W is a map, an unsigned one whose unit speaks of bits holds labels, a float
-array K x H x W is a stack of images.  A view called ``truth``, or ``truth_`` and something,
-is the truth for the views of the same kind and unit.
+array K x H x W is a stack of images.  A view called ``truth_shadow`` is the truth for the view
+``shadow``; one whose name says nothing of that kind, such as ``truth``, is the truth for the
+first view of its kind and unit.
 """
 
 from __future__ import annotations
@@ -53,14 +54,17 @@ def views_of(result: Result) -> list[View]:
 
 def find_truth(view: View, views: Mapping[str, View]) -> View | None:
     """The truth for `view` among `views`, if it is there."""
-    fitting = [
-        other
-        for other in views.values()
-        if other.is_truth
-        and (other.kind, other.unit) == (view.kind, view.unit)
-        and other.array.shape == view.array.shape
-    ]
-    return next((v for v in fitting if v.name == f"truth_{view.name}"), next(iter(fitting), None))
+    for truth in views.values():
+        if truth.is_truth and _is_alike(truth, view):
+            others = [v for v in views.values() if not v.is_truth and _is_alike(truth, v)]
+            named = (v for v in others if truth.name == f"truth_{v.name}")
+            if next(named, others[0]).name == view.name:
+                return truth
+    return None
+
+
+def _is_alike(one: View, other: View) -> bool:
+    return (one.kind, one.unit, one.array.shape) == (other.kind, other.unit, other.array.shape)
 
 
 def save_views(views: list[View], folder: Path) -> None:

@@ -146,7 +146,7 @@ static void scan_leaf(
     #pragma unroll
     for (int e = 0; e < LEAF; ++e) {
         const ints here = (ints)(numbers[e]);
-        number = (square[e] == least) & (here < number) ? here : number;
+        number = ((square[e] == least) & (here < number)) ? here : number;
     }
     const ints closer = (least < nearest->square)
         | ((least == nearest->square) & (number < nearest->number));

@@ -85,7 +85,18 @@ def _summary(number: int, result: Result) -> str:
         for name, figure in value.items()
     }
     words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
-    width = max(map(len, (*figures, *words)), default=0)
-    lines = [f"  {name:<{width}}  {figure:.4g}" for name, figure in figures.items()]
-    lines += [f"  {name:<{width}}  {text}" for name, text in words.items()]
+    shown = {**_in_rows(figures), **words}
+    width = max(map(len, shown), default=0)
+    lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     return "\n".join([f"{number}: {times}", *lines])
+
+
+def _in_rows(figures: dict[str, float]) -> dict[str, str]:
+    """Figures as text, the parts of one, ``x/led1``, ``x/led2``, in its row."""
+    rows: dict[str, list[str]] = {}
+    for name, figure in figures.items():
+        whole, _, part = name.partition("/")
+        # Counts in full, measurements to four digits.
+        text = f"{int(figure)}" if float(figure).is_integer() else f"{figure:.4g}"
+        rows.setdefault(whole, []).append(f"{part} {text}".strip().ljust(len(part) + 7))
+    return {name: "  ".join(texts).rstrip() for name, texts in rows.items()}

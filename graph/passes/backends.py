@@ -44,7 +44,8 @@ def _place(task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device
         return Placement("opencl", "the graph file says so")
     if not task.node.has_kernel:
         return Placement("numpy", "has no OpenCL kernel")
-    if obstacle is None and task.node.on_cpu and device and device.is_cpu and "numpy" in prefer:
+    # Also where a library is missing that only the device would need: it would not be used.
+    if task.node.on_cpu and device and device.is_cpu and "numpy" in prefer:
         return Placement("numpy", f"faster than on a CPU device: {task.node.on_cpu}")
     for rank, backend in enumerate(prefer):
         if backend == "numpy":

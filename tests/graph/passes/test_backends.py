@@ -85,14 +85,24 @@ def test_if_numpy_is_preferred_nothing_falls_back(write: Write, device: OpenCL) 
 
 
 def test_a_library_that_is_missing_is_named_with_its_remedy(
-    write: Write, device: OpenCL, without_vkfft: None
+    write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(device, "is_cpu", False)
     plan = planned(write(SLOPES), device)
     assert plan.placements["slope"].backend == "opencl"
     assert plan.fallbacks == [
         "again runs on numpy: opencl is preferred, but pyvkfft is not installed "
         "(pip install 'tactograph[vkfft]')"
     ]
+
+
+def test_a_library_that_would_not_be_used_is_not_asked_for(
+    write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device, "is_cpu", True)
+    plan = planned(write(SLOPES), device)
+    assert plan.placements["again"].why.startswith("faster than on a CPU device")
+    assert plan.fallbacks == []
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
