@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "float_keys.clh"
 
 #define GROUP 64
 #define TERMS 6
@@ -9,18 +10,6 @@
 #define DARKEST 0.02f
 #define FEWEST 0.05f
 #define HELD 0.003f
-
-// Order-preserving map of floats to unsigned integers, and back.
-static uint key_of(const float value)
-{
-    const uint bits = as_uint(value);
-    return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
-}
-
-static float value_of(const uint key)
-{
-    return as_float(key & 0x80000000u ? key & 0x7fffffffu : ~key);
-}
 
 static void terms_at(float *t, const int i, const int H, const int W)
 {

@@ -1,18 +1,7 @@
 #include "common.clh"
+#include "float_keys.clh"
 
 #define GROUP 64
-
-// Order-preserving map of floats to unsigned integers, and back.
-static uint key_of(const float value)
-{
-    const uint bits = as_uint(value);
-    return bits & 0x80000000u ? ~bits : bits | 0x80000000u;
-}
-
-static float value_of(const uint key)
-{
-    return as_float(key & 0x80000000u ? key & 0x7fffffffu : ~key);
-}
 
 // The lower median of the border by bisection on the bits; one work-group.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
