@@ -9,7 +9,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.errors import GraphError, InputError, NodeError, TactographError, warn
+from tactograph.graph.errors import (
+    EndOfStream,
+    GraphError,
+    InputError,
+    NodeError,
+    TactographError,
+    warn,
+)
 from tactograph.graph.node import Node, Parts, SizeLimit, node
 from tactograph.graph.ports import Port
 from tactograph.graph.provenance import Provenance
@@ -23,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "EVERYTHING",
     "Close",
+    "EndOfStream",
     "Exact",
     "Flips",
     "GraphError",

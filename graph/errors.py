@@ -28,6 +28,10 @@ class NodeError(TactographError):
     """A node broke its own declaration, or failed for a reason that is not the user's."""
 
 
+class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
+    """A sink raises it when it wants no further item: this one counts, and the stream ends."""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known word, else an empty string."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)

@@ -18,6 +18,7 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL, Timer, milliseconds
 from tactograph.graph.errors import (
+    EndOfStream,
     InputError,
     NodeError,
     TactographError,
@@ -89,6 +90,7 @@ class Pipeline:
         self._iterator: Iterator[Any] | None = None
         self._total = 0.0
         self._prepared = False
+        self._ended = False
         self._once = self._split(stream=False)
         self._stream = self._split(stream=True)
         for task in plan.tasks.values():
@@ -128,6 +130,8 @@ class Pipeline:
     def items(self, repeats: int = 1) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.
 
+        The stream ends with its source, or after an item at which a sink raised `EndOfStream`.
+
         Parameters
         ----------
         repeats
@@ -151,9 +155,10 @@ class Pipeline:
 
     def _all_items(self, source: Task, repeats: int) -> Iterator[Result]:
         keywords = {**source.settings, **self._session(source)}
+        self._ended = False
         with collect_warnings(self._notes), blaming(source):
             iterator = self._iterator = iter(source.node(**keywords))
-        while True:
+        while not self._ended:
             self._begin()
             start = time.perf_counter()
             with collect_warnings(self._notes), blaming(source):
@@ -283,7 +288,11 @@ class Pipeline:
         for name in self._times if repeats > 1 else ():
             self._times[name] = median(run[name] for run in runs[1:])
         for step in sinks:
-            self._execute(step, known, {}, given)
+            try:
+                self._execute(step, known, {}, given)
+            except EndOfStream:
+                # The other sinks take this item, too.
+                self._ended = True
 
     def _compute(
         self, steps: list[Step], known: dict[Symbol, Bound], given: Mapping[str, Any]
@@ -586,7 +595,7 @@ def blaming(task: Task) -> Iterator[None]:
     """Turn an unexpected exception of a node into one line that names the node."""
     try:
         yield
-    except TactographError:
+    except (TactographError, EndOfStream):
         raise
     except Exception as error:
         raise NodeError(

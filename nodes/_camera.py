@@ -47,8 +47,8 @@ class Capture(Protocol):
 class Wanted:
     """What the camera is asked for; None leaves a property as the driver has it."""
 
-    width: int
-    height: int
+    width: int | None
+    height: int | None
     rate: float
     exposure: float | None = None
     gain: float | None = None
@@ -89,8 +89,8 @@ def settle(capture: Capture, wanted: Wanted) -> list[str]:
         (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
     ]
     chosen = [
-        (cv2.CAP_PROP_FRAME_WIDTH, float(wanted.width), "width", True),
-        (cv2.CAP_PROP_FRAME_HEIGHT, float(wanted.height), "height", True),
+        (cv2.CAP_PROP_FRAME_WIDTH, wanted.width, "width", True),
+        (cv2.CAP_PROP_FRAME_HEIGHT, wanted.height, "height", True),
         (cv2.CAP_PROP_FPS, wanted.rate, "frames per second", True),
         (cv2.CAP_PROP_EXPOSURE, wanted.exposure, "exposure", True),
         (cv2.CAP_PROP_GAIN, wanted.gain, "gain", True),
@@ -102,7 +102,7 @@ def settle(capture: Capture, wanted: Wanted) -> list[str]:
     for prop, value, name, matters in automatic + chosen:
         if value is None:
             continue
-        capture.set(prop, value)
+        capture.set(prop, float(value))
         found = capture.get(prop)
         if matters and abs(found - value) > 0.02 * max(abs(value), 1):
             refused.append(f"the camera keeps {name} at {found:g} instead of {value:g}")
@@ -206,10 +206,11 @@ class Camera:
                 "whether you are in the group 'video'"
             )
         height, width = first.data.shape
-        if (width, height) != (self._wanted.width, self._wanted.height):
+        wanted = self._wanted.width or width, self._wanted.height or height
+        if (width, height) != wanted:
             raise InputError(
                 f"camera={name}: delivers {width} x {height} pixels, but the calibration is for "
-                f"{self._wanted.width} x {self._wanted.height}; calibrate with this camera"
+                f"{wanted[0]} x {wanted[1]}; calibrate with this camera"
             )
 
     def reopen(self) -> None:

@@ -60,6 +60,12 @@ class Lamps(Protocol):
     def shift(self, steps: float) -> None:
         """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
 
+    def hold(self, led: int) -> None:
+        """Light one LED, 0 for none, until the cycle is resumed."""
+
+    def resume(self) -> None:
+        """Start the cycle again."""
+
     def news(self) -> list[str]:
         """What happened since this was last asked, a line each."""
 
@@ -77,6 +83,16 @@ class FreeLamps:
 
     def shift(self, steps: float) -> None:
         """Not possible."""
+
+    def hold(self, led: int) -> None:
+        """Not possible either, and needed."""
+        raise InputError(
+            "port=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
+            "images of your own (tactograph run calibrate capture=DIR flat=DIR)"
+        )
+
+    def resume(self) -> None:
+        """They never stopped."""
 
     def news(self) -> list[str]:
         """Nothing."""
@@ -127,6 +143,15 @@ class ControlledLamps:
             time.sleep(max(wait, 0))
         self._start()
 
+    def hold(self, led: int) -> None:
+        """Light one LED, 0 for none, until the cycle is resumed."""
+        self._controller.set(led)
+
+    def resume(self) -> None:
+        """Start the cycle again."""
+        self._shifts += 1
+        self._start()
+
     def news(self) -> list[str]:
         """What happened to the controller, a line each."""
         return self._controller.news()
@@ -149,26 +174,36 @@ class ControlledLamps:
 
 
 @dataclass
-class Sensor:
-    """What `read_camera` works with.
+class Rig:
+    """A camera and its LEDs at work; what their film looks like is not known yet.
 
     Attributes
     ----------
-    film, dark
-        From the calibration.
     table, board, link
         The sensor and the controller made of software, and the path that leads to its port.
     """
 
     camera: Camera
     lamps: Lamps
-    film: Film
-    dark: Dark
     cycle: tuple[int, ...]
     rate: float
-    table: SimulatedSensor | None = None
-    board: SimulatedController | None = None
-    link: Path | None = None
+    table: SimulatedSensor | None
+    board: SimulatedController | None
+    link: Path | None
+
+    def with_film(self, flat: Light, dark: Dark) -> Sensor:
+        """The sensor, once its film at rest is known: K x H x W and H x W."""
+        return Sensor(
+            self.camera,
+            self.lamps,
+            self.cycle,
+            self.rate,
+            self.table,
+            self.board,
+            self.link,
+            make_film(flat, dark),
+            dark,
+        )
 
     def truth(self, end: float) -> Height | None:
         """The true height of a frame whose exposure ended at `end`, where it is known."""
@@ -183,6 +218,14 @@ class Sensor:
                 stack.callback(shutil.rmtree, self.link.parent, ignore_errors=True)
             stack.callback(self.camera.close)
             stack.callback(self.lamps.close)
+
+
+@dataclass
+class Sensor(Rig):
+    """What `read_camera` works with: the rig, and its film from the calibration."""
+
+    film: Film
+    dark: Dark
 
 
 def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
@@ -206,16 +249,39 @@ def open_sensor(
     queue: int = 8,
     timeout: float = 0.5,
 ) -> Sensor:
-    """Open what `read_camera` is asked to read.
+    """Open what `read_camera` is asked to read, as `open_rig` does.
+
+    Parameters
+    ----------
+    flat, dark
+        From the calibration, K x H x W and H x W.
+    """
+    rig = open_rig(
+        camera, port, wanted, leds=len(flat), ambient=ambient, queue=queue, timeout=timeout
+    )
+    return rig.with_film(flat, dark)
+
+
+def open_rig(
+    camera: int | str,
+    port: str | None,
+    wanted: Wanted,
+    *,
+    leds: int,
+    ambient: bool = False,
+    queue: int = 8,
+    timeout: float = 0.5,
+) -> Rig:
+    """Open a camera and start the cycle of its LEDs.
 
     Parameters
     ----------
     camera, port
         As for `read_camera`.
-    flat, dark
-        From the calibration, K x H x W and H x W.
     wanted
         What the camera is asked for.
+    leds
+        How many LEDs there are.
     ambient
         Whether the cycle has a step with all LEDs off.
     queue, timeout
@@ -226,7 +292,7 @@ def open_sensor(
     InputError
         If the camera or the controller cannot be opened.
     """
-    cycle = (*range(1, len(flat) + 1), *((0,) if ambient else ()))
+    cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
     table: SimulatedSensor | None = None
     board: SimulatedController | None = None
     link: Path | None = None
@@ -237,7 +303,7 @@ def open_sensor(
         if port == SIMULATED:
             # Plugged in again, a controller has another port; a link leads to it, as udev's do.
             link = Path(mkdtemp()) / "controller"
-            board = SimulatedController(leds=len(flat), link=link)
+            board = SimulatedController(leds=leds, link=link)
             port, lit_between = str(link), board.lit_between
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
     elif port == SIMULATED:
@@ -247,14 +313,13 @@ def open_sensor(
         connect = partial(open_capture, camera)
     lamps = open_lamps(port, cycle, wanted.rate)
     source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
-    film = make_film(flat, dark)
-    sensor = Sensor(source, lamps, film, dark, cycle, wanted.rate, table, board, link)
+    rig = Rig(source, lamps, cycle, wanted.rate, table, board, link)
     try:
         source.check(START_S, camera)
     except InputError:
-        sensor.close()
+        rig.close()
         raise
-    return sensor
+    return rig
 
 
 def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:

@@ -56,7 +56,9 @@ class Scene:
     """The sensor and the ball that presses it; defaults agree with the graph `simulate`.
 
     The ball's axis runs round a circle of `path_mm` once in `period_s`, and in `press_s` the
-    ball goes down to `depth_mm` and up again.
+    ball goes down to `depth_mm` and up again.  Pressed `by_hand`, it stays away for `rest_s`,
+    and then comes down once in every `press_s`, each time elsewhere within `path_mm` of the
+    middle, and is held still for half of the time.
     """
 
     width_px: Annotated[int, Interval(ge=8, le=4096)] = 640
@@ -69,6 +71,8 @@ class Scene:
     path_mm: Annotated[float, Ge(0)] = 3.0
     period_s: Annotated[float, Gt(0)] = 20.0
     press_s: Annotated[float, Gt(0)] = 8.0
+    by_hand: bool = False
+    rest_s: Annotated[float, Ge(0)] = 6.0
     exposure_s: Annotated[float, Gt(0)] = 0.02
     readout_s: Annotated[float, Ge(0)] = 0.0
     ambient: Annotated[float, Ge(0)] = 0.0
@@ -151,10 +155,22 @@ class SimulatedSensor:
     def place(self, moment: float) -> tuple[float, float, float]:
         """The ball at a moment: x and y of its axis from the middle, its depth; all mm."""
         scene, since = self.scene, moment - self.start
+        if scene.by_hand:
+            return self._place_by_hand(since - scene.rest_s)
         turn = 2 * math.pi * since / scene.period_s
         down = 0.5 - 0.5 * math.cos(2 * math.pi * since / scene.press_s)
         x, y = scene.path_mm * math.cos(turn), scene.path_mm * math.sin(turn)
         return x, y, scene.depth_mm * down
+
+    def _place_by_hand(self, since: float) -> tuple[float, float, float]:
+        """The ball's place, `since` seconds after the film was left alone for long enough."""
+        scene = self.scene
+        count, part = divmod(max(since, 0.0) / scene.press_s, 1)
+        # Roberts' sequence: any run of it, and any stride through it, fills the film evenly.
+        x, y = (2 * ((0.5 + step * count) % 1) - 1 for step in (0.7548776662, 0.5698402910))
+        down = np.interp(part, (0, 0.1, 0.55, 0.65), (0, 1, 1, 0)) if since > 0 else 0.0
+        narrow = scene.height_px / scene.width_px
+        return scene.path_mm * x, scene.path_mm * narrow * y, scene.depth_mm * float(down)
 
     def truth(self, end: float) -> F4:
         """The true height, H x W in mm, of a frame whose exposure ended at `end`."""

@@ -25,6 +25,7 @@ class Flat(NamedTuple):
 def read_flat(
     image: Light,
     estimate: Light | None = None,
+    black: Dark | None = None,
     *,
     folder: Path | None = None,
     dark: Path | None = None,
@@ -42,12 +43,14 @@ def read_flat(
         K x H x W, the capture that the flat has to fit.
     estimate
         K x H x W, what to use where there is no folder, as `estimate_flat` gives it.
+    black
+        H x W, what to use where no `dark` is named; None: black.
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, the light is taken to be uniform, and a warning
         says so.
     dark
-        One image taken with all LEDs off.  None: black.
+        One image taken with all LEDs off.
     lights, leds, files, crop
         As for `read_capture`.
     smooth_px
@@ -59,7 +62,10 @@ def read_flat(
         If the folder or image cannot be read, or is of another size than `image`.
     """
     height, width = image.shape[1:]
-    black = np.zeros((height, width), np.float32) if dark is None else _read_dark(dark, crop)
+    if black is None:
+        black = np.zeros((height, width), np.float32)
+    if dark is not None:
+        black = _read_dark(dark, crop)
     if black.shape != (height, width):
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
