@@ -137,6 +137,7 @@ class Guide:
         self._still, self._patience = still_s, patience_s
         self._seen: deque[tuple[float, F4]] = deque()
         self._told = {SAYS[fault] for fault in HARMLESS}
+        self._ready = False
 
     def next_press(self) -> Touch | None:
         """The next press, held still, after the film was left alone; None if there is none."""
@@ -159,14 +160,16 @@ class Guide:
                 return None
             self._tell_once(faults)
             if self._state(touch) == state:
+                self._ready = True
                 return touch
             if time.monotonic() - reminded > REMIND_S:
                 reminded = time.monotonic()
                 tell(line)
 
     def _tell_once(self, faults: list[str]) -> None:
+        """Tell each fault once, but not those of finding the LEDs' phase at the start."""
         for fault in faults:
-            if fault not in self._told:
+            if self._ready and fault not in self._told:
                 self._told.add(fault)
                 tell(f"warning: {fault}")
         faults.clear()

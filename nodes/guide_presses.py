@@ -19,10 +19,10 @@ from tactograph.nodes._guide import Guide, film_at_rest, tell
 from tactograph.nodes._sensor import open_rig
 from tactograph.nodes._sheet import SheetLight
 from tactograph.nodes._stream import Stream
-from tactograph.nodes.find_ball import find_ball
+from tactograph.nodes.find_ball import Ball, find_ball
 from tactograph.nodes.flat_field import flat_field
 from tactograph.nodes.read_balls import KnownCircles, Radii, read_balls
-from tactograph.nodes.read_capture import MOST_LEDS
+from tactograph.nodes.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.read_flat import read_flat
 
 FULL, MOST_FULL = 0.998, 0.01
@@ -117,13 +117,15 @@ def guide_presses(
         guide = Guide(sensor.film, Stream(sensor, "cycle", full), still_s, patience_s)
         taken = 0
         while (press := guide.next_press()) is not None:
-            why = _unusable(press.image, film.flat, film.dark, pixel_size_mm, ball_radius_mm)
-            if why:
-                tell(f"{why}: let go, and press again.")
+            try:
+                ball = _ball(press.image, film.flat, film.dark, pixel_size_mm, ball_radius_mm)
+            except InputError as error:
+                tell(f"{error}: let go, and press again.")
                 continue
             taken += 1
             frames = {frame.led: frame.data for frame in press.new}
-            _save_press(folder / "pressed" / f"{taken:02}", frames, ball_radius_mm, bits)
+            about = _about(ball_radius_mm, ball, bits)
+            _save_press(folder / "pressed" / f"{taken:02}", frames, about)
             tell(f"Press {taken} is taken: let go.")
             yield GuidedPresses(*read_balls(folder=folder / "pressed"), *film)
         if not taken:
@@ -136,16 +138,23 @@ def guide_presses(
         rig.close()
 
 
-def _unusable(image: Light, flat: Light, dark: Dark, pixel: float, radius_mm: float) -> str:
-    """Why a press is not taken; empty if it is."""
+def _ball(image: Light, flat: Light, dark: Dark, pixel: float, radius_mm: float) -> Ball:
+    """Where the ball touches; an error if the press is of no use."""
     full = float((image >= FULL).mean())
     if full > MOST_FULL:
-        return f"{full:.0%} of the picture is saturated, expose shorter"
+        raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
     try:
-        find_ball(flat_field(image, flat, dark), pixel, radius_mm=radius_mm)
+        return find_ball(flat_field(image, flat, dark), pixel, radius_mm=radius_mm)
     except InputError:
-        return f"No ball of radius {radius_mm:g} mm is seen"
-    return ""
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+
+
+def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
+    """What is known of a press, so that its ball is searched for only once."""
+    x, y = ball.center.tolist()
+    return CaptureFile(
+        ball_radius_mm=radius_mm, ball_center_px=[x, y], ball_contact_px=ball.contact, bits=bits
+    )
 
 
 def _save_film(folder: Path, image: Light, dark: Dark) -> None:
@@ -161,10 +170,10 @@ def _levels(plane: F4) -> NDArray[np.uint16]:
     return np.rint(plane * 65535).astype(np.uint16)
 
 
-def _save_press(folder: Path, frames: dict[int, Plane], radius_mm: float, bits: int | None) -> None:
+def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:
     """A capture as `read_balls` reads it: the frames as they came, and what pressed."""
     with whole_files(folder) as target:
         for led, data in frames.items():
             cv2.imwrite(str(target / f"led{led}.png"), data)
-        about = f"ball_radius_mm: {radius_mm:.6f}\n" + (f"bits: {bits}\n" if bits else "")
-        (target / "capture.yaml").write_text(about)
+        # JSON is YAML, too.
+        (target / "capture.yaml").write_text(about.model_dump_json(exclude_none=True) + "\n")

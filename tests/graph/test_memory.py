@@ -161,3 +161,22 @@ patch:
 def test_an_unknown_input_is_answered_with_those_there_are(toys: list[str], write: Write) -> None:
     with pytest.raises(GraphError, match=r"it takes: image, truth"):
         opened(write(STREAM.replace("truth: frames.truth", "elevation: frames.truth")))
+
+
+def test_a_sink_may_end_the_stream_and_all_sinks_take_its_last_item(
+    toys: list[str], write: Write, tactograph: Command
+) -> None:
+    text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 9}")
+    text = text.replace("  save:", "  enough: {op: enough, in: {image: frames.image}}\n  save:")
+    outcome = tactograph("run", write(text), "--backend", "numpy")
+    assert outcome.code == 0, outcome.err
+    assert "stopped" not in outcome.err
+    assert [call for call in toys if call.startswith("enough")] == ["enough 1", "enough 2"]
+    assert toys[-1] == "camera closed"
+    assert sum(call.startswith("noted") for call in toys) == 2
+
+
+def test_a_stream_that_a_sink_ended_can_run_again(toys: list[str], write: Write) -> None:
+    text = STREAM.replace("  save:", "  enough: {op: enough, in: {image: frames.image}}\n  save:")
+    pipeline = opened(write(text))
+    assert [len(list(pipeline.items())) for _ in range(2)] == [2, 2]

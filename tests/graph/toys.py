@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import (
     EVERYTHING,
+    EndOfStream,
     InputError,
     Parts,
     Port,
@@ -82,6 +83,14 @@ def endless_touches(*, stop_at: int = 3) -> Iterator[Touch]:
             yield Touch(np.full((3, 4, 5), number, np.float32), f"touch{number}")
     finally:
         CALLS.append("camera closed")
+
+
+@node
+def enough(image: Light, *, number: int = 2) -> None:
+    """A sink that wants no further item."""
+    CALLS.append(f"enough {image[0, 0, 0]:.0f}")
+    if image[0, 0, 0] >= number:
+        raise EndOfStream
 
 
 @node
@@ -277,5 +286,5 @@ TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
-    "filed", "strips", "halves", "bright",
+    "filed", "strips", "halves", "bright", "enough",
 )  # fmt: skip
