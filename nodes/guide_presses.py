@@ -27,6 +27,8 @@ from tactograph.nodes.read_flat import read_flat
 
 FULL, MOST_FULL = 0.998, 0.01
 """Light that counts as saturated, and the share of pixels that may be."""
+SMALLEST_PX = 10.0
+"""Radius of a contact that holds enough pixels to fit an LED's light by."""
 
 
 class GuidedPresses(NamedTuple):
@@ -144,9 +146,12 @@ def _ball(image: Light, flat: Light, dark: Dark, pixel: float, radius_mm: float)
     if full > MOST_FULL:
         raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
     try:
-        return find_ball(flat_field(image, flat, dark), pixel, radius_mm=radius_mm)
+        ball = find_ball(flat_field(image, flat, dark), pixel, radius_mm=radius_mm)
     except InputError:
         raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+    if ball.contact < SMALLEST_PX:
+        raise InputError(f"the contact is only {2 * ball.contact:.0f} px wide, press deeper")
+    return ball
 
 
 def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:

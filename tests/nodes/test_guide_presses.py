@@ -21,9 +21,9 @@ from tactograph.nodes.read_calibration import read_calibration
 
 SCENE = (
     "simulated?by_hand=true&width_px=160&height_px=120&pixel_size_mm=0.15&slant_deg=33"
-    "&distance_mm=60&radius_mm=4&depth_mm=1.5&path_mm=8&press_s=2"
+    "&distance_mm=60&radius_mm=3&depth_mm=1.1&path_mm=8&press_s=2"
 )
-GIVEN = {"port": "simulated", "ball_radius_mm": 4.0, "pixel_size_mm": 0.15}
+GIVEN = {"port": "simulated", "ball_radius_mm": 3.0, "pixel_size_mm": 0.15}
 GOOD: Metrics = {
     "heldout_normal_deg": 0.5,
     "heldout_height_um": 3.0,
@@ -104,8 +104,8 @@ def test_a_wrong_ball_is_told_and_not_taken(
             raise KeyboardInterrupt(line)
 
     monkeypatch.setattr("tactograph.nodes.guide_presses.tell", stop)
-    given = GIVEN | {"ball_radius_mm": 40.0}
-    with pytest.raises(KeyboardInterrupt, match="no ball of radius 40 mm is seen: let go"):
+    given = GIVEN | {"ball_radius_mm": 0.5}
+    with pytest.raises(KeyboardInterrupt, match=r"no ball of radius 0\.5 mm is seen: let go"):
         next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
     assert not (tmp_path / "cal_presses" / "pressed").exists()
 
