@@ -188,9 +188,13 @@ def read_truth(file: Path) -> NDArray[np.float32]:
     array = _numbers(file)
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise InputError(f"{file}: a height map is one two-dimensional array of numbers")
-    if not np.isfinite(array).all():
+    if not array.size:
+        raise InputError(f"{file}: a height map of shape {array.shape} holds no pixel")
+    with np.errstate(over="ignore"):  # what is too large for float32 becomes infinite, and told
+        height = np.asarray(array, np.float32)
+    if not np.isfinite(height).all():
         raise InputError(f"{file}: holds NaN or infinite values")
-    return np.asarray(array, np.float32)
+    return height
 
 
 def _numbers(file: Path) -> NDArray[Any]:

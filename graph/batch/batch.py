@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
@@ -11,9 +10,8 @@ from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store,
 from tactograph.graph.batch.work import Chunk, Tally, find_map_types
 from tactograph.graph.dump import dump_graph
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.model import Graph
+from tactograph.graph.model import NOT_GIVEN, Graph
 from tactograph.graph.passes import names
-from tactograph.graph.run import placeholders
 
 TRIES = 20
 """So many captures are tried to find out what maps look like."""
@@ -61,6 +59,13 @@ def make_job(
             f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
             f"a capture; say which with --param (it has: {', '.join(graph.params)})"
         )
+    if graph.params[param].kind != "path":
+        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
+    for name, option in ((param, "--over"), ("out", "--out")):
+        if name in given:
+            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
+    if not out.strip():
+        raise InputError("--out is empty; give NAME.zarr, or a folder")
     folders = None if out.rstrip("/").endswith(".zarr") else absolute(out)
     if folders is not None and (is_url(folders) or "out" not in graph.params):
         raise InputError(
@@ -71,8 +76,8 @@ def make_job(
     fixed = {
         name: absolute(value) if name in paths and value is not None else value
         for name, value in given.items()
-        if name not in (param, "out")
     }
+    kept = _maps(graph, fixed, param, maps, sinks=folders is not None)
     return Job(
         graph=dump_graph(graph),
         name=graph.name,
@@ -80,7 +85,7 @@ def make_job(
         given={**fixed, param: "."},
         inputs={n: content_of(str(v)) for n, v in fixed.items() if n in paths and v is not None},
         param=param,
-        maps=() if folders else _maps(graph, given, maps),
+        maps=() if folders else kept,
         chunk=chunk,
         backend=backend,
         device=device,
@@ -97,25 +102,43 @@ def store_place(out: str, job: Job) -> str:
 def open_batch(out: str, job: Job, captures: Sequence[str]) -> Store:
     """Make the store, or go on with one of the very same job; add captures that are new.
 
+    A store in which no capture was finished, as a mistake in the first command leaves it, is
+    made anew for another job or other captures.  A batch's own folder is none of its captures.
+
     Raises
     ------
     InputError
-        If the store was made by another graph, other values or another calibration.
+        If the store was made by another graph, other values or another calibration, or
+        cannot be written.
     """
     place = store_place(out, job)
+    wanted = [capture for capture in captures if not _lies_in(capture, place, job.folders)]
+    if not wanted:
+        raise InputError(f"--over: nothing is there but what lies in --out {out}")
     store = open_store(place)
-    if store is None:
-        if not is_url(place):
-            Path(place).parent.mkdir(parents=True, exist_ok=True)
-        store = create_store(place, job)
+    if store is None or _holds_nothing_for(store, job, wanted):
+        store = create_store(place, job, overwrite=store is not None)
     elif store.job.identity != job.identity:
         raise InputError(
             f"{place}: was made with {_differences(store.job.identity, job.identity)}; "
             "give another --out, or remove it"
         )
     there = set(store.captures)
-    store.append([capture for capture in captures if capture not in there])
+    store.append([capture for capture in wanted if capture not in there])
     return store
+
+
+def _lies_in(capture: str, place: str, folders: str | None) -> bool:
+    """Whether a match is what this batch itself writes: its store or its table."""
+    table = f"{folders}/captures.csv" if folders else f"{place.removesuffix('.zarr')}.csv"
+    return capture == table or f"{capture}/".startswith(f"{place.rstrip('/')}/")
+
+
+def _holds_nothing_for(store: Store, job: Job, captures: Sequence[str]) -> bool:
+    """Whether nothing is lost, and something put right, if the store is made anew."""
+    if store.statuses.any():
+        return False
+    return store.job.identity != job.identity or set(store.captures).isdisjoint(captures)
 
 
 def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
@@ -145,8 +168,17 @@ def run_batch(
     yield from workers.run(iter(chunks))
 
 
-def _maps(graph: Graph, given: Mapping[str, Any], wanted: Sequence[str] | None) -> tuple[str, ...]:
-    draft = names.bind(graph, {**placeholders(graph), **given}, sinks=False, stand_ins=frozenset())
+def _maps(
+    graph: Graph,
+    given: Mapping[str, Any],
+    param: str,
+    wanted: Sequence[str] | None,
+    *,
+    sinks: bool,
+) -> tuple[str, ...]:
+    """The outputs to keep, once it is sure that no param but the capture is missing."""
+    each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
+    draft = names.bind(graph, {**given, **each}, sinks=sinks, stand_ins=frozenset())
     ports = {
         name: draft.tasks[value.node].node.outputs[value.port]
         for name, value in draft.outputs.items()
@@ -158,7 +190,8 @@ def _maps(graph: Graph, given: Mapping[str, Any], wanted: Sequence[str] | None) 
                 f"--maps: {graph.name} puts out no array '{name}'{did_you_mean(name, arrays)} "
                 f"(it puts out: {', '.join(arrays)})"
             )
-    return tuple(wanted or (name for name in arrays if len(ports[name].dims) == 2))
+    maps = wanted or (name for name in arrays if len(ports[name].dims) == 2)
+    return tuple(dict.fromkeys(maps))
 
 
 def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:

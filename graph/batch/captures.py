@@ -37,6 +37,8 @@ def find_captures(patterns: Sequence[str]) -> list[str]:
     """
     found: dict[str, None] = {}
     for pattern in patterns:
+        if not pattern.strip():
+            raise InputError("--over is empty; give a pattern such as 'recordings/*'")
         matches = _matches(pattern)
         if not matches:
             raise InputError(f"--over {pattern}: nothing is there")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
@@ -38,7 +40,8 @@ class Cluster:
     Raises
     ------
     InputError
-        If dask.distributed is not installed, or no scheduler answers.
+        If dask.distributed is not installed, the file is none of a scheduler, or no scheduler
+        answers.
     """
 
     def __init__(
@@ -48,6 +51,8 @@ class Cluster:
         tell: Callable[[str], None] = print,
     ) -> None:
         self._tell = tell
+        if file is not None:
+            _check_scheduler_file(file)
         # What goes wrong on a cluster is told in a line, not in its log's tracebacks.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._where = {"address": address} if address else {"scheduler_file": file}
@@ -145,3 +150,15 @@ class Cluster:
             return Client(**self._where, timeout=ANSWER, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise InputError(f"{self.name}: no scheduler answers: {error}") from None
+
+
+def _check_scheduler_file(file: str) -> None:
+    """Refuse what Dask would wait for or fail on, with the reason."""
+    try:
+        about = json.loads(Path(file).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"--scheduler-file {file}: there is no such file") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler-file {file}: cannot be read: {error}") from None
+    if not isinstance(about, dict) or not isinstance(about.get("address"), str):
+        raise InputError(f"--scheduler-file {file}: names no address; 'dask scheduler' writes it")

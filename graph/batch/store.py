@@ -10,9 +10,12 @@ and one capture can be read without the others.
 from __future__ import annotations
 
 import json
+import os
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -194,8 +197,54 @@ class Store:
         return array
 
 
-def create_store(place: str, job: Job) -> Store:
+@contextmanager
+def alone_in(place: str) -> Iterator[None]:
+    """Keep other batches out of a store inside the block, where folders can be locked.
+
+    Two that add captures, or merge into one chunk, would undo each other's work.
+
+    Raises
+    ------
+    InputError
+        If another batch is at work there, or its folder cannot be made.
+    """
+    if is_url(place):
+        yield
+        return
+    try:
+        Path(place).mkdir(parents=True, exist_ok=True)
+        folder = os.open(place, os.O_RDONLY)
+    except OSError as error:
+        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
+    try:
+        _lock(folder, place)
+        yield
+    finally:
+        os.close(folder)
+        with suppress(OSError):  # nothing came into it
+            Path(place).rmdir()
+
+
+def _lock(folder: int, place: str) -> None:
+    try:
+        import fcntl
+
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            f"{place}: another batch is at work in it; wait until it is done"
+        ) from None
+    except (ImportError, OSError):
+        return  # neither Windows nor every file system has such locks
+
+
+def create_store(place: str, job: Job, *, overwrite: bool = False) -> Store:
     """Make an empty store.
+
+    Parameters
+    ----------
+    overwrite
+        Whether a store that is there is made anew.
 
     Raises
     ------
@@ -203,7 +252,7 @@ def create_store(place: str, job: Job) -> Store:
         If something else is there, or it cannot be written.
     """
     try:
-        group = zarr.create_group(_at(place), zarr_format=3)
+        group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)
         group.create_array("status", shape=(0,), chunks=(job.chunk,), dtype="uint8", fill_value=0)
         group.create_array(
             "milliseconds", shape=(0,), chunks=(job.chunk,), dtype="float32", fill_value=np.nan

@@ -36,7 +36,7 @@ EVERY = 10.0
 @click.option("--param", default="capture", show_default=True, help="Takes the capture.")
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
-    "--chunk", type=click.IntRange(1), default=16, show_default=True,
+    "--chunk", type=click.IntRange(1, 4096), default=16, show_default=True,
     help="Captures that are done and written together.",
 )  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True,
@@ -72,6 +72,7 @@ def command(
         store_place,
     )
     from tactograph.graph.batch.captures import find_captures
+    from tactograph.graph.batch.store import alone_in
     from tactograph.graph.given import read_words
 
     read = options.read(graph)
@@ -87,13 +88,15 @@ def command(
         strict=options.strict,
     )
     captures = find_captures(over)
-    place = store_place(out, job)
-    store = open_batch(out, job, captures)
-    chunks = open_chunks(place, store, retry_failed=retry_failed)
-    to_do = sum(len(each.captures) for each in chunks)
     who = _workers(workers, scheduler, scheduler_file)
-    click.echo(f"{len(store)} captures, {len(store) - to_do} of them finished before; {who.name}")
-    _show(run_batch(place, store, chunks, who), to_do)
+    place = store_place(out, job)
+    with alone_in(place):
+        store = open_batch(out, job, captures)
+        chunks = open_chunks(place, store, retry_failed=retry_failed)
+        to_do = sum(len(each.captures) for each in chunks)
+        before = len(store) - to_do
+        click.echo(f"{len(store)} captures, {before} of them finished before; {who.name}")
+        _show(run_batch(place, store, chunks, who), to_do)
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
         raise SystemExit(1)

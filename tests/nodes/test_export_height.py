@@ -16,6 +16,8 @@ from PIL import Image
 from surfalize import Surface
 
 from tactograph.graph import InputError
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes._height_files import PNG_TEXT, WRITERS, read_tmd, write_tmd
 from tactograph.nodes.export_height import export_height
@@ -137,3 +139,21 @@ def test_a_png_without_a_scale_is_no_height_map(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         read_height(file=tmp_path / "none.tmd")
+
+
+@pytest.mark.parametrize(
+    ("height", "told"),
+    [(np.zeros((0, 0)), "holds no pixel"), (np.full((4, 4), 1e300), "holds NaN or infinite")],
+)
+def test_a_height_map_of_no_pixel_or_beyond_float32_is_refused(
+    tmp_path: Path, height: F4, told: str
+) -> None:
+    np.save(tmp_path / "height.npy", height)
+    with pytest.raises(InputError, match=told):
+        read_height(file=tmp_path / "height.npy")
+
+
+@pytest.mark.parametrize("mm", [1e300, 1e-300, 0.0, -1.0])
+def test_a_pixel_that_no_file_can_hold_is_refused(mm: float) -> None:
+    with pytest.raises(InputError, match=r"nodes\.pixel\.with\.mm"):
+        open_pipeline(read_graph("export"), {"height": "height.npy", "pixel_size_mm": mm})

@@ -23,9 +23,10 @@ from tactograph.graph import InputError
 from tactograph.graph.batch import work
 from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import find_captures
+from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, open_store
+from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, alone_in, open_store
 from tactograph.graph.batch.work import Chunk, Tally, do_chunk
 from tactograph.graph.read import read_graph
 from tests.graph.conftest import Command, Write
@@ -297,6 +298,71 @@ def test_what_is_no_store_is_not_written_into(
     code, err = batch(tactograph, graph, over, tmp_path / "other.zarr")
     assert code == 2
     assert "no store of a batch" in err
+
+
+def test_two_batches_do_not_work_in_one_store_at_once(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out.zarr"
+    with alone_in(str(out)):
+        code, err = batch(tactograph, graph, over, out)
+        assert code == 2
+        assert "another batch is at work in it" in err
+    assert not out.exists(), "nothing came into it"
+    assert batch(tactograph, graph, over, out) == (0, "")
+
+
+def test_a_mistake_in_the_first_command_leaves_nothing_that_stops_the_second(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out.zarr"
+    code, err = batch(tactograph, graph, str(captures[0] / "led1.png"), out)
+    assert code == 2
+    assert "none of the first" in err
+    assert batch(tactograph, graph, over, out, "level=0.25") == (0, "")
+    assert opened(out).captures == list(map(str, captures))
+
+
+def test_a_batch_does_not_take_its_own_store_for_a_capture(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "day" / "out.zarr"
+    for _ in range(2):
+        assert batch(tactograph, graph, over, out) == (0, "")
+    assert opened(out).captures == list(map(str, captures))
+    code, err = batch(tactograph, graph, f"{out}*", out)
+    assert code == 2
+    assert "nothing is there but what lies in --out" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--param", "level"], "takes no file or folder by that name"),
+        (["capture=x"], "in a batch --over says that"),
+        (["out=x"], "in a batch --out says that"),
+        (["--over", ""], "--over is empty"),
+        (["--out", " "], "--out is empty"),
+        (["--param", "out"], "needs capture="),
+        (["--chunk", "1000000000"], "is not in the range"),
+        (["--scheduler-file", "nowhere.json"], "there is no such file"),
+    ],
+)
+def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path,
+    words: list[str], told: str,
+) -> None:  # fmt: skip
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr", *words)
+    assert code == 2
+    assert told in err
+    assert not (tmp_path / "out.zarr").exists()
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}'])
+def test_what_is_no_scheduler_file_is_refused_at_once(tmp_path: Path, content: str) -> None:
+    (tmp_path / "file.json").write_text(content)
+    with pytest.raises(InputError, match="--scheduler-file"):
+        Cluster(file=str(tmp_path / "file.json"))
 
 
 @pytest.fixture
