@@ -40,7 +40,8 @@ def write_pipelines() -> None:
 def _params(graph: Graph) -> list[str]:
     rows = ["| param | kind | default | |", "| --- | --- | --- | --- |"]
     for name, param in graph.params.items():
-        default = "needed" if param.required else f"`{param.default}`"
+        given = "none" if param.default is None else f"`{param.default}`"
+        default = "needed" if param.required else given
         rows.append(f"| `{name}` | {param.kind} | {default} | {param.help} |")
     return rows
 

@@ -94,7 +94,11 @@ def plot_calibration(
 
 def _title(quality: Metrics) -> str:
     """The figures that are not of one LED alone, a few to a line."""
-    figures = [f"{name} {value:.4g}" for name, value in quality.items() if "/" not in name]
+    figures = [
+        f"{name} {int(value) if float(value).is_integer() else format(value, '.4g')}"
+        for name, value in quality.items()
+        if "/" not in name
+    ]
     return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
 
 

@@ -25,5 +25,6 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
         click.echo(f"not used by any output: {unused}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():
-        state = "needed" if param.required else f"default {param.default}"
+        given = "optional" if param.default is None else f"default {param.default}"
+        state = "needed" if param.required else given
         click.echo(f"  {name:<{width}}  {param.kind:<8} {state}; {param.help}")

@@ -88,7 +88,7 @@ def _summary(number: int, result: Result) -> str:
     shown = {**_in_rows(figures), **words}
     width = max(map(len, shown), default=0)
     lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
-    return "\n".join([f"{number}: {times}", *lines])
+    return "\n".join([f"{number}: {times or 'done'}", *lines])
 
 
 def _in_rows(figures: dict[str, float]) -> dict[str, str]:

@@ -16,6 +16,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from tactograph.graph import command, run
+from tactograph.graph.commands.run import _in_rows
 from tactograph.graph.read import read_graph, shipped_names
 from tactograph.graph.run import open_pipeline
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
@@ -173,6 +174,22 @@ def test_each_item_of_a_stream_is_told_with_its_figures(
     heads = [line[:2] for line in done.out.splitlines() if not line.startswith(" ")]
     assert heads == ["1:", "2:", "3:", "4:"]
     assert re.search(r"^  mean +4$", done.out, re.MULTILINE)
+
+
+def test_figures_are_rows_and_what_is_of_one_led_stands_in_the_row_of_the_figure() -> None:
+    figures = {"entries": 28277.0, "iou": 0.97786, "iou/led1": 1.0, "iou/led2": 0.25, "gap": np.nan}
+    assert _in_rows(figures) == {
+        "entries": "28277",
+        "iou": "0.9779   led1 1       led2 0.25",
+        "gap": "nan",
+    }
+
+
+def test_what_has_nothing_to_time_is_done(
+    tactograph: Command, tmp_path: Path, height_file: str
+) -> None:
+    words = (f"height={height_file}", "pixel_size_mm=0.1", f"out={tmp_path / 'exported'}")
+    assert tactograph("run", "export", *words) == Outcome(0, "1: done\n", "")
 
 
 def test_quiet_is_quiet(toys: list[str], tactograph: Command, write: Write) -> None:
