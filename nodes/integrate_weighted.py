@@ -33,10 +33,10 @@ def integrate_weighted(
     *,
     rounds: Annotated[int, Interval(ge=1, le=50)] = 4,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
-    robust: Annotated[float, Ge(0.1)] = 2.0,
+    robust: Annotated[float, Ge(0.1)] = 2.5,
     ease: Annotated[float, Ge(1)] = 1.0,
-    bend: Annotated[float, Ge(0)] = 0.5,
-    floor: Annotated[float, Ge(0.01)] = 0.05,
+    bend: Annotated[float, Ge(0)] = 0.25,
+    floor: Annotated[float, Ge(0.01)] = 0.07,
     rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> Height:
     """Return the height that agrees best with slopes, shadows and the film at rest.

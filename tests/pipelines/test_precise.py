@@ -10,14 +10,14 @@ import pytest
 from tactograph.graph.read import read_graph
 from tactograph.graph.run import Result, open_pipeline
 
-PIXEL_MM = 1 / 14
+PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
 
 
 @pytest.fixture(scope="module")
 def calibrations(raytraced: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """One ball press and the flat frame per rig; where the LEDs are is found."""
     folder = tmp_path_factory.mktemp("calibrations")
-    return {rig: calibrate(raytraced / rig, folder / f"{rig}.npz") for rig in ("far28", "near33")}
+    return {rig: calibrate(raytraced / rig, folder / f"{rig}.npz") for rig in PIXEL_MM}
 
 
 def calibrate(rig: Path, file: Path) -> str:
@@ -25,7 +25,7 @@ def calibrate(rig: Path, file: Path) -> str:
         "capture": str(rig / "calibration"),
         "flat": str(rig / "flat"),
         "ball_radius_mm": 7.0,
-        "pixel_size_mm": PIXEL_MM,
+        "pixel_size_mm": PIXEL_MM[rig.name],
         "out": str(file),
     }
     list(open_pipeline(read_graph("calibrate"), given).items())
@@ -54,6 +54,7 @@ REACHED = [
     ("near33", "sphere", 1.0, 5.0, 0.2),
     ("far28", "cat", 1.5, 8.0, 3.0),
     ("near33", "cat", 2.0, 10.0, 6.0),
+    ("far28_vga16", "cat", 0.2, 10.0, 0.0),
 ]
 
 
