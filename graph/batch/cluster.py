@@ -53,8 +53,6 @@ class Cluster:
         self._tell = tell
         if file is not None:
             _check_scheduler_file(file)
-        # What goes wrong on a cluster is told in a line, not in its log's tracebacks.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._where = {"address": address} if address else {"scheduler_file": file}
         self.name = f"Dask at {address or file}"
         self._client = self._connect()
@@ -146,6 +144,8 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise InputError("a cluster needs Dask: pip install 'tactograph[dask]'") from None
+        # What goes wrong is told in a line, not in tracebacks; importing sets a level of its own.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             return Client(**self._where, timeout=ANSWER, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
