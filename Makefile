@@ -42,7 +42,8 @@ $(VENV)/.tested: $(VENV)/.installed
 
 test: $(VENV)/.tested lint
 	$(BIN)/tactograph devices --require
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 -m 'not realtime'
+	$(BIN)/python -m pytest -m realtime
 
 # Type checkers cannot follow the folder mapping of an editable install: show them a tree of links.
 lint: $(VENV)/.tested
@@ -54,7 +55,8 @@ lint: $(VENV)/.tested
 
 # The documentation as a site, in build/site; links and commands are checked by the tests.
 docs: $(VENV)/.tested
-	$(BIN)/python -m mkdocs build --strict
+	DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict --quiet
+	@echo build/site/index.html
 
 # The figures and pictures of docs/ablation.md; several minutes.
 ablation: $(VENV)/.installed

@@ -15,6 +15,8 @@ from tactograph.nodes._simulated_controller import SimulatedController
 from tactograph.nodes.check_leds import check_leds
 from tests.graph.conftest import Command, tactograph  # noqa: F401
 
+pytestmark = pytest.mark.realtime
+
 
 def test_every_led_is_lit_in_turn_and_the_cycle_is_timed() -> None:
     with SimulatedController(senses=True) as board:

@@ -19,6 +19,8 @@ from tactograph.nodes.end_when_good import end_when_good
 from tactograph.nodes.guide_presses import guide_presses
 from tactograph.nodes.read_calibration import read_calibration
 
+pytestmark = pytest.mark.realtime
+
 SCENE = (
     "simulated?by_hand=true&width_px=160&height_px=120&pixel_size_mm=0.15&slant_deg=33"
     "&distance_mm=60&radius_mm=3&depth_mm=1.1&path_mm=8&press_s=2"

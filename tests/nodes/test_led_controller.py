@@ -22,6 +22,8 @@ from tactograph.nodes._led_controller import ControllerLostError, LedController,
 from tactograph.nodes._led_line import frame
 from tactograph.nodes._simulated_controller import SimulatedController
 
+pytestmark = pytest.mark.realtime
+
 STEP = 0.02
 
 

@@ -25,6 +25,8 @@ from tactograph.nodes._sensor import Sensor, open_sensor
 from tactograph.nodes._simulated_camera import SimulatedSensor, read_scene
 from tactograph.nodes._stream import Stream
 
+pytestmark = pytest.mark.realtime
+
 WIDTH, HEIGHT, RATE = 160, 120, 30.0
 SCENE = (
     f"simulated?width_px={WIDTH}&height_px={HEIGHT}&pixel_size_mm=0.15&slant_deg=33"

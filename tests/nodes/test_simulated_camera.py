@@ -13,6 +13,8 @@ from tactograph.graph import InputError
 from tactograph.nodes._simulated_camera import Scene, SimulatedCamera, SimulatedSensor, read_scene
 from tactograph.nodes.render import render
 
+pytestmark = pytest.mark.realtime
+
 SCENE = Scene(
     width_px=160,
     height_px=120,

@@ -17,6 +17,8 @@ from tactograph.graph import InputError
 from tactograph.graph.read import read_graph
 from tactograph.graph.run import load, open_pipeline
 
+pytestmark = pytest.mark.realtime
+
 SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": 1 / 7}
 RIG = {"slant_deg": 33, "distance_mm": 60}
 SCENE = {**SIZE, **RIG, "depth_mm": 0.8, "path_mm": 2}
