@@ -343,7 +343,11 @@ class LedController:
     def _do(self, wish: str, order: tuple[int, ...], step: float = math.inf) -> None:
         """Ask for a state that lasts, and keep in mind that it is wanted."""
         with self._commands:
-            heard = self._ask(wish)
+            try:
+                heard = self._ask(wish)
+            except ControllerLostError:
+                self._wish = wish  # what it does once it is back
+                raise
             self._wish = wish
             with _intelligible():
                 moment = 1e-6 * int(heard.values["t"])

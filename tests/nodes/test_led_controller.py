@@ -345,6 +345,16 @@ def test_a_controller_that_hangs_for_a_while(
     assert flashing.faults["controller lost"] == 1
 
 
+def test_a_cycle_that_was_asked_of_a_controller_that_hung_runs_once_it_is_back(
+    board: SimulatedController, flashing: LedController
+) -> None:
+    flashing.set(0)
+    board.freeze(1.5)
+    with pytest.raises(ControllerLostError):
+        flashing.start_cycle([1, 2], step_s=STEP)
+    wait_until(lambda: in_step(board, flashing))
+
+
 def test_a_host_that_was_silent_finds_its_cycle_again(tmp_path: Path) -> None:
     with SimulatedController() as board, open_controller(board.port, watchdog_s=0.1) as slow:
         # The host looks after it less often than this watchdog wants.
