@@ -40,7 +40,7 @@ def test_what_is_written_is_formatted_and_clean(
         config = ["--isolated", "--line-length", "100"]
         config += ["--select", "E,F,I,UP"] if check == ["check"] else []
     done = subprocess.run(
-        ["ruff", *check, *config, "."],
+        [sys.executable, "-m", "ruff", *check, *config, "."],
         cwd=clone / "my-nodes" if package else clone,
         capture_output=True, text=True, check=False,
     )  # fmt: skip

@@ -57,7 +57,7 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
          "node 'slope' has several outputs; say which: slope.slope, slope.mask"),
         ("slope: slope.slope", "slope: slope.slop",
          "nodes.again.in.slope: node 'slope' makes no 'slop'; did you mean 'slope'?"),
-        ("{mm: 0.1}", "{mm: 0}", "nodes.pixel.with.mm: input should be greater than 0, not 0"),
+        ("{mm: 0.1}", "{mm: 0}", "nodes.pixel.with.mm: input should be greater than or equal to 0.000001, not 0"),
         ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
         (", with: {mm: 0.1}", "", "nodes.pixel.with.mm: node 'pixel_size' needs the parameter"),
         ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
