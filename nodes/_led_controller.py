@@ -249,6 +249,8 @@ class LedController:
     ) -> None:
         """Let the LEDs take turns, timed by the controller's hardware.
 
+        A controller that is lost meanwhile takes the cycle up once it is back.
+
         Parameters
         ----------
         order
@@ -264,7 +266,11 @@ class LedController:
         on = step if on_s is None else round(1e6 * on_s)
         leds = ",".join(str(led) for led in order)
         wish = f"cycle {leds} {step} {on} {round(1e6 * trigger_s)}"
-        self._do(wish, tuple(order), 1e-6 * step)
+        try:
+            self._do(wish, tuple(order), 1e-6 * step)
+        except ControllerLostError:
+            self._wish = wish
+            raise
 
     def status(self) -> Status:
         """Ask the controller what it does and has counted."""
@@ -343,11 +349,7 @@ class LedController:
     def _do(self, wish: str, order: tuple[int, ...], step: float = math.inf) -> None:
         """Ask for a state that lasts, and keep in mind that it is wanted."""
         with self._commands:
-            try:
-                heard = self._ask(wish)
-            except ControllerLostError:
-                self._wish = wish  # what it does once it is back
-                raise
+            heard = self._ask(wish)
             self._wish = wish
             with _intelligible():
                 moment = 1e-6 * int(heard.values["t"])
