@@ -32,7 +32,7 @@ def describe(node: Node) -> Description:
     for each in parsed.params:
         for name in each.arg_name.split(","):
             said[name.strip()] = _one_line(each.description)
-    known = [*node.input_records, *(p for p in node.inputs if "." not in p), *node.parameters]
+    known = [*node.input_names, *node.parameters]
     returns = parsed.returns
     return Description(
         summary=_one_line(parsed.short_description),
@@ -52,7 +52,7 @@ def node_page(node: Node) -> str:
     if about.text:
         lines += [about.text, ""]
     lines += ["## Inputs", ""]
-    lines += [_input(name, node, about) for name in _inputs(node)] or ["None: it is a source."]
+    lines += [_input(name, node, about) for name in node.input_names] or ["None: it is a source."]
     lines += ["", "## Parameters", ""]
     lines += [_setting(p, about) for p in node.parameters.values()] or ["None."]
     lines += ["", "## Outputs", ""]
@@ -87,10 +87,6 @@ def range_of(parameter: Parameter) -> str:
         return f"{low} to {high}"
     words = (("at least", low), ("above", above), ("at most", high), ("below", below))
     return " and ".join(f"{word} {limit}" for word, limit in words if limit)
-
-
-def _inputs(node: Node) -> list[str]:
-    return [*node.input_records, *(p for p in node.inputs if "." not in p)]
 
 
 def _input(name: str, node: Node, about: Description) -> str:

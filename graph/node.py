@@ -99,6 +99,11 @@ class Node:
         return self.function(*args, **kwargs)
 
     @property
+    def input_names(self) -> list[str]:
+        """What ``in`` of a graph file may name: records as a whole, then ports."""
+        return [*self.input_records, *(name for name in self.inputs if "." not in name)]
+
+    @property
     def source(self) -> bool:
         return not self.inputs
 

@@ -50,7 +50,6 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
 
 def _rule(node: Node) -> dict[str, Any]:
     about = describe(node)
-    ports = [*node.input_records, *(p for p in node.inputs if "." not in p)]
     properties: dict[str, Any] = {
         "op": {"description": about.summary},
         "with": {"$ref": f"#/$defs/with_{node.name}"},
@@ -60,7 +59,7 @@ def _rule(node: Node) -> dict[str, Any]:
                     "type": "string",
                     "description": f"{about.arguments[name]} ({node.inputs.get(name, 'a record')})",
                 }
-                for name in ports
+                for name in node.input_names
             },
             "additionalProperties": False,
         },

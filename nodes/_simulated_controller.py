@@ -16,7 +16,6 @@ import tty
 from collections import deque
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from tactograph.firmware.controller import WRAP, Controller
@@ -87,12 +86,7 @@ class SimulatedController:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def lit_between(self, start: float, end: float) -> list[tuple[int, float]]:

@@ -114,7 +114,7 @@ def _reads(
 ) -> tuple[dict[str, Value], dict[str, Value]]:
     """The values that a node reads, and those that it recalls from the item before."""
     entry, node = graph.nodes[node_id], found[node_id]
-    known = [*node.input_records, *(p for p in node.inputs if "." not in p)]
+    known = node.input_names
     reads: dict[str, Value] = {}
     recalls: dict[str, Value] = {}
     for name, reference in entry.inputs.items():
