@@ -55,11 +55,14 @@ class Processes:
         # fork would copy an OpenCL context, which no runtime allows.
         spawn = multiprocessing.get_context("spawn")
         running: dict[Future[Tally], Chunk] = {}
+        ready: list[Chunk] = []
         with ProcessPoolExecutor(number, mp_context=spawn) as pool:
             try:
                 while True:
-                    for chunk in islice(chunks, number - len(running)):
-                        running[pool.submit(self._do, chunk)] = chunk
+                    ready.extend(islice(chunks, number - len(running)))
+                    while ready:
+                        future = pool.submit(self._do, ready[0])
+                        running[future] = ready.pop(0)
                     if not running:
                         return []
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -67,6 +70,6 @@ class Processes:
                         del running[future]
                         yield tally
             except BrokenProcessPool:
-                return list(running.values())
+                return [*running.values(), *ready]
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)

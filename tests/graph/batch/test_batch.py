@@ -405,6 +405,24 @@ def test_captures_survive_the_death_of_processes(
         np.testing.assert_array_equal(lit(store, number), expected(capture))
 
 
+def reported(chunk: Chunk) -> Tally:
+    """Do nothing; say how many captures there are."""
+    return Tally(len(chunk.captures))
+
+
+def test_no_chunk_is_lost_when_a_process_dies_between_two(tmp_path: Path) -> None:
+    chunks = [Chunk("", "", ((n, f"{n}"),)) for n in range(4)]
+    done = 0
+    for tally in Processes(1, reported).run(chunks):
+        done += tally.done
+        if done == 1:
+            (idle,) = multiprocessing.active_children()
+            idle.kill()
+            idle.join()
+            time.sleep(0.5)
+    assert done == 4
+
+
 def poisoned(chunk: Chunk) -> Tally:
     """Do a chunk, unless it holds capture 3, which ends the process."""
     if any(number == 3 for number, _ in chunk.captures):
