@@ -106,7 +106,11 @@ class Store:
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
-        return np.asarray(self._array("status")[:], np.uint8)
+        return self.statuses_of(slice(None))
+
+    def statuses_of(self, here: slice) -> NDArray[np.uint8]:
+        """Of some of the captures, without reading the others'."""
+        return np.asarray(self._array("status")[here], np.uint8)
 
     @property
     def has_maps(self) -> bool:

@@ -49,7 +49,9 @@ def do_chunk(chunk: Chunk) -> Tally:
         If the store has gone, or its graph cannot be opened here.
     """
     store, pipeline = _opened(chunk.out, chunk.stamp)
-    open_ones = [(n, place) for n, place in chunk.captures if store.read(n).status != DONE]
+    first, last = chunk.captures[0][0], chunk.captures[-1][0]
+    statuses = store.statuses_of(slice(first, last + 1))
+    open_ones = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
     types = store.map_types()
     entries = {n: _attempt(pipeline, store.job, place, types) for n, place in open_ones}
     if entries:
