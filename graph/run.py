@@ -354,7 +354,9 @@ class Pipeline:
             self._host[value] = self._device.download(self._remote[value])
         elif self._host[value] is not None:
             array = self._host[value]
-            upload = self._device.upload_fraction if _is_whole(array) else self._device.upload
+            port = self.plan.tasks[value.node].node.outputs[value.port]
+            as_it_came = array.dtype != port.dtype
+            upload = self._device.upload_fraction if as_it_came else self._device.upload
             self._remote[value] = upload(array)
         self._times[step.name] = 1e3 * (time.perf_counter() - start)
 
@@ -648,7 +650,7 @@ def _as_declared(task: Task, name: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_whole(array: Any) -> bool:
-    """Whether light is still the camera's unsigned integers; labels never are handed in."""
+    """Whether light that was handed in is still the camera's unsigned integers."""
     return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 

@@ -415,3 +415,17 @@ def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
     on_device = load(graph, backend="opencl")(frames=stack)["light"]
     np.testing.assert_array_equal(on_device, on_host)
     np.testing.assert_array_equal(on_host, stack / np.float32(np.iinfo(dtype).max))
+
+
+@BACKENDS
+def test_labels_of_three_axes_are_no_fractions_of_full_scale(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace(
+        "  score:",
+        "  labels: {op: labelled, in: {image: frames.image}}\n"
+        "  number: {op: bits, in: {labels: labels}}\n  score:",
+    )
+    pipeline = load(write(text.replace("{light: light,", "{light: number,")), backend=backend)
+    stack = np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5)
+    np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack > 0.5)

@@ -115,6 +115,21 @@ def counted(before: int | None = None, image: Light | None = None) -> int:
     return (before or 0) + 1
 
 
+@node
+def labelled(image: Light) -> Annotated[NDArray[np.uint8], Port("K H W", "LED bits")]:
+    """Unsigned integers of three axes that are no camera's frames."""
+    return (image > 0.5).astype(np.uint8)
+
+
+@node
+def bits(labels: Annotated[NDArray[np.uint8], Port("K H W", "LED bits")]) -> Light:
+    """Every label's bits as a number."""
+    return labels.astype(np.float32)
+
+
+bits.opencl(grid="K H W")
+
+
 @node(derived={"h": Parts("H", by="rows")})
 def strips(image: Light, *, rows: int = 2) -> Annotated[F4, Port("K h W", "1")]:
     """The brightest pixel of so many rows each; see strips.cl."""
@@ -283,7 +298,7 @@ def choosy(
 
 
 TOYS = (
-    "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
+    "labelled", "bits", "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
