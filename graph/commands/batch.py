@@ -152,11 +152,11 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, say how it went, and return how many failed."""
     from tactograph.graph.batch.captures import is_url
-    from tactograph.graph.batch.store import FAILED, STATUS
+    from tactograph.graph.batch.store import DONE, FAILED, STATUS
     from tactograph.graph.whole import whole_file
 
-    entries = store.read_all()
-    failures = [(c, e) for c, e in zip(store.captures, entries, strict=True) if e.status == FAILED]
+    captures, entries = store.captures, store.read_all()
+    failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
     for capture, entry in failures[:10]:
         click.echo(f"failed: {capture}: {entry.reason}", err=True)
     if len(failures) > 10:
@@ -167,12 +167,13 @@ def _conclude(store: Store, out: str) -> int:
         with whole_file(table) as file, file.open("w", newline="") as stream:
             writer = csv.writer(stream)
             writer.writerow(["number", "capture", "status", "milliseconds", *figures, "reason"])
-            for number, (capture, entry) in enumerate(zip(store.captures, entries, strict=True)):
+            for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
                 row = [entry.figures.get(name, "") for name in figures]
                 writer.writerow(
                     [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
                      entry.reason]
                 )  # fmt: skip
         click.echo(f"table: {table}")
-    click.echo(f"{len(entries) - len(failures)} done, {len(failures)} failed")
+    done = sum(entry.status == DONE for entry in entries)
+    click.echo(f"{done} done, {len(failures)} failed")
     return len(failures)

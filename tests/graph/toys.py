@@ -298,8 +298,9 @@ def choosy(
 
 
 TOYS = (
-    "labelled", "bits", "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
+    "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
+    "labelled", "bits",
 )  # fmt: skip
