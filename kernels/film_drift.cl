@@ -10,6 +10,7 @@
 #define DARKEST 0.02f
 #define FEWEST 0.05f
 #define HELD 0.003f
+#define AROUND 5
 
 static void terms_at(float *t, const int i, const int H, const int W)
 {
@@ -38,6 +39,19 @@ static float share_of(__global const float *sigma, const float share, const int 
     return share > 0.0f ? share * sigma[i] : 0.0f;
 }
 
+// The mean of what lies around each cell; beyond the frame its border goes on.
+__kernel void look_around(
+    __global const float *restrict light, __global float *restrict around,
+    const int K, const int H, const int W)
+{
+    GRID_3(k, y, x, K, H, W)
+    float total = 0.0f;
+    for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy)
+        for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx)
+            total += light[(k * H + clamp(y + dy, 0, H - 1)) * W + clamp(x + dx, 0, W - 1)];
+    around[(k * H + y) * W + x] = total / (float)(AROUND * AROUND);
+}
+
 static int is_calm(
     __global const float *light,
     __global const float *sigma,
@@ -64,9 +78,11 @@ static int on_ring(const int j, const int H, const int W)
 }
 
 __kernel void begin(
-    __global const float *before, __global float *restrict old, const int has_before, const int K)
+    __global const float *before, __global float *restrict old, __global int *heed,
+    const int has_before, const int K)
 {
     GRID_1(i, TERMS * K)
+    if (i == 0) heed[0] = 0;
     old[i] = has_before ? before[i] : i % TERMS == 0 ? 1.0f : 0.0f;
 }
 
@@ -148,9 +164,43 @@ __kernel void choose(
     drift[i] = more > 0 ? other[i] : old[i];
 }
 
+// How many cells are calm, and so is what lies around them.
+__kernel void count_clear(
+    __global const float *restrict light,
+    __global const float *restrict around,
+    __global const float *restrict sigma,
+    __global const float *judge,
+    __global int *restrict counts,
+    const int K, const int H, const int W,
+    const float share,
+    const float beyond)
+{
+    GRID_1(me, WORKERS)
+    int clear = 0;
+    for (int i = me; i < H * W; i += WORKERS) {
+        float t[TERMS];
+        terms_at(t, i, H, W);
+        clear += is_calm(light, sigma, judge, t, i, K, H * W, share, beyond)
+            && is_calm(around, sigma, judge, t, i, K, H * W, share / AROUND, beyond);
+    }
+    counts[me] = clear;
+}
+
+// Whether what lies around a cell has to be calm too: if enough is left.
+__kernel void heed_around(
+    __global const int *restrict counts, __global int *heed, const int size)
+{
+    if (get_global_id(0) > 0) return;
+    int clear = 0;
+    for (int g = 0; g < WORKERS; ++g) clear += counts[g];
+    heed[0] = clear >= FEWEST * (float)size;
+}
+
 // Sums over the cells that are calm under `judge`, of what `known` leaves.
 __kernel void tally(
     __global const float *restrict light,
+    __global const float *restrict around,
+    __global const int *heed,
     __global const float *restrict sigma,
     __global const float *judge,
     __global const float *known,
@@ -167,6 +217,8 @@ __kernel void tally(
         float t[TERMS];
         terms_at(t, i, H, W);
         if (!is_calm(light, sigma, judge, t, i, K, size, share, beyond)) continue;
+        if (heed[0] && !is_calm(around, sigma, judge, t, i, K, size, share / AROUND, beyond))
+            continue;
         for (int a = 0, j = 0; a < TERMS; ++a)
             for (int b = 0; b <= a; ++b, ++j) mine[j] += t[a] * t[b];
         for (int k = 0; k < K; ++k) {
@@ -252,12 +304,13 @@ __kernel void finish(
     __global const float *restrict explained,
     __global const int *restrict few,
     __global float *restrict out,
-    const int K)
+    const int K,
+    const float doubt)
 {
     GRID_1(k, K)
     const float calm = fmax(total_of(sums, 0), 1.0f);
     const float chance = total_of(sums, PAIRS + MOST * TERMS + k) / calm;
-    const int real = !few[0] && explained[k] > chance;
+    const int real = !few[0] && explained[k] > doubt * chance;
     for (int j = 0; j < TERMS; ++j) {
         const float level = j == 0 ? total_of(sums, PAIRS + TERMS * k) / calm : 0.0f;
         out[TERMS * k + j] = real ? drift[TERMS * k + j] + level : old[TERMS * k + j];

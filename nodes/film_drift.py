@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import cv2
 import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ SEARCH = (0.03, 0.01, 0.0)
 """Departures that count as calm in round after round, beyond the noise."""
 FEWEST = 0.05
 """Share of the cells that must be calm; a film that is all touch tells nothing."""
+AROUND = 5
+"""Side in cells of what lies around a cell; its mean is so many times less noisy."""
 HELD = 0.003
 """How firmly the drift's shape is held where there is little calm film: a share of all cells."""
 
@@ -43,6 +46,7 @@ def film_drift(
     level: Annotated[float, Ge(0)] = 4.5,
     rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.0,
     factor: Annotated[int, Interval(ge=1, le=64)] = 4,
+    flat_noise: Annotated[float, Ge(0)] = 1.0,
 ) -> Drift:
     """Return by what polynomial each LED's light on the film at rest departs from 1.
 
@@ -51,12 +55,13 @@ def film_drift(
     `rough` and `level` standard deviations, once the drift found is taken out: three rounds
     of least squares, the first of which takes what departs by 3 % too.  They start from the
     drift before, or from the medians of the frame's border if more of the film is calm under
-    those.
+    those.  In the last round the mean around a cell has to be calm too, if that leaves a
+    twentieth of the frame: a single cell on the skirt of a touch looks like film at rest.
 
     Of the level, what is found counts at once: LEDs flicker.  The shape follows slowly, by
     `rate`, and is held where a touch hides it.  The drift before stays where a change
-    explains no more than chance would (`level` standard deviations), and without calm film
-    on a twentieth of the frame.
+    explains no more than chance would (`level` standard deviations, of the touch and of the
+    flat frame together), and without calm film on a twentieth of the frame.
 
     Parameters
     ----------
@@ -75,6 +80,9 @@ def film_drift(
         Departure that still counts as calm, beyond noise.
     factor
         Side of a cell in pixels: its light is so many times less noisy.
+    flat_noise
+        Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
+        it is the mean of n.
 
     Returns
     -------
@@ -84,7 +92,7 @@ def film_drift(
     """
     count, rows, columns = light.shape
     basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(TERMS, -1)
-    cells = light.reshape(count, -1)
+    cells, around = light.reshape(count, -1), _around(light).reshape(count, -1)
     share = np.float32(level) / np.float32(factor)
     noise = np.zeros_like(cells) if sigma is None else share * sigma.reshape(count, -1)
     if before is None:
@@ -97,12 +105,15 @@ def film_drift(
     used = TERMS_OF[degree]
     for beyond in SEARCH:
         calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
+        if beyond == SEARCH[-1]:
+            clear = calm * _calm(around, noise / AROUND, basis, drift, np.float32(rough + beyond))
+            calm = clear if clear.mean() >= FEWEST else calm
         if calm.mean() < FEWEST:
             return before
         drift, explained = _fit(cells, calm, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
     drift[:, 0] += (cells - drift @ basis) @ calm / calm.sum()
-    chance = np.square(noise) @ calm / calm.sum()
+    chance = np.float32(1 + flat_noise**2) * (np.square(noise) @ calm) / calm.sum()
     return np.where((explained > chance)[:, None], drift, before)
 
 
@@ -118,6 +129,13 @@ def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ..
 
 def _gain(drift: F4, basis: F4) -> F4:
     return np.asarray(np.maximum(drift @ basis, DARKEST), np.float32)
+
+
+def _around(light: F4) -> F4:
+    """The mean of what lies around each cell; beyond the frame its border goes on."""
+    window = (AROUND, AROUND)
+    planes = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
+    return np.asarray(planes, np.float32)
 
 
 def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
@@ -162,11 +180,13 @@ def _launch(run: Launch) -> None:
     shape = (lights, TERMS)
     old, drift, spare = run.scratch(shape), run.scratch(shape), run.scratch(shape)
     each = (lights * TERMS,)
-    run.kernel(
-        "begin", each, out if before is None else before, old, int(before is not None), lights
-    )
+    heed = run.scratch((1,), np.int32)
+    known = out if before is None else before
+    run.kernel("begin", each, known, old, heed, int(before is not None), lights)
     group = (GROUP,)
     run.kernel("border_level", (lights * GROUP,), light, old, spare, *sizes[1:], local=group)
+    around = run.scratch(tuple(sizes))
+    run.kernel("look_around", tuple(sizes), light, around, *sizes)
     counts = run.scratch((2 * WORKERS,), np.int32)
     rough = float(run.settings["rough"])
     widest = rough + SEARCH[0]
@@ -175,19 +195,22 @@ def _launch(run: Launch) -> None:
 
     sums, explained = run.scratch((SUMS * WORKERS,)), run.scratch((lights,))
     few, count = run.scratch((1,), np.int32), TERMS_OF[run.settings["degree"]]
+    seen = light, around, heed, noisy
     for number, beyond in enumerate(SEARCH):
-        tally = (light, noisy, drift, old, sums, *sizes, share, rough + beyond)
-        run.kernel("tally", (WORKERS,), *tally)
+        last, judged = number == len(SEARCH) - 1, (*sizes, share, rough + beyond)
+        if last:
+            run.kernel("count_clear", (WORKERS,), light, around, noisy, drift, counts, *judged)
+            run.kernel("heed_around", (1,), counts, heed, height * width)
+        run.kernel("tally", (WORKERS,), *seen, drift, old, sums, *judged)
         run.kernel("watch", (1,), sums, few, height * width, int(number == 0))
-        rate = float(run.settings["rate"]) if number == len(SEARCH) - 1 else 1.0
+        rate = float(run.settings["rate"]) if last else 1.0
         run.kernel(
             "settle", (lights,), sums, old, spare, explained, lights, height * width, count, rate
         )
         drift, spare = spare, drift
-    run.kernel(
-        "tally", (WORKERS,), light, noisy, spare, drift, sums, *sizes, share, rough + SEARCH[-1]
-    )
-    run.kernel("finish", (lights,), sums, old, drift, explained, few, out, lights)
+    run.kernel("tally", (WORKERS,), *seen, spare, drift, sums, *judged)
+    doubt = 1 + float(run.settings["flat_noise"]) ** 2
+    run.kernel("finish", (lights,), sums, old, drift, explained, few, out, lights, doubt)
 
 
 @film_drift.example

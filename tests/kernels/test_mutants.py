@@ -83,6 +83,7 @@ MUTANTS = {
             "return 0;\n    }\n    return 1;",
             "return 1;\n    }\n    return 1;",
         ),
+        "skirts count too": ("if (heed[0] && !is_calm", "if (0 && !is_calm"),
     },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),

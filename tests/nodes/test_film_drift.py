@@ -62,6 +62,18 @@ def test_where_nothing_drifts_nothing_is_changed() -> None:
     assert np.array_equal(level_light(light, found), light)
 
 
+def test_the_skirt_of_a_touch_is_no_drift() -> None:
+    light = touched(film())
+    light[:, :, 50:] *= 1 - 0.5 * SIGMA
+    assert drift(light)[:, 0].tolist() == [1, 1, 1, 1]
+
+
+def test_a_drift_is_doubted_for_the_flat_frames_noise_too() -> None:
+    light = np.full((4, *SIZE), 1 - 5.5 * SIGMA / np.sqrt(np.prod(SIZE)), np.float32)
+    assert (drift(light, flat_noise=0.0)[:, 0] < 1).all()
+    assert drift(light)[:, 0].tolist() == [1, 1, 1, 1]
+
+
 def test_a_film_that_is_all_touch_keeps_the_drift_before() -> None:
     before = np.zeros((4, 6), np.float32)
     before[:, 0] = FADED
