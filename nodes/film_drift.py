@@ -106,7 +106,8 @@ def film_drift(
     for beyond in SEARCH:
         calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
         if beyond == SEARCH[-1]:
-            clear = calm * _calm(around, noise / AROUND, basis, drift, np.float32(rough + beyond))
+            less = noise * np.float32(1 / AROUND)
+            clear = np.minimum(calm, _calm(around, less, basis, drift, np.float32(rough)))
             calm = clear if clear.mean() >= FEWEST else calm
         if calm.mean() < FEWEST:
             return before
