@@ -7,6 +7,7 @@
 #define LONGEST 0.3f
 #define AT_REST 0.999f
 #define ALIKE 0.02f
+#define MILD 0.01f
 #define SINGULAR 1e-4f
 #define FAINTEST 0.02f
 #define UNKNOWN 1e12f
@@ -91,19 +92,30 @@ static Vector solution(const Symmetric a, const Vector b)
     return times_(adjugate, b);
 }
 
-// One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).
-static Vector gauss_newton(const Symmetric a, const Vector b, const Vector n)
+// One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y), to a slope that
+// noise does not bias; see nodes/label_lights.py.
+static Vector gauss_newton(
+    const Symmetric a, const Vector b, const floats scale, const Vector n)
 {
     // The matrix times the first tangent, and what the second takes of its own product.
     const floats ux = a.xx * n.z - a.xz * n.x, uy = a.xy * n.z - a.yz * n.x;
     const floats uz = a.xz * n.z - a.zz * n.x;
     const floats vy = a.yy * n.z - a.yz * n.y, vz = a.yz * n.z - a.zz * n.y;
     const floats h11 = ux * n.z - uz * n.x, h12 = uy * n.z - uz * n.y, h22 = vy * n.z - vz * n.y;
-    const Vector an = times_(a, n);
-    const Vector rest = {b.x - an.x, b.y - an.y, b.z - an.z};
-    const floats g1 = rest.x * n.z - rest.z * n.x, g2 = rest.y * n.z - rest.z * n.y;
     const floats trace = h11 + h22;
     const floats inverse = 1.0f / (h11 * h22 - h12 * h12 + 1e-6f * trace * trace + TINY);
+    const floats g11 = n.z * n.z + n.x * n.x, g12 = n.x * n.y, g22 = n.z * n.z + n.y * n.y;
+    const floats spread = scale * inverse * (h22 * g11 + h11 * g22 - (h12 + h12) * g12);
+    const floats limit = MILD * n.z * n.z;
+    const floats mild = limit / MORE_OF(spread, limit);
+    const floats half_ = 0.5f * mild * spread, part = mild * scale, steep = 1.0f / n.z;
+    const Vector an = times_(a, n);
+    const floats u1 = an.x * n.z - an.z * n.x, u2 = an.y * n.z - an.z * n.y;
+    const floats f1 = (h22 * u1 - h12 * u2) * inverse, f2 = (h11 * u2 - h12 * u1) * inverse;
+    const floats g1 = b.x * n.z - b.z * n.x - u1 - half_ * u1
+        - part * (g11 * f1 + g12 * f2 + n.x * steep);
+    const floats g2 = b.y * n.z - b.z * n.y - u2 - half_ * u2
+        - part * (g12 * f1 + g22 * f2 + n.y * steep);
     floats s = (h22 * g1 - h12 * g2) * inverse, t = (h11 * g2 - h12 * g1) * inverse;
     const floats shrink = LONGEST / at_least(LONGEST, sqrt(s * s + t * t));
     s *= shrink;
@@ -137,7 +149,7 @@ static Vector least_squares(const Pixels *pixels, const int used)
     b = scaled(b, scale);
     Vector normal = visible(unit(solution(over_trace, b)));
     for (int step = 0; step < STEPS; ++step)
-        normal = unit(visible(gauss_newton(over_trace, b, normal)));
+        normal = unit(visible(gauss_newton(over_trace, b, scale, normal)));
     return normal;
 }
 

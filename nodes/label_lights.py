@@ -31,6 +31,8 @@ AT_REST = np.float32(0.999)
 """A pair's normal with a larger n_z is the film at rest: light says 1 twice by no accident."""
 ALIKE = np.float32(0.02)
 """Light of the dark LEDs that decides between the two normals of a pair."""
+MILD = np.float32(0.01)
+"""Variance of a normal, over n_z^2, up to which what noise does on average is taken out."""
 SINGULAR = np.float32(1e-4)
 """Sine squared of the angle between two lights' gradients below which they are one."""
 FAINTEST = np.float32(0.02)
@@ -315,15 +317,16 @@ def _visible(n: F4) -> F4:
 
 def _least_squares(pixels: _Pixels, used: list[int]) -> F4:
     """The unit normal from three LEDs or more."""
-    a, b = _normal_equations(pixels, used)
+    a, b, scale = _normal_equations(pixels, used)
     normal = _visible(_unit(_solve(a, b)))
     for _ in range(STEPS):
-        normal = _unit(_visible(_gauss_newton(a, b, normal)))
+        normal = _unit(_visible(_gauss_newton(a, b, scale, normal)))
     return normal
 
 
-def _normal_equations(pixels: _Pixels, used: list[int]) -> tuple[F4, F4]:
-    """Sums of w v v' and of w m v, over the trace of the first so that products stay small."""
+def _normal_equations(pixels: _Pixels, used: list[int]) -> tuple[F4, F4, F4]:
+    """Sums of w v v' and of w m v, times the last, one over the trace of the first: so products
+    stay small."""
     a = np.zeros((6, pixels.light.shape[1]), np.float32)
     b = np.zeros((3, a.shape[1]), np.float32)
     for k in used:
@@ -336,7 +339,7 @@ def _normal_equations(pixels: _Pixels, used: list[int]) -> tuple[F4, F4]:
     scale = ONE / (a[0] + a[3] + a[5])
     a *= scale
     b *= scale
-    return a, b
+    return a, b, scale
 
 
 def _solve(a: F4, b: F4) -> F4:
@@ -357,18 +360,32 @@ def _times(a: F4 | tuple[F4, ...], b: F4) -> F4:
     return made
 
 
-def _gauss_newton(a: F4, b: F4, n: F4) -> F4:
-    """One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y)."""
+def _gauss_newton(a: F4, b: F4, scale: F4, n: F4) -> F4:
+    """One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).
+
+    To a slope that noise does not bias.  With h = T'AT in the tangents T, u = T'An,
+    f = h^-1 u, G = T'T and noise of covariance C = scale h^-1, such a step from the linear
+    solution goes too far by C (G f) + f tr(C G) / 2 on average, which off the axis of the
+    LEDs makes a bowl of the film at rest; and p and q come out too large by C (p, q).
+    """
     xx, xy, xz, yy, yz, zz = a
     x, y, z = n
     # The matrix times the first tangent, and what the second takes of its own product.
     ux, uy, uz = xx * z - xz * x, xy * z - yz * x, xz * z - zz * x
     vy, vz = yy * z - yz * y, yz * z - zz * y
     h11, h12, h22 = ux * z - uz * x, uy * z - uz * y, vy * z - vz * y
-    rx, ry, rz = b - _times(a, n)
-    g1, g2 = rx * z - rz * x, ry * z - rz * y
     trace = h11 + h22
     inverse = ONE / (h11 * h22 - h12 * h12 + np.float32(1e-6) * trace * trace + TINY)
+    g11, g12, g22 = z * z + x * x, x * y, z * z + y * y
+    spread = scale * inverse * (h22 * g11 + h11 * g22 - (h12 + h12) * g12)
+    limit = MILD * z * z
+    mild = limit / np.maximum(spread, limit)
+    half, scale = np.float32(0.5) * mild * spread, mild * scale
+    ax, ay, az = _times(a, n)
+    u1, u2 = ax * z - az * x, ay * z - az * y
+    f1, f2 = (h22 * u1 - h12 * u2) * inverse, (h11 * u2 - h12 * u1) * inverse
+    g1 = b[0] * z - b[2] * x - u1 - half * u1 - scale * (g11 * f1 + g12 * f2 + x / z)
+    g2 = b[1] * z - b[2] * y - u2 - half * u2 - scale * (g12 * f1 + g22 * f2 + y / z)
     s, t = (h22 * g1 - h12 * g2) * inverse, (h11 * g2 - h12 * g1) * inverse
     shrink = LONGEST / np.maximum(np.sqrt(s * s + t * t), LONGEST)
     s, t = s * shrink, t * shrink

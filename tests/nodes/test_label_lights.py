@@ -53,6 +53,21 @@ def test_a_lit_film_gives_its_slope(p: float, q: float, height: int) -> None:
     assert found.misfit[lit].max(initial=0) < 0.1
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> None:
+    shape, noise = (240, 320), np.float32(0.03)
+    film, level = np.zeros(shape, np.float32), np.zeros((2, *shape), np.float32)
+    level[0] = tilt
+    light = light_of(level, height=film)
+    light += np.random.default_rng(0).normal(0, noise, light.shape).astype(np.float32)
+    sigma = np.full_like(light, noise)
+    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, dark=0).slope
+    right, down = found[0, :, 160:], found[1, 120:]
+    assert abs(right.mean() - found[0, :, :160].mean()) < 1e-3
+    assert abs(down.mean() - found[1, :120].mean()) < 1e-3
+    assert found[0].mean() == pytest.approx(tilt, abs=5e-4)
+
+
 @settings(deadline=None, max_examples=40)
 @given(p=slopes, q=slopes, led=st.integers(0, 3))
 def test_a_cast_shadow_is_told_and_left_out(p: float, q: float, led: int) -> None:
