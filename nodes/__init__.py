@@ -35,6 +35,8 @@ HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
 """Standard deviation of the height; zero on the film at rest."""
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
 """A bit per LED: bit k-1 stands for LED k."""
+Confidence = Annotated[F4, Port("H W", "1", high=1)]
+"""Probability that a pixel's labels are right."""
 Mask = Annotated[U1, Port("H W", "flag", high=1)]
 """1 where a pixel counts, else 0."""
 PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]

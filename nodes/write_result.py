@@ -13,7 +13,16 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance, node, warn
 from tactograph.graph.whole import whole_files
-from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
+from tactograph.nodes import (
+    F4,
+    Confidence,
+    Height,
+    HeightError,
+    Labels,
+    Light,
+    Metrics,
+    PixelSize,
+)
 from tactograph.nodes._height_files import write_mesh, write_tiff
 from tactograph.nodes._led_colours import LED_COLOURS
 
@@ -33,6 +42,7 @@ def write_result(
     name: str,
     error: HeightError | None = None,
     highlight: Labels | None = None,
+    confidence: Confidence | None = None,
     *,
     folder: Path,
     mesh: bool = True,
@@ -45,7 +55,8 @@ def write_result(
     y up, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
     pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``; with an error
     ``error.npy`` and ``error.png`` too, with highlights ``highlight.png`` (bits as in
-    ``shadow.png``).
+    ``shadow.png``), with a confidence ``confidence.npy`` (float32, 0 to 1) and
+    ``confidence.png``.
 
     Parameters
     ----------
@@ -65,6 +76,8 @@ def write_result(
         H x W, the height's standard deviation in mm, where the graph knows it.
     highlight
         H x W, the LEDs that the film mirrors, where the graph looks for them.
+    confidence
+        H x W, the probability that the shadow labels are right, where the graph knows it.
     folder
         Made if needed.
     mesh, pictures
@@ -89,12 +102,16 @@ def write_result(
             np.save(target / "error.npy", error)
         if highlight is not None:
             cv2.imwrite(str(target / "highlight.png"), highlight)
+        if confidence is not None:
+            np.save(target / "confidence.npy", confidence)
         if mesh:
             write_mesh(target / "height.ply", height, pixel)
         if pictures:
             _draw_height(height, error, pixel, target / "height.png")
             if error is not None:
                 _draw_error(error, pixel, target / "error.png")
+            if confidence is not None:
+                _draw_confidence(confidence, pixel, target / "confidence.png")
             _draw_shadow(shadow, image, target / "shadow_view.png")
         text = json.dumps({**provenance.as_dict(), "capture": name, "metrics": metrics}, indent=1)
         (target / "result.json").write_text(text + "\n")
@@ -125,14 +142,23 @@ def _draw_height(height: Height, error: HeightError | None, pixel: float, file: 
 
 def _draw_error(error: HeightError, pixel: float, file: Path) -> None:
     """The height's standard deviation in micrometres."""
-    rows, columns = error.shape
+    _draw_plane(1e3 * error, pixel, "standard deviation of the height", "µm", "magma", file)
+
+
+def _draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
+    """The probability that the shadow labels are right."""
+    _draw_plane(confidence, pixel, "shadow labels: probability of all", "", "gray", file)
+
+
+def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, file: Path) -> None:
+    rows, columns = plane.shape
     figure = Figure(figsize=(6.4, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     extent = (0, columns * pixel, rows * pixel, 0)
-    picture = axes.imshow(1e3 * error, cmap="magma", extent=extent)
-    axes.set(xlabel="x / mm", ylabel="y / mm", title="standard deviation of the height")
-    figure.colorbar(picture, ax=axes, label="µm")
+    picture = axes.imshow(plane, cmap=colours, extent=extent)
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=title)
+    figure.colorbar(picture, ax=axes, label=unit)
     figure.savefig(file, dpi=110)
 
 

@@ -235,6 +235,14 @@ MUTANTS = {
         "the image not asked": ("if (ask_image &&", "if (0 &&"),
         "the reach forgotten": ("max(row - reach, 0)", "row"),
     },
+    "shadow_confidence": {
+        "the labels swapped": ("? -lit : lit", "? lit : -lit"),
+        "edges near by only": ("row, column, H, W, 2)", "row, column, H, W, 1)"),
+        "the image not asked": ("label ^ seen[i]", "label ^ label"),
+        "noise forgotten": ("square / (square + doubt * doubt)", "1.0f"),
+        "the last LED alone": ("sure_of_all *= 1.0f", "sure_of_all = 1.0f"),
+        "lights from the corner": ("0.5f * (float)(W - 1)", "0.0f"),
+    },
 }
 LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 

@@ -47,3 +47,13 @@ def test_highlights_are_written_where_the_graph_gives_them(tmp_path: Path) -> No
     assert not (tmp_path / "matt" / "highlight.png").exists()
     bits = cv2.imread(str(tmp_path / "glossy" / "highlight.png"), cv2.IMREAD_UNCHANGED)
     assert (bits == 0b100).all()
+
+
+def test_the_labels_confidence_is_written_beside_them(tmp_path: Path) -> None:
+    sure = np.full(SHAPE, 0.75, np.float32)
+    write_result(
+        np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32),
+        0.1, {}, "", confidence=sure, folder=tmp_path, mesh=False, provenance=MADE,
+    )  # fmt: skip
+    assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
+    assert cv2.imread(str(tmp_path / "confidence.png")) is not None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tactograph.graph.read import read_graph
 from tactograph.graph.run import Result, open_pipeline
+from tactograph.nodes.cast_shadows import cast_shadows
 
 PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
 
@@ -106,7 +109,21 @@ def test_the_error_is_written_beside_the_height(
 ) -> None:
     capture = raytraced / "near33" / "sphere_film"
     run("precise", capture, calibrations["near33"], out=str(tmp_path))
-    assert {"height.npy", "error.npy", "error.png"} <= {file.name for file in tmp_path.iterdir()}
+    there = {file.name for file in tmp_path.iterdir()}
+    assert {"height.npy", "error.npy", "error.png", "confidence.npy", "confidence.png"} <= there
+
+
+def test_labels_are_as_often_right_as_their_confidence_says(
+    raytraced: Path, calibrations: dict[str, str]
+) -> None:
+    capture = raytraced / "near33" / "cat"
+    result = run("precise", capture, calibrations["near33"])
+    leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
+    truth = np.load(capture / "truth_height_mm.npy").astype(np.float32)
+    right = result["shadow"] == cast_shadows(truth, np.array(leds, np.float32), 1 / 14)
+    for low, high in ((0.6, 0.85), (0.85, 0.95), (0.95, 0.99), (0.99, 1.01)):
+        stated = (result["confidence"] >= low) & (result["confidence"] < high)
+        assert right[stated].mean() == pytest.approx(result["confidence"][stated].mean(), abs=0.1)
 
 
 def test_a_stream_finds_what_single_captures_give(

@@ -1,0 +1,133 @@
+"""Print, as Markdown, how often the shadow labels of `precise` are right, stated and found.
+
+    python benchmarks/label_confidence.py [--data ../shared/data/raytraced]
+    python benchmarks/label_confidence.py --fit
+
+The true shadows are those that the true height casts from the true LEDs; a pixel is right if
+the labels of all its LEDs are.  ``--fit`` finds the coefficients of `shadow_confidence`, by
+likelihood, on the simulated captures of `error_band.py` that have shadows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from accuracy import PIXEL_MM, ROOT, SHAPES, calibrate, row, true_shadows
+from error_band import BALL, RIGS, run, simulate
+from error_band import SHAPES as SIMULATED
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from tactograph.graph.read import read_graph
+from tactograph.graph.run import open_pipeline
+from tactograph.nodes.cast_shadows import cast_shadows
+from tactograph.nodes.shadow_confidence import shadow_confidence
+
+BOUNDS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.0)
+SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")
+COEFFICIENTS = {
+    "sure": 5.65,
+    "by_light": 6.2,
+    "at_edge": 3.9,
+    "near_edge": 2.5,
+    "contradicted": 0.6,
+    "by_light_contradicted": 1.0,
+}
+INPUTS = {
+    "shadow": "shadow",
+    "seen": "label_3.shadow",
+    "light": "light",
+    "sigma": "sigma",
+    "slope": "final.slope",
+    "height": "settled_3",
+    "lights": "cal.lights",
+    "pixel": "cal.pixel_size",
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/raytraced")
+    parser.add_argument("--fit", action="store_true", help="find the coefficients")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if arguments.fit:
+            fit(Path(folder))
+        elif arguments.data.is_dir():
+            table(arguments.data, Path(folder))
+        else:
+            parser.error(f"there are no captures in {arguments.data}")
+
+
+def table(data: Path, folder: Path) -> None:
+    """How many pixels of a stated confidence are right, over the ray-traced captures."""
+    stated, right = [], []
+    for rig in PIXEL_MM:
+        calibration = calibrate(data / rig, folder / f"{rig}.npz")
+        for shape in SHAPES:
+            capture = data / rig / shape
+            given = {"capture": str(capture), "calibration": str(calibration)}
+            (found,) = open_pipeline(read_graph("precise"), given, sinks=False).items()
+            stated.append(found["confidence"].ravel())
+            right.append((found["shadow"] == true_shadows(capture)).ravel())
+    reliability(np.concatenate(stated), np.concatenate(right))
+
+
+def reliability(stated: NDArray[Any], right: NDArray[Any]) -> None:
+    row("stated", "pixels", "stated, mean / %", "right / %")
+    row(*["---"] * 4)
+    for low, high in pairwise(BOUNDS):
+        there = (stated >= low) & (stated < high if high < 1 else stated <= 1)
+        if there.any():
+            shares = (f"{100 * plane[there].mean():.3g}" for plane in (stated, right))
+            row(f"{low:g} to {high:g}", str(there.sum()), *shares)
+
+
+def fit(folder: Path) -> None:
+    """The likeliest coefficients on simulated captures."""
+    graph = read_graph("precise")
+    graph = replace(graph, outputs=INPUTS)
+    known, right = [], []
+    for name, rig in RIGS.items():
+        ball, flat, calibration = (folder / name / part for part in ("press", "flat", "cal.npz"))
+        simulate(rig, "ball", BALL, None, ball, seed=1)
+        simulate(rig, "flat", {}, None, flat, seed=2)
+        given = {"capture": ball, "flat": flat, "out": calibration}
+        run("calibrate", given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
+        for seed, title in enumerate(SHADOWED, start=3):
+            capture = folder / name / "captures" / title
+            simulate(rig, *SIMULATED[title], capture, seed)
+            here = {"capture": str(capture), "calibration": str(calibration)}
+            (found,) = open_pipeline(graph, here, sinks=False).items()
+            leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
+            height = np.load(capture / "truth_height_mm.npy").astype(np.float32)
+            truth = cast_shadows(height, np.array(leds, np.float32), rig.pixel_mm)
+            known.append(found)
+            right.append(found["shadow"] == truth)
+
+    def loss(values: NDArray[Any]) -> float:
+        given = dict(zip(COEFFICIENTS, map(float, values), strict=True))
+        total = 0.0
+        for captured, truth in zip(known, right, strict=True):
+            chance = shadow_confidence(**captured, **given).astype(np.float64)
+            total -= np.log(np.clip(np.where(truth, chance, 1 - chance), 1e-12, 1)).sum()
+        return total
+
+    start = list(COEFFICIENTS.values())
+    limits = [(0.01, 20)] * len(start)
+    found = minimize(loss, start, bounds=limits, method="L-BFGS-B", options={"eps": 1e-2})
+    row("coefficient", "likeliest")
+    row("---", "---")
+    for name, value in zip(COEFFICIENTS, found.x, strict=True):
+        row(name, f"{value:.2f}")
+
+
+if __name__ == "__main__":
+    main()
