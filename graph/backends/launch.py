@@ -59,6 +59,18 @@ class Launch:
         self.outputs = dict(outputs)
         self.settings = settings
         self.sizes = dict(sizes)
+        self._events: list[cl.Event] = []
+
+    @property
+    def timer(self) -> tuple[cl.Event, cl.Event]:
+        """The first and the last kernel's event; a marker's if there was none.
+
+        Markers around every launch would tell the same, but Intel's runtime runs all that
+        follows a marker on a single core.
+        """
+        if not self._events:
+            self._events.append(cl.enqueue_marker(self.queue))
+        return self._events[0], self._events[-1]
 
     @property
     def lanes(self) -> int:
@@ -96,7 +108,7 @@ class Launch:
         local = local or local_size(len(grid))
         compiled = self._device.compile(self._compiled.node, constants) if constants else None
         kernel = (compiled or self._compiled).kernels[name]
-        kernel.enqueue(self.queue, grid, local, map(_argument, arguments))
+        self._events.append(kernel.enqueue(self.queue, grid, local, map(_argument, arguments)))
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
         """A buffer for this launch alone, from the pool."""
