@@ -90,6 +90,7 @@ class Node:
     lanes: bool = False
     launch: LaunchFunction | None = None
     requires: tuple[str, str] | None = None
+    in_place: bool = False
     on_cpu: str | None = None
     make_example: Callable[..., dict[str, Any]] | None = None
     kernel_package: str = "tactograph.kernels"
@@ -140,7 +141,11 @@ class Node:
 
     @typing.overload
     def opencl(
-        self, *, requires: tuple[str, str] | None = None, on_cpu: str | None = None
+        self,
+        *,
+        requires: tuple[str, str] | None = None,
+        in_place: bool = False,
+        on_cpu: str | None = None,
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(
@@ -149,6 +154,7 @@ class Node:
         grid: str | None = None,
         lanes: bool = False,
         requires: tuple[str, str] | None = None,
+        in_place: bool = False,
         on_cpu: str | None = None,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
@@ -165,11 +171,15 @@ class Node:
             counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.
         requires
             A module that the launch function needs, and what to install to get it.
+        in_place
+            Whether it does without that module where the device shares the host's memory, and
+            the host can work on it in place (`Launch.on_host`).
         on_cpu
             Why the NumPy function is the better one if the device is a CPU: it is then
             taken wherever numpy is among the graph's preferences.
         """
         self.requires = requires
+        self.in_place = in_place
         self.lanes = lanes
         self.on_cpu = on_cpu
         if grid is not None:

@@ -78,6 +78,7 @@ class Pipeline:
         self._device = device
         self._host: dict[Value, Any] = {}
         self._remote: dict[Value, DeviceArray] = {}
+        self._arriving: dict[Value, Any] = {}
         self._known: dict[Symbol, Bound] = {}
         self._times: dict[str, float] = {}
         self._notes: list[str] = []
@@ -302,6 +303,7 @@ class Pipeline:
             self._execute(step, known, timers, given)
         if timers and self._device is not None:
             self._device.finish()
+            self._arriving.clear()
             self._times |= {name: milliseconds(timer) for name, timer in timers.items()}
 
     def _split(self, *, stream: bool) -> tuple[list[Step], list[Step]]:
@@ -322,7 +324,7 @@ class Pipeline:
         """Whether the device alone reads a value, so that it may go there as it came."""
         readers = [step for step in self.plan.steps if value in step.reads]
         host = value in self.plan.outputs.values() or value in self._recalled
-        return not host and bool(readers) and all(step.kind == "upload" for step in readers)
+        return not host and bool(readers) and all(step.backend == "opencl" for step in readers)
 
     def _execute(
         self,
@@ -332,7 +334,7 @@ class Pipeline:
         given: Mapping[str, Any],
     ) -> None:
         if step.kind in ("upload", "download"):
-            self._transfer(step)
+            self._transfer(step, timers)
         else:
             task = self.plan.tasks[step.name]
             self.plan.sizes.derive(known, task)
@@ -346,19 +348,22 @@ class Pipeline:
         for value in step.release:
             self._remote.pop(value, None)
 
-    def _transfer(self, step: Step) -> None:
+    def _transfer(self, step: Step, timers: dict[str, Timer]) -> None:
+        """Begin a transfer; whoever reads on the host waits, the device keeps its own order."""
         assert self._device is not None
-        start = time.perf_counter()
         (value,) = step.reads
         if step.kind == "download":
-            self._host[value] = self._device.download(self._remote[value])
-        elif self._host[value] is not None:
-            array = self._host[value]
+            self._host[value], timer = self._device.start_download(self._remote[value])
+            self._arriving[value] = timer[1]
+        elif (array := self._host[value]) is not None:
             port = self.plan.tasks[value.node].node.outputs[value.port]
             as_it_came = array.dtype != port.dtype
-            upload = self._device.upload_fraction if as_it_came else self._device.upload
-            self._remote[value] = upload(array)
-        self._times[step.name] = 1e3 * (time.perf_counter() - start)
+            device = self._device
+            start = device.start_upload_of_fraction if as_it_came else device.start_upload
+            self._remote[value], timer = start(array)
+        else:
+            return
+        timers[step.name] = timer
 
     def _fill(self, task: Task, step: Step, sizes: Mapping[str, int]) -> None:
         (port,) = task.node.outputs
@@ -415,6 +420,9 @@ class Pipeline:
                 keywords[task.node.wanted] = self._wanted[task.id]
             if task.node.provenance is not None:
                 keywords[task.node.provenance] = self._provenance(known)
+            for value in task.reads.values():
+                if value in self._arriving:
+                    self._arriving.pop(value).wait()
             start = time.perf_counter()
             with collect_warnings(self._notes), blaming(task):
                 made = task.node(*_positional(task, self._host, recalled), **keywords)

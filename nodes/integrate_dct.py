@@ -10,7 +10,7 @@ from scipy.fft import dctn, idctn
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes._fourier import ON_CPU, REQUIRES, cosine_transform
+from tactograph.nodes._fourier import REQUIRES, cosine_transform
 
 
 @node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
@@ -74,7 +74,7 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
     return inverse
 
 
-@integrate_dct.opencl(requires=REQUIRES, on_cpu=ON_CPU)
+@integrate_dct.opencl(requires=REQUIRES, in_place=True)
 def _launch(run: Launch) -> None:
     """Divergence, DCT-II, division by the eigenvalues, DCT-III."""
     height, width = shape = run.sizes["H"], run.sizes["W"]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -63,7 +64,7 @@ class Launch:
 
     @property
     def timer(self) -> tuple[cl.Event, cl.Event]:
-        """The first and the last kernel's event; a marker's if there was none.
+        """The first and the last event; a marker's if there was none.
 
         Markers around every launch would tell the same, but Intel's runtime runs all that
         follows a marker on a single core.
@@ -76,6 +77,11 @@ class Launch:
     def lanes(self) -> int:
         """How many elements a work-item should do side by side; the kernels' LANES."""
         return self._device.lanes
+
+    @property
+    def shares_memory(self) -> bool:
+        """Whether `on_host` costs next to nothing."""
+        return self._device.shares_memory
 
     @property
     def queue(self) -> cl.CommandQueue:
@@ -125,6 +131,16 @@ class Launch:
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host: for what decides the next launch."""
         return self._device.download(array)
+
+    @contextmanager
+    def on_host(self, array: DeviceArray) -> Iterator[NDArray[Any]]:
+        """Wait for an array, and work on it where it is if the device shares the host's memory."""
+        # What is mapped for writing has its contents, too.
+        write = cl.map_flags.WRITE
+        shape, dtype = array.shape, array.dtype
+        plane, _ = cl.enqueue_map_buffer(self.queue, array.buffer, write, 0, shape, dtype)
+        yield plane
+        self._events.append(plane.base.release(self.queue))
 
     def found(self, symbol: str, size: int) -> None:
         """Say how large a size symbol is that only the data tells, and make the outputs with it."""

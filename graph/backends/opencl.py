@@ -71,11 +71,20 @@ class Compiled:
 
 
 _FRACTION = """
+#if LANES == 16
+__attribute__((vec_type_hint(float16)))
+#endif
 __kernel void fraction(
     __global const WHOLE *restrict whole, __global float *restrict out,
     const int N, const float full)
 {
     const int start = get_global_id(0) * LANES;
+#if LANES == 16
+    if (start + LANES <= N) {
+        vstore16(convert_float16(vload16(0, whole + start)) / full, 0, out + start);
+        return;
+    }
+#endif
     for (int i = start; i < min(start + LANES, N); ++i)
         out[i] = convert_float(whole[i]) / full;
 }
@@ -93,6 +102,8 @@ class OpenCL:
         self.name = device.name
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or (16 if self.is_cpu else 1)
+        # With one lane a CPU stands for a GPU.
+        self.shares_memory = self.lanes > 1
         self.context = cl.Context([device.handle])
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
@@ -156,22 +167,35 @@ class OpenCL:
             cl.enqueue_copy(self.queue, target.buffer, np.ascontiguousarray(array))
         return target
 
-    def upload_fraction(self, array: NDArray[Any]) -> DeviceArray:
-        """Copy unsigned integers to the device, and there make them fractions of full scale.
+    def start_upload(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
+        """Begin to copy a host array, which must not change before the event."""
+        target = self.empty(array.shape, array.dtype)
+        if not array.size:
+            return target, self._now()
+        source = np.ascontiguousarray(array)
+        event = cl.enqueue_copy(self.queue, target.buffer, source, is_blocking=False)
+        return target, (event, event)
+
+    def start_upload_of_fraction(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
+        """Begin to copy unsigned integers, and there make them fractions of full scale.
 
         A quarter of the bytes of float32 for 8 bits; the same values as on the host.
         """
-        source, target = self.upload(array), self.empty(array.shape, np.dtype(np.float32))
+        source, (started, _) = self.start_upload(array)
+        target = self.empty(array.shape, np.dtype(np.float32))
         full = np.float32(np.iinfo(array.dtype).max)
         kernel = self._fraction[array.dtype.itemsize]
         grid = (-(-array.size // self.lanes),)
         arguments = (source.buffer, target.buffer, np.int32(array.size), full)
-        kernel.enqueue(self.queue, grid, local_size(1), arguments)
-        return target
+        return target, (started, kernel.enqueue(self.queue, grid, local_size(1), arguments))
+
+    def _now(self) -> Timer:
+        marker = cl.enqueue_marker(self.queue)
+        return marker, marker
 
     @cached_property
     def _fraction(self) -> dict[int, Kernel]:
-        """The kernels of `upload_fraction`, by bytes per element."""
+        """The kernels of `start_upload_of_fraction`, by bytes per element."""
         return {
             size: Kernel(
                 cl.Program(self.context, _FRACTION)
@@ -193,6 +217,14 @@ class OpenCL:
         if target.size:
             cl.enqueue_copy(self.queue, target, source.buffer)
         return target
+
+    def start_download(self, source: DeviceArray) -> tuple[NDArray[Any], Timer]:
+        """Begin to copy an array to the host, where it is complete after the event."""
+        target = np.empty(source.shape, source.dtype)
+        if not target.size:
+            return target, self._now()
+        event = cl.enqueue_copy(self.queue, target, source.buffer, is_blocking=False)
+        return target, (event, event)
 
     def fill(self, shape: tuple[int, ...], dtype: np.dtype[Any], value: float) -> DeviceArray:
         """Make a constant array on the device."""
@@ -225,7 +257,7 @@ class OpenCL:
                 outputs[name] = self.empty(node.output_shape(name, sizes), port.dtype)
         if node.launch is not None:
             launch = Launch(self, compiled, inputs, outputs, settings, sizes)
-            if node.requires is None:
+            if node.requires is None or (node.in_place and self.shares_memory):
                 node.launch(launch)
                 return launch.outputs, launch.timer
             # A library's kernels leave no event.

@@ -62,7 +62,7 @@ def _obstacle(task: Task, device: OpenCL | None, no_device: str) -> str | None:
         return f"node '{task.node.name}' has no OpenCL kernel"
     if device is None:
         return no_device
-    if task.node.requires is not None:
+    if task.node.requires is not None and not (task.node.in_place and device.shares_memory):
         module, remedy = task.node.requires
         if importlib.util.find_spec(module) is None:
             return f"{module} is not installed ({remedy})"

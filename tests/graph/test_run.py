@@ -400,6 +400,23 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another(
     assert wrong == []
 
 
+def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
+    toys: list[str], write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[np.dtype[Any]] = []
+    upload = OpenCL.start_upload
+
+    def watched(self: OpenCL, array: np.ndarray) -> Any:
+        sent.append(array.dtype)
+        return upload(self, array)
+
+    monkeypatch.setattr(OpenCL, "start_upload", watched)
+    text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
+    pipeline = load(write(text.replace(", score: score", "")), backend="opencl")
+    pipeline(frames=np.zeros((3, 4, 5), np.uint8))
+    assert sent == [np.float32, np.float32, np.uint8]  # flat, dark, image
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("op", ["flat_field", "doubled"])
 def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(

@@ -15,6 +15,8 @@ from tactograph.graph.parity import Case, cases, compare
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]
 """Nodes whose work-items do several elements side by side."""
+LIBRARIES = [name for name in KERNEL_NODES if find_node(name).in_place]
+"""Nodes that need a library where the device does not share the host's memory."""
 CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name))]
 
 
@@ -31,8 +33,8 @@ def one_lane(device: OpenCL) -> OpenCL:
     return OpenCL(found, lanes=1)
 
 
-@pytest.mark.parametrize("name", LANED)
-def test_one_element_per_work_item_gives_the_same(one_lane: OpenCL, name: str) -> None:
+@pytest.mark.parametrize("name", LANED + LIBRARIES)
+def test_a_device_like_a_gpu_gives_the_same(one_lane: OpenCL, name: str) -> None:
     for case in cases(find_node(name)):
         assert compare(find_node(name), one_lane, case) is None, str(case)
 

@@ -45,12 +45,13 @@ def test_a_node_with_a_kernel_runs_on_the_device_that_is_preferred(
 def test_what_the_host_does_faster_than_a_cpu_device_stays_there_and_that_is_no_fallback(
     write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    slopes = SLOPES.replace("integrate_dct", "integrate_frankot_chellappa")
     for is_cpu, backend in ((True, "numpy"), (False, "opencl")):
         monkeypatch.setattr(device, "is_cpu", is_cpu)
-        placement = planned(write(SLOPES), device).placements["again"]
+        placement = planned(write(slopes), device).placements["again"]
         assert (placement.backend, placement.fallback) == (backend, False)
     monkeypatch.setattr(device, "is_cpu", True)
-    asked = planned(write(f"prefer: [opencl]{SLOPES}"), device).placements["again"]
+    asked = planned(write(f"prefer: [opencl]{slopes}"), device).placements["again"]
     assert asked.backend == "opencl"
 
 
@@ -87,7 +88,7 @@ def test_if_numpy_is_preferred_nothing_falls_back(write: Write, device: OpenCL) 
 def test_a_library_that_is_missing_is_named_with_its_remedy(
     write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "is_cpu", False)
+    monkeypatch.setattr(device, "shares_memory", False)
     plan = planned(write(SLOPES), device)
     assert plan.placements["slope"].backend == "opencl"
     assert plan.fallbacks == [
@@ -97,12 +98,15 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(
 
 
 def test_a_library_that_would_not_be_used_is_not_asked_for(
-    write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
+    write: Write, device: OpenCL, without_vkfft: None
 ) -> None:
-    monkeypatch.setattr(device, "is_cpu", True)
-    plan = planned(write(SLOPES), device)
-    assert plan.placements["again"].why.startswith("faster than on a CPU device")
-    assert plan.fallbacks == []
+    """Neither where the host works on the device's memory, nor where it does it all."""
+    assert device.shares_memory
+    other = write(SLOPES.replace("integrate_dct", "integrate_frankot_chellappa"), "other.yaml")
+    here, there = planned(write(SLOPES), device), planned(other, device)
+    assert here.placements["again"].backend == "opencl"
+    assert there.placements["again"].why.startswith("faster than on a CPU device")
+    assert here.fallbacks == there.fallbacks == []
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
@@ -133,8 +137,9 @@ def test_a_node_that_is_bound_to_what_cannot_run_it_is_refused(
 
 
 def test_a_bound_node_whose_library_is_missing_is_refused(
-    write: Write, device: OpenCL, without_vkfft: None
+    write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(device, "shares_memory", False)
     text = SLOPES.replace("{op: integrate_dct", "{backend: opencl, op: integrate_dct")
     with pytest.raises(GraphError, match="bound to opencl, but pyvkfft is not installed"):
         planned(write(text), device)

@@ -31,7 +31,30 @@ def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
     last = STREAM.replace(source, "").replace("outputs:", f"{source}outputs:")
     more = last.replace("  light:", "  more: {op: doubled, in: {image: frames.image}}\n  light:")
     file = write(more.replace("outputs: {", "outputs: {more: more, "))
-    assert [step.name for step in planned(file, device).steps][:2] == ["frames", "cal"]
+    runs = [step.name for step in planned(file, device).steps if step.kind == "run"]
+    assert runs[:2] == ["cal", "frames"]
+
+
+def test_the_device_is_given_work_before_the_host_starts_on_its_own(
+    toys: list[str], write: Write, device: OpenCL
+) -> None:
+    """And before all what the host waits for."""
+    text = STREAM.replace(
+        "  score:",
+        "  own:    {op: doubled, in: {image: frames.image}}\n"
+        "  late:   {op: summed, in: {image: frames.image}}\n"
+        "  score:",
+    ).replace("outputs: {", "outputs: {own: own, late: late, ")
+    text = text.replace("{op: watched, in: {image: light", "{op: watched, in: {image: back")
+    back = "  back:   {op: doubled, in: {image: light}}\n  score:"
+    steps = [s.name for s in planned(write(text.replace("  score:", back)), device).steps]
+    places = [steps.index(name) for name in ("light", "download light.flat_field", "late", "own")]
+    assert places == sorted(places)
+
+
+def test_what_runs_once_comes_first(toys: list[str], write: Write, device: OpenCL) -> None:
+    stream = [step.stream for step in planned(write(STREAM), device).steps]
+    assert stream == sorted(stream)
 
 
 def test_writers_come_last_so_that_nothing_is_written_if_a_computation_fails(
