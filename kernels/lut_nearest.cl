@@ -134,7 +134,7 @@ static void scan_leaf(
         #pragma unroll
         for (int k = 0; k < LIGHTS; ++k) {
             const floats away = entry[e * LIGHTS + k] - light[k];
-            square[e] += away * away;
+            square[e] = fma(away, away, square[e]);
         }
     }
     floats least = square[0];
