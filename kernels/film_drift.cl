@@ -77,6 +77,21 @@ static int on_ring(const int j, const int H, const int W)
     return (1 + side / 2) * W + (side & 1 ? W - 1 : 0);
 }
 
+// The mean of two by two cells; the last row and column of an odd number count twice.
+__kernel void halve(
+    __global const float *restrict light,
+    __global float *restrict halved,
+    const int K, const int h, const int w,
+    const int H, const int W)
+{
+    GRID_3(k, y, x, K, h, w)
+    __global const float *above = light + (k * H + 2 * y) * W;
+    __global const float *below = light + (k * H + min(2 * y + 1, H - 1)) * W;
+    const int left = 2 * x, right = min(2 * x + 1, W - 1);
+    const float pairs = (above[left] + below[left]) + (above[right] + below[right]);
+    halved[(k * h + y) * w + x] = pairs * 0.25f;
+}
+
 __kernel void begin(
     __global const float *before, __global float *restrict old, __global int *heed,
     const int has_before, const int K)

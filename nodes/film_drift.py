@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, Any
 
 import cv2
@@ -10,7 +11,7 @@ from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, Port, SizeLimit, node
-from tactograph.graph.backends.launch import Launch
+from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Light
 
 GROUP, WORKERS, SUMS = 64, 256, 21 + 8 * 7
@@ -22,6 +23,8 @@ SEARCH = (0.03, 0.01, 0.0)
 """Departures that count as calm in round after round, beyond the noise."""
 FEWEST = 0.05
 """Share of the cells that must be calm; a film that is all touch tells nothing."""
+MOST_CELLS = 8000
+"""More tell nothing new: they are put together, four into one, until there are no more."""
 AROUND = 5
 """Side in cells of what lies around a cell; its mean is so many times less noisy."""
 HELD = 0.003
@@ -90,15 +93,19 @@ def film_drift(
         K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the
         middle of the image divided by half its width.
     """
+    while light[0].size > MOST_CELLS:
+        light, sigma = _halved(light), None if sigma is None else _halved(sigma)
+        factor *= 2
     count, rows, columns = light.shape
-    basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(TERMS, -1)
+    basis = _basis(rows, columns)
     cells, around = light.reshape(count, -1), _around(light).reshape(count, -1)
     share = np.float32(level) / np.float32(factor)
     noise = np.zeros_like(cells) if sigma is None else share * sigma.reshape(count, -1)
     if before is None:
         before = np.zeros((count, TERMS), np.float32)
         before[:, 0] = 1
-    other = before * _border_level(cells / _gain(before, basis), rows, columns)[:, None]
+    lit = np.asarray(cells / np.maximum(_gain(before, basis), DARKEST), np.float32)
+    other = before * _border_level(lit, rows, columns)[:, None]
     widest = np.float32(rough + SEARCH[0])
     better = _calm(cells, noise, basis, other, widest).sum()
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
@@ -113,7 +120,7 @@ def film_drift(
             return before
         drift, explained = _fit(cells, calm, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
-    drift[:, 0] += (cells - drift @ basis) @ calm / calm.sum()
+    drift[:, 0] += (cells - _gain(drift, basis)) @ calm / calm.sum()
     chance = np.float32(1 + flat_noise**2) * (np.square(noise) @ calm) / calm.sum()
     return np.where((explained > chance)[:, None], drift, before)
 
@@ -128,8 +135,37 @@ def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ..
     return np.stack([one, u, v, u * u, u * v, v * v])
 
 
+def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
+    """Return what the drift makes of each LED's light: K x H x W, or K x 1 x 1 if it is level."""
+    rows, columns = size
+    c = drift[:, :, None, None]
+    if not drift[:, 1:].any():
+        return np.maximum(c[:, 0], DARKEST)
+    _, u, v, *_ = terms(np.arange(rows), np.arange(columns), size)
+    gain = c[:, 0] + c[:, 1] * u + c[:, 2] * v
+    gain = gain + c[:, 3] * u * u + c[:, 4] * u * v + c[:, 5] * v * v
+    return np.asarray(np.maximum(gain, DARKEST), np.float32)
+
+
+@lru_cache(maxsize=4)
+def _basis(rows: int, columns: int) -> F4:
+    """The terms at each of N cells: 6 x N."""
+    basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(TERMS, -1)
+    basis.flags.writeable = False
+    return basis
+
+
 def _gain(drift: F4, basis: F4) -> F4:
-    return np.asarray(np.maximum(drift @ basis, DARKEST), np.float32)
+    """K x N, or K x 1 if the drift is level, as it nearly always is."""
+    return np.asarray(drift @ basis if drift[:, 1:].any() else drift[:, :1], np.float32)
+
+
+def _halved(light: F4) -> F4:
+    """The mean of two by two cells; the last row and column of an odd number count twice."""
+    _, rows, columns = light.shape
+    light = np.pad(light, ((0, 0), (0, rows % 2), (0, columns % 2)), mode="edge")
+    pairs = light[:, ::2] + light[:, 1::2]
+    return np.asarray((pairs[..., ::2] + pairs[..., 1::2]) * np.float32(0.25))
 
 
 def _around(light: F4) -> F4:
@@ -141,9 +177,12 @@ def _around(light: F4) -> F4:
 
 def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
     """1 for each of N cells whose light is that of the drift, else 0."""
-    gain = drift @ basis
-    calm = (np.abs(light - gain) < gain * (noise + beyond)).all(axis=0)
-    return np.asarray(calm, np.float32)
+    gain = _gain(drift, basis)
+    away = light - gain
+    np.abs(away, out=away)
+    most = noise + beyond
+    most *= gain
+    return np.asarray((away < most).all(axis=0), np.float32)
 
 
 def _border_level(light: F4, rows: int, columns: int) -> F4:
@@ -162,7 +201,7 @@ def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]
     Returns the drift, and the sum of squares that its change explains, by LED.
     """
     known = basis[:used] * calm
-    seen = known @ (light - before @ basis).T
+    seen = known @ (light - _gain(before, basis)).T
     held = np.full(used, HELD * calm.size, np.float32)
     held[0] = 0
     change = np.linalg.solve(known @ basis[:used].T + np.diag(held), seen)
@@ -175,9 +214,13 @@ def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]
 def _launch(run: Launch) -> None:
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
-    lights, height, width = sizes = [run.sizes[name] for name in "KHW"]
-    noisy = light if sigma is None else sigma
-    share = 0.0 if sigma is None else float(run.settings["level"]) / int(run.settings["factor"])
+    lights, height, width = (run.sizes[name] for name in "KHW")
+    noisy, factor = light if sigma is None else sigma, int(run.settings["factor"])
+    while height * width > MOST_CELLS:
+        light, noisy = (_launch_halved(run, plane, height, width) for plane in (light, noisy))
+        height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
+    sizes = [lights, height, width]
+    share = 0.0 if sigma is None else float(run.settings["level"]) / factor
     shape = (lights, TERMS)
     old, drift, spare = run.scratch(shape), run.scratch(shape), run.scratch(shape)
     each = (lights * TERMS,)
@@ -212,6 +255,13 @@ def _launch(run: Launch) -> None:
     run.kernel("tally", (WORKERS,), *seen, spare, drift, sums, *judged)
     doubt = 1 + float(run.settings["flat_noise"]) ** 2
     run.kernel("finish", (lights,), sums, old, drift, explained, few, out, lights, doubt)
+
+
+def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:
+    shape = (run.sizes["K"], (height + 1) // 2, (width + 1) // 2)
+    halved = run.scratch(shape)
+    run.kernel("halve", shape, light, halved, *shape, height, width)
+    return halved
 
 
 @film_drift.example

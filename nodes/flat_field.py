@@ -9,6 +9,7 @@ from annotated_types import Gt
 
 from tactograph.graph import node
 from tactograph.nodes import Dark, Light
+from tactograph.nodes.film_drift import Drift, drift_gain
 
 
 @node(neutral="image")
@@ -16,6 +17,7 @@ def flat_field(
     image: Light,
     flat: Light,
     dark: Dark,
+    drift: Drift | None = None,
     *,
     floor: Annotated[float, Gt(0)] = 0.02,
 ) -> Light:
@@ -32,14 +34,21 @@ def flat_field(
         K x H x W, the untouched film, dark level already taken off.
     dark
         H x W, all LEDs off.
+    drift
+        K x 6: by what each LED's light on the film at rest has departed from that of the flat
+        image since, as `film_drift` gives it; none: by nothing.
     floor
         Smallest value of the flat image that is divided by; darker pixels carry no
         information and would only blow up noise.
     """
     light = np.empty_like(image)
-    for captured, rest, found in zip(image, flat, light, strict=True):
+    gains = [None] * len(image) if drift is None else drift_gain(drift, dark.shape)
+    for captured, rest, gain, found in zip(image, flat, gains, light, strict=True):
+        level = np.maximum(rest, np.float32(floor))
+        if gain is not None:
+            level *= gain
         np.subtract(captured, dark, out=found)
-        found /= np.maximum(rest, np.float32(floor))
+        found /= level
     return light
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import Light
-from tactograph.nodes.film_drift import DARKEST, Drift, terms
+from tactograph.nodes.film_drift import Drift, drift_gain
 
 
 @node(
@@ -24,12 +24,7 @@ def level_light(light: Light, drift: Drift) -> Light:
     drift
         K x 6, as `film_drift` gives it.
     """
-    _, rows, columns = light.shape
-    if not drift[:, 1:].any():
-        return np.asarray(light / np.maximum(drift[:, :1, None], DARKEST), np.float32)
-    basis = terms(np.arange(rows), np.arange(columns), (rows, columns))
-    gain = np.maximum(np.tensordot(drift, basis, axes=1), DARKEST)
-    return np.asarray(light / gain, np.float32)
+    return np.asarray(light / drift_gain(drift, light.shape[1:]), np.float32)
 
 
-level_light.opencl(grid="K H W")
+level_light.opencl(grid="H W", lanes=True)

@@ -17,6 +17,7 @@ MUTANTS = {
         "dark not subtracted": ("count) - level", "count)"),
         "floor ignored": ("MORE_OF(rest, low)", "rest"),
         "light of the first LED for all": ("image + i", "image + pixel"),
+        "drift forgotten": ("if (drift)", "if (0)"),
     },
     "ball_slopes": {
         "p and q swapped": ("? -dx / z", "? -dy / z"),
@@ -75,7 +76,7 @@ MUTANTS = {
     "level_light": {
         "drift of the first LED for all": ("drift + 6 * k", "drift"),
         "across the rows only": ("c[2] * v", "c[2] * u"),
-        "times instead of over": ("light[i] / fmax", "light[i] * fmax"),
+        "times instead of over": ("count) / drift_gain", "count) * drift_gain"),
     },
     "film_drift": {
         "no memory": ("has_before ? before[i]", "0 ? before[i]"),

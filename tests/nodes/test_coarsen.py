@@ -9,6 +9,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.parity import Case, compare
 from tactograph.nodes import F4
 from tactograph.nodes.coarsen import coarsen
+from tactograph.nodes.coarsen_dark import coarsen_dark
 from tactograph.nodes.coarsen_pixel import coarsen_pixel
 from tactograph.nodes.enlarge_height import enlarge_height
 
@@ -69,3 +70,8 @@ def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
         {"factor": 8, "take": "mean"},
     )
     assert compare(coarsen, device, case) is None
+
+
+def test_the_dark_level_of_a_cell_is_that_of_its_pixels() -> None:
+    dark = np.random.default_rng(0).random((9, 14), np.float32)
+    assert np.array_equal(coarsen_dark(dark), coarsen(dark[None])[0])

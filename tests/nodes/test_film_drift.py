@@ -12,6 +12,7 @@ from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
 from tactograph.nodes.coarsen import coarsen
 from tactograph.nodes.film_drift import film_drift, terms
+from tactograph.nodes.flat_field import flat_field
 from tactograph.nodes.level_light import level_light
 from tactograph.nodes.level_presses import level_presses
 from tactograph.nodes.light_ring import light_ring
@@ -60,6 +61,22 @@ def test_where_nothing_drifts_nothing_is_changed() -> None:
     found = drift(light)
     assert found[:, 0].tolist() == [1, 1, 1, 1]
     assert np.array_equal(level_light(light, found), light)
+
+
+@pytest.mark.parametrize("degree", [0, 2])
+def test_a_flat_field_that_has_drifted_is_one_whose_light_is_levelled(degree: int) -> None:
+    rng = np.random.default_rng(0)
+    image, flat = rng.uniform(0.2, 0.8, (2, 4, *SIZE)).astype(np.float32)
+    dark = rng.uniform(0, 0.02, SIZE).astype(np.float32)
+    found = np.zeros((4, 6), np.float32)
+    found[:, 0] = FADED
+    if degree:
+        found[:, 1:] = rng.uniform(-0.02, 0.02, (4, 5))
+    np.testing.assert_allclose(
+        flat_field(image, flat, dark, found),
+        level_light(flat_field(image, flat, dark), found),
+        rtol=1e-6,
+    )
 
 
 def test_the_skirt_of_a_touch_is_no_drift() -> None:
