@@ -18,9 +18,9 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     a later computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
-    ahead = _transfers_ahead(dag)
+    ahead = _ways_ahead(dag)
 
-    def rank(name: str) -> tuple[bool, int, bool, int, int, str]:
+    def rank(name: str) -> tuple[bool, int, bool, int, int, int, str]:
         step: Step = dag.nodes[name]["step"]
         task = draft.tasks.get(name)
         group = 1
@@ -28,19 +28,21 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
             group = 0
         elif task is not None and task.node.sink:
             group = 2
-        place = file_order.get(name, -1)  # transfers do not keep a kernel waiting
-        return step.stream, group, step.backend == "numpy", -ahead[name], place, name
+        transfers, steps = ahead[name]
+        place = file_order.get(name, len(file_order))
+        return step.stream, group, step.backend == "numpy", -transfers, -steps, place, name
 
     names = list(nx.lexicographical_topological_sort(dag, key=rank))
     return _with_releases([dag.nodes[name]["step"] for name in names], draft)
 
 
-def _transfers_ahead(dag: nx.DiGraph[str]) -> dict[str, int]:
-    """For each step the most transfers on any way from it to the end, its own included."""
-    ahead: dict[str, int] = {}
+def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
+    """For each step the most transfers, and then steps, on any way from it to the end."""
+    ahead: dict[str, tuple[int, int]] = {}
     for name in reversed(list(nx.topological_sort(dag))):
+        transfers, steps = max((ahead[after] for after in dag.successors(name)), default=(0, 0))
         own = dag.nodes[name]["step"].kind in ("upload", "download")
-        ahead[name] = own + max((ahead[after] for after in dag.successors(name)), default=0)
+        ahead[name] = transfers + own, steps + 1
     return ahead
 
 
