@@ -9,7 +9,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-BLOCK = 16384
+BLOCK = 32768
 """Pixels of a block: few for the cache, many against the cost of calling NumPy."""
 
 
