@@ -129,17 +129,19 @@ class Store:
     def append(self, captures: Sequence[str]) -> None:
         """Add captures, all pending, behind those that are there."""
         start, stop = len(self), len(self) + len(captures)
-        for name in self._group.array_keys():
-            array = self._array(name)
-            array.resize((stop, *array.shape[1:]))
-        if captures:
-            self._array("capture")[start:stop] = np.array(captures, object)
+        with self._refusing():
+            for name in self._group.array_keys():
+                array = self._array(name)
+                array.resize((stop, *array.shape[1:]))
+            if captures:
+                self._array("capture")[start:stop] = np.array(captures, object)
 
     def add_maps(self, types: Mapping[str, MapType]) -> None:
         """Make the arrays for the maps, once their types are known."""
-        for name in self.job.maps:
-            if name not in self._group:
-                self._add_map(name, types[name])
+        with self._refusing():
+            for name in self.job.maps:
+                if name not in self._group:
+                    self._add_map(name, types[name])
 
     def _add_map(self, name: str, kind: MapType) -> None:
         self._group.create_array(
@@ -155,18 +157,37 @@ class Store:
         )
 
     def write(self, entries: Mapping[int, Entry]) -> None:
-        """Write captures of one chunk; their status last, so that only whole ones are done."""
+        """Write captures of one chunk; their status last, so that only whole ones are done.
+
+        Raises
+        ------
+        InputError
+            If the store cannot be written.
+        """
         first = min(entries) // self.job.chunk * self.job.chunk
         here = slice(first, min(first + self.job.chunk, len(self)))
-        for name in self.job.maps:
-            made = {n: e.maps[name] for n, e in entries.items() if name in e.maps}
-            if made:
-                self._merge(name, here, made)
-        self._merge("reason", here, {n: e.reason for n, e in entries.items()})
-        self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
-        self._merge("warnings", here, {n: "\n".join(e.warnings) for n, e in entries.items()})
-        self._merge("milliseconds", here, {n: e.milliseconds for n, e in entries.items()})
-        self._merge("status", here, {n: e.status for n, e in entries.items()})
+        with self._refusing():
+            for name in self.job.maps:
+                made = {n: e.maps[name] for n, e in entries.items() if name in e.maps}
+                if made:
+                    self._merge(name, here, made)
+            self._merge("reason", here, {n: e.reason for n, e in entries.items()})
+            self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
+            self._merge("warnings", here, {n: "\n".join(e.warnings) for n, e in entries.items()})
+            self._merge("milliseconds", here, {n: e.milliseconds for n, e in entries.items()})
+            self._merge("status", here, {n: e.status for n, e in entries.items()})
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        """Say where it was that nothing more can be written: a disk is full, or gone."""
+        try:
+            yield
+        except OSError as error:
+            reason = error.strerror or error
+            raise InputError(
+                f"{self._group.store_path}: cannot be written: {reason}; once that is mended the "
+                "same command goes on"
+            ) from None
 
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
         """Put values among those of the chunk that are there, and write the chunk at once."""

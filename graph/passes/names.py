@@ -191,8 +191,8 @@ def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) 
         )
     if port is not None and port not in outputs:
         raise GraphError(
-            f"{where}: node '{source}' makes no '{port}'{did_you_mean(port, outputs)} "
-            f"It makes: {', '.join(outputs)}"
+            f"{where}: node '{source}' makes no '{port}'"
+            + (did_you_mean(port, outputs) or f"; it makes {', '.join(outputs)}")
         )
     return Value(source, port or next(iter(outputs)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import multiprocessing
 import os
 import re
@@ -403,6 +404,24 @@ def test_captures_survive_the_death_of_processes(
     assert done == 60
     for number, capture in enumerate(made):
         np.testing.assert_array_equal(lit(store, number), expected(capture))
+
+
+def test_a_full_disk_is_told_and_the_batch_goes_on_once_there_is_room(
+    graph: str, over: str, captures: list[Path], tmp_path: Path, tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    def full(self: Store, *_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    command = ("batch", graph, "--over", over, "--out", str(tmp_path / "out.zarr"))
+    merge = Store._merge
+    monkeypatch.setattr(Store, "_merge", full)
+    outcome = tactograph(*command)
+    assert outcome.code == 2
+    assert "out.zarr: cannot be written: No space left on device; once" in outcome.err
+    monkeypatch.setattr(Store, "_merge", merge)
+    assert tactograph(*command).code == 0
+    assert opened(tmp_path / "out.zarr").statuses.tolist() == [DONE] * len(captures)
 
 
 def reported(chunk: Chunk) -> Tally:

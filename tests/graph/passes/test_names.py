@@ -64,7 +64,8 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
         ("height: again", "height: agian",
          "11:11: outputs.height: there is no node 'agian'; did you mean 'again'?"),
-        ("mask: slope.mask", "mask: slope.flag", "outputs.mask: node 'slope' makes no 'flag'"),
+        ("mask: slope.mask", "mask: slope.flag",
+         "outputs.mask: node 'slope' makes no 'flag'; it makes slope, mask"),
     ],
 )  # fmt: skip
 def test_a_name_that_means_nothing_is_an_error_with_its_place(
