@@ -9,7 +9,8 @@
 #define ALIKE 0.02f
 #define MILD 0.01f
 #define SINGULAR 1e-4f
-#define FAINTEST 0.02f
+#define FAINTEST 0.05f
+#define STRAY 0.01f
 #define UNKNOWN 1e12f
 #define TINY 1e-20f
 
@@ -313,7 +314,8 @@ __kernel void label_lights(
                     squares += here.weight[k] * away * away;
                 } else {
                     const floats over = here.light[k] - at_least(0.0f, predicted);
-                    const floats bright = at_least(0.0f, over / here.sigma[k] + one_sided);
+                    const floats spread = sqrt(here.sigma[k] * here.sigma[k] + STRAY * STRAY);
+                    const floats bright = at_least(0.0f, over / spread + one_sided);
                     excess += (below & (1 << k)) != 0 ? none : bright * bright;
                 }
             }

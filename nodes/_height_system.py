@@ -180,7 +180,9 @@ def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
     surer = np.where(variance[:, :-1] < variance[:, 1:], before, after)
     turn = np.float32(bend) * (after - before)
     both = np.float32(0.25) * (variance[:, :-1] + variance[:, 1:]) + turn * turn
-    alone = np.where(np.isinf(both), both, np.minimum(least, np.float32(1e3)) + LONELY)
+    # A wall ends within the pixel that shows it.
+    little = np.minimum(least, np.float32(1e3)) + LONELY + surer * surer
+    alone = np.where(np.isinf(both), both, little)
     spread = np.where(known, both, alone)
     return np.where(known, step, surer), spread + np.float32(floor * floor)
 

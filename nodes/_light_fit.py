@@ -188,21 +188,18 @@ def place_leds(
         return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
 
     def residual(unknown: F8) -> F8:
-        leds, shifts = split(unknown)
-        left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
-        return np.concatenate(
-            [
-                (shifts / [shift_px, shift_px, LIFT_MM]).ravel(),
-                *(part.ravel() / SPREAD for part in left),
-                *_rest_residual(rest, leds),
-            ]
-        )
+        return _all_residuals(objects, rest, *split(unknown), shift_px)
 
     def jacobian(unknown: F8) -> F8:
         return _jacobian(objects, rest, *split(unknown), shift_px)
 
     found = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
     return Placed(*split(found), flat)
+
+
+def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
+    """What `place_leds` leaves of what it minimises."""
+    return _huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
 
 
 def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
@@ -262,6 +259,21 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
         if gain < CONVERGED * cost:
             break
     return unknown
+
+
+def _all_residuals(
+    objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
+) -> F8:
+    """Of the shifts, the objects' light and the film at rest, in standard deviations."""
+    flat = rest is not None
+    left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
+    return np.concatenate(
+        [
+            (shifts / [shift_px, shift_px, LIFT_MM]).ravel(),
+            *(part.ravel() / SPREAD for part in left),
+            *_rest_residual(rest, leds),
+        ]
+    )
 
 
 def _huber(left: F8) -> float:

@@ -35,8 +35,10 @@ MILD = np.float32(0.01)
 """Variance of a normal, over n_z^2, up to which what noise does on average is taken out."""
 SINGULAR = np.float32(1e-4)
 """Sine squared of the angle between two lights' gradients below which they are one."""
-FAINTEST = np.float32(0.02)
+FAINTEST = np.float32(0.05)
 """Light that is expected at least, when what is there is called less than half of it."""
+STRAY = np.float32(0.01)
+"""Light in a shadow that is no noise: the film's own, and ambient light not quite taken off."""
 UNKNOWN = np.float32(1e12)
 ONE, ZERO, TINY = np.float32(1), np.float32(0), np.float32(1e-20)
 
@@ -120,9 +122,10 @@ def label_lights(
     others without none, one or two of them, the one of least
 
         sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
-        + sum over left out max((m_k - n.v_k) / sigma_k + one_sided, 0)^2
+        + sum over left out max((m_k - n.v_k) / spread_k + one_sided, 0)^2
 
-    wins: a shadow costs, and has to be dark.  Three LEDs or more give n by linear least
+    wins: a shadow costs, and has to be dark; how dark, knows a spread of 1 % beside the noise,
+    for no shadow is quite black.  Three LEDs or more give n by linear least
     squares, scaled to |n| = 1, and Gauss-Newton steps in the tangent plane; two give the
     two unit normals that fit exactly.
 
@@ -289,7 +292,8 @@ def _try(pixels: _Pixels, left_out: int, rules: _Rules) -> _Choice:
     cost = misfit + rules.price * np.float32(left_out.bit_count())
     for k in set(range(count)) - set(used):
         over = pixels.light[k] - np.maximum(_dot(pixels.vectors[k], normal), ZERO)
-        bright = np.maximum(over / pixels.sigma[k] + rules.one_sided, ZERO)
+        spread = np.sqrt(pixels.sigma[k] * pixels.sigma[k] + STRAY * STRAY)
+        bright = np.maximum(over / spread + rules.one_sided, ZERO)
         cost += np.where(pixels.below[k], ZERO, bright * bright)
     labels = np.full(size, ~left_out & (1 << count) - 1, np.uint8)
     return _Choice(normal, twin, labels, cost, misfit)

@@ -88,6 +88,15 @@ def test_a_shadow_well_above_the_noise_is_told_by_its_misfit() -> None:
     assert (label(light).shadow == 0b0100).all()
 
 
+def test_a_shadow_is_not_quite_black() -> None:
+    steep = level(1.3, 1.3)
+    light = light_of(steep)
+    dark = sum(1 << k for k in range(4) if light[k].max() == 0)
+    assert dark
+    light[light == 0] = 0.02
+    assert (label(light, prior=steep, pair="prior").shadow == dark).all()
+
+
 def test_two_shadows_leave_the_exact_slope_as_one_of_two() -> None:
     slope = level(0.5, 0.4)
     light = light_of(slope)

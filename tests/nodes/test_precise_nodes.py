@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.nodes import ShadowRises, _springs
+from tactograph.nodes._height_system import Window, height_system
 from tactograph.nodes._springs import Springs, Ties
 from tactograph.nodes.calm_film import calm_film
 from tactograph.nodes.cast_shadows import cast_shadows
@@ -122,6 +123,17 @@ def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
     standing = integrate_weighted(*arguments, rises, PIXEL, steps=30)
     assert np.abs(lying[16:24, 24:32]).max() < 0.02
     assert np.abs(standing[16:24, 24:32] - 0.5).max() < 0.02
+
+
+def test_a_wall_beside_the_dark_may_end_there() -> None:
+    slope, variance = np.zeros((2, *SHAPE), np.float32), variance_of(1e-6)
+    slope[0, :, 24] = -30
+    variance[:, :, 25:30] = 1e12
+    rest, frame = np.zeros(SHAPE, np.uint8), Window(slice(0, SHAPE[0]), slice(0, SHAPE[1]))
+    arguments = (frame, slope, variance, rest, NO_RISES, PIXEL, None)
+    system = height_system(*arguments, bend=0.25, floor=0.07, rise_px=0.5)
+    assert system.right[:, 24] == pytest.approx(-30 * PIXEL)
+    assert (system.right_variance[:, 24] > (30 * PIXEL) ** 2).all()
 
 
 def test_outliers_are_given_up() -> None:
