@@ -9,8 +9,9 @@
 #define ALIKE 0.02f
 #define MILD 0.01f
 #define SINGULAR 1e-4f
-#define FAINTEST 0.05f
-#define STRAY 0.01f
+#define FAINTEST 0.08f
+#define STRAY 0.015f
+#define SHADE 0.1f
 #define UNKNOWN 1e12f
 #define TINY 1e-20f
 
@@ -316,7 +317,8 @@ __kernel void label_lights(
                     const floats over = here.light[k] - at_least(0.0f, predicted);
                     const floats spread = sqrt(here.sigma[k] * here.sigma[k] + STRAY * STRAY);
                     const floats bright = at_least(0.0f, over / spread + one_sided);
-                    excess += (below & (1 << k)) != 0 ? none : bright * bright;
+                    const floats lit = here.light[k] * (1.0f / SHADE);
+                    excess += (below & (1 << k)) != 0 ? none : bright * bright + lit * lit;
                 }
             }
             const floats cost = squares + price * number + excess;

@@ -35,10 +35,13 @@ MILD = np.float32(0.01)
 """Variance of a normal, over n_z^2, up to which what noise does on average is taken out."""
 SINGULAR = np.float32(1e-4)
 """Sine squared of the angle between two lights' gradients below which they are one."""
-FAINTEST = np.float32(0.05)
+FAINTEST = np.float32(0.08)
 """Light that is expected at least, when what is there is called less than half of it."""
-STRAY = np.float32(0.01)
+STRAY = np.float32(0.015)
 """Light in a shadow that is no noise: the film's own, and ambient light not quite taken off."""
+SHADE = np.float32(0.1)
+"""Light that is much for a shadow.  Two dark LEDs alone would explain any pixel as lit at a
+grazing angle, and the bright ones as shadows of still brighter light."""
 UNKNOWN = np.float32(1e12)
 ONE, ZERO, TINY = np.float32(1), np.float32(0), np.float32(1e-20)
 
@@ -122,10 +125,10 @@ def label_lights(
     others without none, one or two of them, the one of least
 
         sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
-        + sum over left out max((m_k - n.v_k) / spread_k + one_sided, 0)^2
+        + sum over left out max((m_k - n.v_k) / spread_k + one_sided, 0)^2 + (m_k / 0.1)^2
 
-    wins: a shadow costs, and has to be dark; how dark, knows a spread of 1 % beside the noise,
-    for no shadow is quite black.  Three LEDs or more give n by linear least
+    wins: a shadow costs, and has to be dark, though none is quite black: spread_k is sigma_k
+    and 1.5 % of the film's light.  Three LEDs or more give n by linear least
     squares, scaled to |n| = 1, and Gauss-Newton steps in the tangent plane; two give the
     two unit normals that fit exactly.
 
@@ -294,7 +297,8 @@ def _try(pixels: _Pixels, left_out: int, rules: _Rules) -> _Choice:
         over = pixels.light[k] - np.maximum(_dot(pixels.vectors[k], normal), ZERO)
         spread = np.sqrt(pixels.sigma[k] * pixels.sigma[k] + STRAY * STRAY)
         bright = np.maximum(over / spread + rules.one_sided, ZERO)
-        cost += np.where(pixels.below[k], ZERO, bright * bright)
+        lit = pixels.light[k] * (ONE / SHADE)
+        cost += np.where(pixels.below[k], ZERO, bright * bright + lit * lit)
     labels = np.full(size, ~left_out & (1 << count) - 1, np.uint8)
     return _Choice(normal, twin, labels, cost, misfit)
 
