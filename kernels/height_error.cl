@@ -63,23 +63,44 @@ __kernel void respond(
     }
 }
 
+// The light of an LED on film of slope p, q at x, y, z, 1 at rest.
+static float lit_by(
+    __global const float *led, const float x, const float y, const float z, const float p,
+    const float q)
+{
+    const float dx = led[0] - x, dy = led[1] - y, dz = led[2] - z;
+    const float plan = dx * dx + dy * dy;
+    const float nearer = (plan + led[2] * led[2]) / (plan + dz * dz);
+    const float gain = nearer * sqrt(nearer) * (1.0f / led[2]);
+    const float nz = 1.0f / sqrt(1.0f + p * p + q * q);
+    return (dz * gain - dx * gain * p - dy * gain * q) * nz;
+}
+
 // An error of the slopes inside the window: the lights' noise, and what all pixels of an LED
-// have in common.
+// have in common, the LEDs being elsewhere.
 __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
+    __global const float *restrict height, __global const float *restrict slope,
+    __global const float *restrict lights, __global const float *restrict others,
     __global const float *restrict by_p, __global const float *restrict by_q,
-    __global const float *restrict signs, __global float *restrict p, __global float *restrict q,
-    const int K, const int frame_size, const int frame_width, const int top, const int left,
-    const int H, const int W, const float flat_noise, const float calibration, const uint key)
+    __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
+    const int frame_width, const int top, const int left, const int H, const int W,
+    const float pixel, const int number, const float flat_noise, const uint key)
 {
     GRID_2(y, x, H, W)
+    const int frame_size = frame_height * frame_width;
     const int i = y * W + x, from = (top + y) * frame_width + left + x;
+    const float x_mm = ((float)(left + x) - 0.5f * (float)(frame_width - 1)) * pixel;
+    const float y_mm = ((float)(top + y) - 0.5f * (float)(frame_height - 1)) * pixel;
+    const float z = height[from], here_p = slope[from], here_q = slope[frame_size + from];
     float total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
         const float flat = flat_noise * light[at];
         const float noise = sigma[at] * sqrt(1.0f + flat * flat);
-        const float common = calibration * (light[at] - 1.0f) * signs[k];
+        const float common =
+            lit_by(others + 3 * (number * K + k), x_mm, y_mm, z, here_p, here_q)
+            - lit_by(lights + 3 * k, x_mm, y_mm, z, here_p, here_q);
         const float change = common + noise * drawn(k * H * W + i, key);
         total_p += by_p[at] * change;
         total_q += by_q[at] * change;

@@ -41,6 +41,9 @@ Mask = Annotated[U1, Port("H W", "flag", high=1)]
 """1 where a pixel counts, else 0."""
 PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]
 """Side of a pixel on the film."""
+LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
+"""Eight other places of the LEDs, as far off as they may well be: the mean square of what they
+change is the variance that the LEDs' calibration leaves."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]

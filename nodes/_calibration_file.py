@@ -16,11 +16,15 @@ from tactograph.graph.whole import whole_file
 
 
 class Stored(NamedTuple):
-    """An array of the file: its axes (sizes by letter or number), unit and type."""
+    """An array of the file: its axes (sizes by letter or number), unit and type.
+
+    Files from before an array was kept do without it if it is not `required`.
+    """
 
     axes: str
     unit: str
     dtype: type[np.generic] = np.float32
+    required: bool = True
 
 
 class FileKind(NamedTuple):
@@ -70,6 +74,8 @@ def write_arrays(
 def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     """Return the arrays of a calibration, without pickle; what has no axes as a float.
 
+    An older file lacks those that are not required.
+
     Raises
     ------
     InputError
@@ -79,9 +85,10 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     arrays = _load(file, kind)
     _check_head(file, kind, arrays)
     sizes: dict[str, int] = {}
-    for name, stored in kind.arrays.items():
+    kept = {n: stored for n, stored in kind.arrays.items() if stored.required or n in arrays}
+    for name, stored in kept.items():
         _check_array(file, kind, name, arrays.get(name), stored, sizes)
-    found = {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kind.arrays.items()}
+    found = {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
     pixel = found["pixel_size"]
     if pixel <= 0:
         raise InputError(f"{file}: the pixel size {pixel} is not positive; calibrate again")

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import hadamard
 from scipy.ndimage import binary_erosion, map_coordinates
 
 from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
@@ -38,6 +39,10 @@ ROOM = 3
 """Pixels at the edge of the known shape that a shift could carry beyond it."""
 LIFT_MM = 0.2
 """Standard deviation of a known shape's height above the film."""
+OTHERS = 8
+"""Other places of the LEDs: so many of the directions in which they are least certain count."""
+NEAREST = 0.25
+"""An LED's other place has at least this share of its 1 / L_z: a distant one stays above."""
 STEPS, CONVERGED = 60, 1e-9
 """Of the descent at most; and the share of the cost that is not worth another one."""
 STEP = 1.5e-8
@@ -104,9 +109,7 @@ class Placed:
     @property
     def lights(self) -> F4:
         """Positions K x 3 in mm from the middle of the image."""
-        inverse = np.maximum(self.leds[:, 2:3], 1 / FARTHEST)
-        ends = np.column_stack([self.leds[:, :2], np.ones(len(self.leds))])
-        return np.asarray(ends / inverse, np.float32)
+        return _positions(self.leds)
 
     @property
     def strength(self) -> F4:
@@ -200,6 +203,52 @@ def place_leds(
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
     """What `place_leds` leaves of what it minimises."""
     return _huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
+
+
+def other_places(
+    objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float, width_mm: float
+) -> F4:
+    """Return 8 x K x 3 in mm: where the LEDs may be too, by what the fit leaves over.
+
+    The covariance of the unknowns is that of least squares, from the residuals of the objects
+    and of the film at rest.  The eight directions in which the light over the image is least
+    certain have the signs of a Hadamard matrix's rows, so that the squares of what they
+    change add up exactly.
+    """
+    leds, flat = placed.leds, rest is not None
+    slopes = _jacobian(objects, rest, leds, placed.shifts, shift_px)
+    on_objects = np.concatenate(
+        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)],
+        axis=1,
+    )
+    on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
+    lit = np.hstack([there.lit for there in objects])
+    first, last = placed.shifts.size, placed.shifts.size + on_objects.size
+    noise = np.ones(len(slopes))
+    noise[first:last] = np.square(on_objects).sum() / max(lit.sum(), 1) / SPREAD**2
+    noise[last:] = np.square(on_film).mean()
+    scale = np.sqrt(np.maximum((slopes * slopes).sum(axis=0), 1e-30))
+    slopes = slopes / scale
+    inverse = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+    spread = inverse @ (slopes.T @ (slopes * noise[:, None])) @ inverse / np.outer(scale, scale)
+
+    places = [4 * k + j for k in range(len(leds)) for j in range(3)]
+    unit = np.tile([1, 1, 2 / width_mm], len(leds))
+    variance, direction = np.linalg.eigh(spread[np.ix_(places, places)] / np.outer(unit, unit))
+    modes = direction[:, -OTHERS:] * np.sqrt(np.maximum(variance[-OTHERS:], 0)) * unit[:, None]
+    changes = hadamard(OTHERS) @ modes.T
+    others = []
+    for change in changes.reshape(OTHERS, len(leds), 3):
+        moved = leds[:, :3] + change
+        moved[:, 2] = np.maximum(moved[:, 2], NEAREST * leds[:, 2])
+        others.append(_positions(moved))
+    return np.stack(others)
+
+
+def _positions(leds: F8) -> F4:
+    """Positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
+    ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
+    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / FARTHEST), np.float32)
 
 
 def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:

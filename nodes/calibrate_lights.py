@@ -8,9 +8,10 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import F4, Light, LightPositions, PixelSize
+from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
 from tactograph.nodes._light_fit import (
     FEWEST,
+    other_places,
     place_leds,
     presses_of,
     residual_of,
@@ -35,6 +36,7 @@ class LightsFit(NamedTuple):
     lights: LightPositions
     strength: Annotated[F4, Port("K", "1")]
     residual: Annotated[F4, Port("K", "1")]
+    others: LightPlaces
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -82,7 +84,8 @@ def calibrate_lights(
     LightsFit
         Positions K x 3 in mm from the middle of the image; strength K, the light of the film
         at rest in the middle of the image, where the flat frame is missing (else 1); the
-        root mean square that the fit leaves on the objects, of length K.
+        root mean square that the fit leaves on the objects, of length K; eight other places
+        of the LEDs, 8 x K x 3 in mm, that the fit allows.
 
     Raises
     ------
@@ -101,10 +104,12 @@ def calibrate_lights(
             f"LED {dark[0]} reaches only {dark[1]} pixels of the calibration object "
             f"({FEWEST} are needed): is it on?"
         )
-    placed = place_leds(objects, rest_of(flat, pixel), shift_px, pixel * light.shape[2])
+    rest, width = rest_of(flat, pixel), pixel * light.shape[2]
+    placed = place_leds(objects, rest, shift_px, width)
     left = [
         residual_of(there, placed.leds, shift, placed.flat)
         for there, shift in zip(objects, placed.shifts, strict=True)
     ]
     spread = spread_of(np.hstack(left), np.hstack([there.lit for there in objects]))
-    return LightsFit(placed.lights, placed.strength, spread.astype(np.float32))
+    others = other_places(objects, rest, placed, shift_px, width)
+    return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)

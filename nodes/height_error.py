@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
 from annotated_types import Ge, Gt, Interval
-from scipy.linalg import hadamard
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import (
@@ -17,6 +15,7 @@ from tactograph.nodes import (
     HeightError,
     Labels,
     Light,
+    LightPlaces,
     LightPositions,
     Mask,
     PixelSize,
@@ -32,13 +31,13 @@ from tactograph.nodes._springs import conjugate_gradients, hierarchy
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
-SIGNS = hadamard(8).astype(np.float32)
-"""A row per random error, a column per LED: what is common to an LED's light adds up exactly."""
+ERRORS = 8
+"""Random errors; each has the LEDs at another place."""
 STEEPEST = np.float32(3)
 SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
-SHARE = np.float32(1 / len(SIGNS))
+SHARE = np.float32(1 / ERRORS)
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
 ENOUGH = 1e-6
@@ -71,6 +70,7 @@ def height_error(
     sigma: Light,
     used: Labels,
     lights: LightPositions,
+    others: LightPlaces,
     pixel: PixelSize,
     mask: Mask | None = None,
     *,
@@ -79,7 +79,6 @@ def height_error(
     floor: Annotated[float, Gt(0)] = 0.07,
     rise_px: Annotated[float, Gt(0)] = 0.5,
     flat_noise: Annotated[float, Ge(0)] = 1.0,
-    calibration: Annotated[float, Ge(0)] = 0.0003,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
@@ -93,16 +92,17 @@ def height_error(
 
     - the noise of each LED's light, and of the flat frame by which it was divided,
       independent from pixel to pixel;
-    - an error of the calibration, common to all pixels of an LED, in proportion to the
-      departure of its light from the film at rest (there the flat frame makes it exact);
+    - an error of the calibration, common to all pixels: by how much the film's light would
+      differ from the one found if the LEDs were where the calibration allows them to be too
+      (on the film at rest it would not, by the flat frame);
     - what two or four slopes leave of a step, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
     - and one that all steep steps have in common: where the slope turns within a pixel, at
       rims and ridges, the slopes understate what is climbed, and the cap behind the rim
       comes out low as a whole.  It grows with the cube of the turn, as far as two.
 
-    The calibration's errors have the signs of a Hadamard matrix's rows, so that their
-    squares add up exactly; the last error is integrated alone, with its own sign.  On the
+    Of the calibration's errors the squares add up exactly, the eight places being chosen so;
+    the last error is integrated alone, with its own sign.  On the
     film at rest the error is zero, as the height is by definition.
 
     Parameters
@@ -117,11 +117,11 @@ def height_error(
         H x W, the LEDs the slope was found with.
     lights
         K x 3 in mm.
+    others
+        8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
     flat_noise
         Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
         it is the mean of n.
-    calibration
-        Relative error of an LED's light.
     aperture
         Error of a step, in px, per difference of the slopes at its ends.
     kink
@@ -155,6 +155,7 @@ def height_error(
     flat = np.float32(flat_noise) * inside
     noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
     response = _response(window, height, slope, used, rest, sigma, lights, pixel)
+    lit = _expected(window, height, slope, lights, pixel)
     turn = _turns(system)
     rise_error = np.float32(rise_px * pixel)
     level = np.zeros(inside.shape[1:], np.float32)
@@ -166,9 +167,9 @@ def height_error(
 
     total = np.zeros_like(level)
     half = np.float32(0.5 * pixel)
-    for number, sign in enumerate(SIGNS):
+    for number, other in enumerate(others):
         keys = _keys(seed, number)
-        common = np.float32(calibration) * (inside - 1) * sign[: len(lights), None, None]
+        common = _expected(window, height, slope, other, pixel) - lit
         p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
         across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
         right = (p[:, 1:] + p[:, :-1]) * half
@@ -197,7 +198,7 @@ class _Keys(NamedTuple):
 
 
 def _keys(seed: int, number: int) -> _Keys:
-    start = 4 * (len(SIGNS) * seed + number)
+    start = 4 * (ERRORS * seed + number)
     return _Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
 
 
@@ -254,6 +255,16 @@ def _response(
         np.asarray(-((1 + p * p) * by_a + p * q * by_b), np.float32),
         np.asarray(-(p * q * by_a + (1 + q * q) * by_b), np.float32),
     )
+
+
+def _expected(
+    window: Window, height: Height, slope: Slope, lights: LightPositions, pixel: float
+) -> F4:
+    """The light of each LED on the film, 1 at rest."""
+    vectors = window.of(light_vectors(lights, height, pixel))
+    p, q = window.of(slope)
+    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
+    return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
 
 
 def _turns(system: HeightSystem) -> tuple[F4, F4]:
@@ -319,13 +330,12 @@ def _launch(run: Launch) -> None:
         by_p, by_q, *frame, pixel,
     )  # fmt: skip
     run.kernel("level", (size,), total, size)
-    for number, sign in enumerate(SIGNS):
+    for number in range(ERRORS):
         keys = _keys(settings["seed"], number)
-        signs = run.keep(("signs", number), partial(run.upload, sign))
         run.kernel(
-            "err_slopes", shape, of["light"], of["sigma"], by_p, by_q, signs, p, q,
-            lights, rows * columns, columns, *solver.place,
-            settings["flat_noise"], settings["calibration"], np.uint32(keys.light),
+            "err_slopes", shape, of["light"], of["sigma"], of["height"], of["slope"],
+            of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
+            pixel, number, settings["flat_noise"], np.uint32(keys.light),
         )  # fmt: skip
         run.kernel(
             "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,
@@ -376,6 +386,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
         "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
         "lights": places.astype(np.float32),
+        "others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
         "rises.top": ends[0],
         "rises.foot": ends[1],
         "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),

@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from tactograph.graph import InputError, Port, node
+import numpy as np
+
+from tactograph.graph import EVERYTHING, InputError, Port, Wanted, node, warn
 from tactograph.nodes import (
     F4,
     Dark,
     Light,
+    LightPlaces,
     LightPositions,
     LutLight,
     LutLit,
@@ -39,11 +42,15 @@ class Calibration(NamedTuple):
     spread: Spread
     lights: LightPositions
     noise: Noise
+    others: LightPlaces
 
 
 @node
-def read_calibration(*, file: Path) -> Calibration:
+def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
+
+    A file from before it was known how exactly the LEDs are placed takes them to be exact,
+    and says so where it matters.
 
     Parameters
     ----------
@@ -59,4 +66,11 @@ def read_calibration(*, file: Path) -> Calibration:
     found = read_arrays(file, CALIBRATION)
     if (found["lights"][:, 2] <= 0).any():
         raise InputError(f"{file}: 'lights' holds an LED that is not above the film")
+    if "others" not in found:
+        found["others"] = np.repeat(found["lights"][None], 8, axis=0)
+        if "others" in wanted:
+            warn(
+                f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
+                "leave out; calibrate again"
+            )
     return Calibration(**found)

@@ -12,6 +12,7 @@ from tactograph.nodes import (
     F4,
     Dark,
     Light,
+    LightPlaces,
     LightPositions,
     LutLight,
     LutLit,
@@ -46,6 +47,9 @@ CALIBRATION = FileKind(
             "K 3", "mm, x y z per LED, from the middle of the image on the film at rest"
         ),
         "noise": Stored("2", "a captured light I has the variance noise[0] I + noise[1]"),
+        "others": Stored(
+            "8 K 3", "mm, other places of the LEDs that the fit allows", required=False
+        ),
     },
 )
 
@@ -64,6 +68,7 @@ def write_calibration(
     spread: Spread,
     lights: LightPositions,
     noise: Noise,
+    others: LightPlaces,
     quality: Metrics,
     *,
     file: Path,
@@ -85,6 +90,8 @@ def write_calibration(
         Length K, and a number.
     lights, noise
         K x 3 in mm, and (shot, read).
+    others
+        8 x K x 3 in mm, other places of the LEDs.
     quality
         How good the calibration is, for people and for ``result.json``.
     file
@@ -108,5 +115,6 @@ def write_calibration(
         "spread": spread,
         "lights": lights,
         "noise": noise,
+        "others": others,
     }
     write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})

@@ -186,7 +186,7 @@ MUTANTS = {
     "height_error": {
         "all draws alike": ("x >> 31 ?", "x >> 0 ?"),
         "the flat frame without noise": ("1.0f + flat * flat", "1.0f"),
-        "no common error": ("calibration * (light[at] - 1.0f)", "0.0f * light[at]"),
+        "no common error": ("common + noise", "noise"),
         "all LEDs used": ("(used & (1 << k)) != 0 ? sure", "(used & (1 << k)) != 999 ? sure"),
         "kinks squared": ("bend * bend * bend", "bend * bend"),
         "kinks downhill": ("? -1.0f : 0.0f;", "? 1.0f : 0.0f;"),

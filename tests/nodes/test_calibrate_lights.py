@@ -28,13 +28,13 @@ def known(center: F4 = CENTER) -> KnownBall:
     return ball_slopes(BLANK, center, CONTACT, PIXEL, radius_mm=RADIUS, margin_px=0.0)
 
 
-def seen(lights: F4, seed: int = 0) -> tuple[F4, F4]:
+def seen(lights: F4, seed: int = 0, noise: float = 0.002) -> tuple[F4, F4]:
     """The ball and the film at rest as a camera with vignetting and noise sees them."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:1:120j, :1:160j]
     gain = 1 - 0.3 * ((x - 0.4) ** 2 + (y - 0.6) ** 2)
     made = [render(z, PIXEL, lights, samples=2).light * gain for z in (known().height, FILM)]
-    ball, flat = ((m + rng.normal(0, 0.002, m.shape)).astype(np.float32) for m in made)
+    ball, flat = ((m + rng.normal(0, noise, m.shape)).astype(np.float32) for m in made)
     return ball, flat
 
 
@@ -57,6 +57,16 @@ def test_leds_are_found(slant: float, distance: float, count: int) -> None:
     found = calibrate(*seen(lights), known())
     assert off(found.lights, lights) < 0.01
     assert found.residual.max() < 0.02
+
+
+def test_the_leds_are_as_far_off_as_the_fit_says() -> None:
+    lights = light_ring(slant_deg=33.0, distance_mm=55.0)
+    off_by, stated = [], []
+    for seed in range(4):
+        found = calibrate(*seen(lights, seed, noise=0.01), known())
+        off_by.append(np.square(found.lights - lights).mean())
+        stated.append(np.square(found.others - found.lights).mean())
+    assert 0.5 < np.sqrt(np.mean(off_by) / np.mean(stated)) < 2
 
 
 def test_a_ball_that_is_off_by_a_fraction_of_a_pixel_is_put_right() -> None:

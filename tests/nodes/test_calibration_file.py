@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError, Provenance
+from tactograph.graph import InputError, Provenance, Wanted
+from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.read_calibration import read_calibration
 from tactograph.nodes.write_calibration import write_calibration
 
@@ -33,6 +34,7 @@ ARRAYS = (
     0.004,
     random(4, 3),
     random(2),
+    random(8, 4, 3),
 )
 
 
@@ -53,6 +55,18 @@ def change(file: Path, **arrays) -> None:
 def test_what_was_written_is_read(file: Path) -> None:
     for written, read in zip(ARRAYS, read_calibration(file=file), strict=True):
         assert np.allclose(written, read)
+
+
+def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:
+    change(file, others=None)
+    notes: list[str] = []
+    with collect_warnings(notes):
+        found = read_calibration(file=file)
+        read_calibration(file=file, wanted=Wanted(frozenset({"lights"})))
+    assert (found.others == found.lights).all()
+    assert found.others.shape == (8, 4, 3)
+    assert len(notes) == 1
+    assert notes[0].endswith("calibrate again")
 
 
 def test_units_and_version_are_inside(file: Path) -> None:
@@ -78,6 +92,7 @@ SPOIL = {
     "'lut_slope' is float64": lambda f: change(f, lut_slope=np.zeros((50, 2))),
     "'lights' is missing": lambda f: change(f, lights=None),
     "not above the film": lambda f: change(f, lights=-random(4, 3)),
+    "'others' has shape": lambda f: change(f, others=random(7, 4, 3)),
     "'noise' has shape": lambda f: change(f, noise=random(3)),
     "is not positive": lambda f: change(f, pixel_size=np.float32(0)),
 }

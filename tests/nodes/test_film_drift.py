@@ -162,6 +162,7 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         0.004,
         LIGHTS,
         np.array([0, SIGMA**2 / 4], np.float32),
+        np.repeat(LIGHTS[None], 8, axis=0),
         {},
         file=file,
         provenance=Provenance({}, None, [], {}, {}, [], []),

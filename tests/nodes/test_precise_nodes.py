@@ -291,17 +291,22 @@ def test_a_loose_spike_settles_and_a_ridge_stays() -> None:
     assert np.array_equal(settle_loose(z, variance_of(0.01)), z)
 
 
+def exact(lights: F4) -> F4:
+    """The other places of LEDs whose places are exact."""
+    return np.repeat(lights[None], 8, axis=0)
+
+
 def error_of(z: F4, slope: F4, brightness: float) -> F4:
     """The error of a dome's height when `brightness` times more photons arrive."""
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light = np.ones((4, *SHAPE), np.float32)
     sigma = np.full_like(light, 0.01 / np.sqrt(brightness))
     used = np.full(SHAPE, 15, np.uint8)
-    noise_alone = dict.fromkeys(("calibration", "aperture", "kink", "flat_noise", "bend"), 0.0)
+    noise_alone = dict.fromkeys(("aperture", "kink", "flat_noise", "bend"), 0.0)
     return np.asarray(
         height_error(
-            z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights, PIXEL,
-            **noise_alone,
+            z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights,
+            exact(lights), PIXEL, **noise_alone,
         )
     )  # fmt: skip
 
@@ -314,6 +319,28 @@ def test_the_error_shrinks_with_the_root_of_the_light() -> None:
     assert not dim[~inside].any()
 
 
+def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
+    z, slope = dome()
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
+    found = []
+    for share in (0.0, 0.01, 0.02):
+        others = exact(lights)
+        others[::2, 0, 0] *= 1 + share
+        others[1::2, 0, 0] *= 1 - share
+        found.append(
+            height_error(
+                z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, 1e-6 * light, used,
+                lights, others, PIXEL, **nothing,
+            )
+        )  # fmt: skip
+    inside = at_rest(z) == 0
+    assert found[1][inside].min() > 10 * found[0][inside].max()
+    assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
+    assert not any(error[~inside].any() for error in found)
+
+
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """A table: no slope on its top errs, but all of it stands on the steps of its rim."""
     z = np.zeros(SHAPE, np.float32)
@@ -321,7 +348,8 @@ def test_all_that_a_rim_carries_shares_its_error() -> None:
     slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    surroundings = (at_rest(z), NO_RISES, light, 0.001 * light, used, lights, PIXEL)
+    noise, others = 0.001 * light, exact(lights)
+    surroundings = (at_rest(z), NO_RISES, light, noise, used, lights, others, PIXEL)
     sharp, blind = (
         height_error(z, slope, variance_of(1e-4), *surroundings, kink=kink) for kink in (0.45, 0.0)
     )
