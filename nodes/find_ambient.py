@@ -111,8 +111,9 @@ def find_ambient(
     ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
     percent = 100 * ambient
     warn(
-        f"{percent:.1f} % of full scale is light that no LED gives, and is taken off; take an "
-        "image with all LEDs off (dark=FILE), or keep other light out: it may change"
+        f"{percent:.1f} % of full scale seems to be light that no LED gives, and is taken off: "
+        "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
+        "pixel_size_mm and that the camera is linear (gamma 1)"
     )
     found = np.full_like(dark, ambient)
     return WithoutAmbient(_less(flat, ambient), found, {"ambient_percent": percent})

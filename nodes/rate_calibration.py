@@ -7,11 +7,25 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, Labels, LightPositions, LutSlope, Mask, Metrics, Spread
+from tactograph.nodes import (
+    F4,
+    Labels,
+    Light,
+    LightPositions,
+    LutSlope,
+    Mask,
+    Metrics,
+    Noise,
+    Spread,
+)
 
 POOR_RESIDUAL = 0.05
 NARROW = 0.5
 POOR_LIGHTS = 0.03
+NOISY = 1.3
+"""Times the camera's noise, up to which a departure is no more than that."""
+APART_DEG = 5.0
+"""Angle between two LEDs below which they give the same image."""
 
 
 @node
@@ -24,6 +38,8 @@ def rate_calibration(
     lights: LightPositions,
     mismatch: Annotated[F4, Port("K", "1")],
     goodness: Annotated[F4, Port("P", "1")] | None = None,
+    flat: Light | None = None,
+    noise: Noise | None = None,
 ) -> Metrics:
     """Return the figures that tell a good calibration from a bad one, and warn of a bad one.
 
@@ -41,6 +57,9 @@ def rate_calibration(
         K x 3 in mm, and the root mean square of the light that they do not explain, K.
     goodness
         Of the ball of each press, 0 to 1; 0 where none was found.
+    flat, noise
+        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` gives it:
+        what noise explains is blamed on it.
 
     Returns
     -------
@@ -55,7 +74,14 @@ def rate_calibration(
     count = len(residual)
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
-    if residual[worst] > POOR_RESIDUAL:
+    grain = _grain(flat, noise, count)
+    noisiest = int(np.argmax(grain))
+    if NOISY * grain[noisiest] > POOR_LIGHTS:
+        warn(
+            f"LED {noisiest + 1}'s images are noisy, by {grain[noisiest]:.1%} of the film's light: "
+            "expose longer"
+        )
+    if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]):
         warn(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
             "of the slope: check the ball's radius and the pixel size, or give flat=DIR"
@@ -66,11 +92,13 @@ def rate_calibration(
             "smaller ball"
         )
     poorest = int(np.argmax(mismatch))
-    if mismatch[poorest] > POOR_LIGHTS:
+    if mismatch[poorest] > max(POOR_LIGHTS, NOISY * grain[poorest]):
         warn(
             f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
-            "above a matt film: check the ball's radius, its contact and the pixel size"
+            "above a matt film: check the order of the images, the ball's radius, its contact and "
+            "the pixel size; a film that is glossy departs, too"
         )
+    _warn_of_twins(lights)
     known = mask > 0
     rated = {
         "entries": float(len(lut_slope)),
@@ -83,6 +111,25 @@ def rate_calibration(
     if goodness is not None:
         rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
     return rated | _directions(lights)
+
+
+def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
+    """Standard deviation of a pixel's light on the film at rest, per LED; 0 if not known."""
+    if flat is None or noise is None:
+        return np.zeros(count, np.float32)
+    level = np.maximum(np.median(flat.reshape(count, -1), axis=1), np.float32(1e-3))
+    return np.asarray(np.sqrt(noise[0] * level + noise[1]) / level, np.float32)
+
+
+def _warn_of_twins(lights: LightPositions) -> None:
+    """Tell which two LEDs stand at one place."""
+    away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    alike = np.triu(away @ away.T > np.cos(np.radians(APART_DEG)), 1)
+    for one, other in np.argwhere(alike)[:1]:
+        warn(
+            f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
+            f"copy of led{one + 1}, or does the same LED flash twice?"
+        )
 
 
 def _directions(lights: LightPositions) -> Metrics:
