@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -56,6 +57,7 @@ def find_ambient(
     height: SheetHeight,
     pixel: PixelSize,
     *,
+    taken: Path | None = None,
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> WithoutAmbient:
@@ -72,12 +74,14 @@ def find_ambient(
     image
         K x S x W, the presses as captured, on a sheet (`_sheet`).
     flat, dark
-        K x H x W and H x W, as `read_flat` gives them.  A dark image that was taken
-        stays; and where the flat frame is uniform, because there was none, nothing is sought.
+        K x H x W and H x W, as `read_flat` gives them.  Where the flat frame is uniform,
+        because there was none, nothing is sought.
     slope, mask, height
         Of the presses, as `known_balls` gives them.
     pixel
         mm per px.
+    taken
+        The image with all LEDs off, if one was taken; then nothing is sought.
     steepest, shift_px
         As for `calibrate_lights`.
 
@@ -90,7 +94,7 @@ def find_ambient(
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
     presses = [press for press in presses if press.mask.any()][:PRESSES]
     film, most = float(np.median(flat)), _darkest(image)
-    seen = rest_of(flat, pixel) is not None and not dark.any() and presses
+    seen = taken is None and rest_of(flat, pixel) is not None and presses
     if not seen or most < NEGLIGIBLE * film:
         return WithoutAmbient(flat, dark, {})
 

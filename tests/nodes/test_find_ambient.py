@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -16,11 +18,12 @@ LIGHTS = light_ring(slant_deg=33.0, distance_mm=55.0)
 BLACK = np.zeros(BLANK.shape[1:], np.float32)
 
 
-def found_with(ambient: float, dark: F4 = BLACK) -> tuple[WithoutAmbient, F4, list[str]]:
+def found_with(ambient: float, taken: Path | None = None) -> tuple[WithoutAmbient, F4, list[str]]:
     ball, flat = (plane + np.float32(ambient) for plane in seen(LIGHTS))
     shape, notes = known(), []
     with collect_warnings(notes):
-        found = find_ambient(ball, flat, dark, shape.slope, shape.mask, shape.height, PIXEL)
+        known_there = shape.slope, shape.mask, shape.height
+        found = find_ambient(ball, flat, BLACK, *known_there, PIXEL, taken=taken)
     return found, ball, notes
 
 
@@ -44,10 +47,9 @@ def test_where_there_is_none_nothing_changes() -> None:
     assert not found.quality
 
 
-def test_a_dark_image_that_was_taken_stays() -> None:
-    dark = np.full_like(BLACK, 0.05)
-    found, _, notes = found_with(0.1, dark)
-    assert found.dark is dark
+def test_where_a_dark_image_was_taken_it_stays() -> None:
+    found, _, notes = found_with(0.1, taken=Path("dark.png"))
+    assert not found.dark.any()
     assert not notes
 
 
