@@ -109,7 +109,7 @@ def fit(folder: Path) -> None:
             leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
             height = np.load(capture / "truth_height_mm.npy").astype(np.float32)
             truth = cast_shadows(height, np.array(leds, np.float32), rig.pixel_mm)
-            known.append(found)
+            known.append({port: found[port] for port in INPUTS})
             right.append(found["shadow"] == truth)
 
     def loss(values: NDArray[Any]) -> float:
