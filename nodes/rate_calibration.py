@@ -9,15 +9,14 @@ import numpy as np
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import (
     F4,
-    Labels,
     Light,
     LightPositions,
     LutSlope,
-    Mask,
     Metrics,
     Noise,
     Spread,
 )
+from tactograph.nodes._sheet import SheetLabels, SheetMask
 
 POOR_RESIDUAL = 0.05
 NARROW = 0.5
@@ -33,8 +32,8 @@ def rate_calibration(
     residual: Annotated[F4, Port("K", "1")],
     spread: Spread,
     lut_slope: LutSlope,
-    mask: Mask,
-    lit: Labels,
+    mask: SheetMask,
+    lit: SheetLabels,
     lights: LightPositions,
     mismatch: Annotated[F4, Port("K", "1")],
     goodness: Annotated[F4, Port("P", "1")] | None = None,
