@@ -33,11 +33,10 @@ from tactograph.nodes.shadow_confidence import shadow_confidence
 BOUNDS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.0)
 SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")
 COEFFICIENTS = {
-    "sure": 5.65,
-    "by_light": 6.2,
-    "at_edge": 3.9,
-    "near_edge": 2.5,
-    "contradicted": 0.6,
+    "sure": 7.2,
+    "by_light": 5.3,
+    "at_edge": 5.5,
+    "near_edge": 4.2,
     "by_light_contradicted": 1.0,
 }
 INPUTS = {

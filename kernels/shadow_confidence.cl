@@ -47,7 +47,6 @@ __kernel void shadow_confidence(
     const float by_light,
     const float at_edge,
     const float near_edge,
-    const float contradicted,
     const float by_light_contradicted,
     const float noisy)
 {
@@ -66,7 +65,6 @@ __kernel void shadow_confidence(
         const float favour = label >> k & 1 ? -lit : lit;
         const int other = differs >> k & 1;
         float odds = sure + favour * (other ? by_light_contradicted : by_light);
-        odds -= other ? contradicted : 0.0f;
         odds -= edge >> k & 1 ? at_edge : near >> k & 1 ? near_edge : 0.0f;
         sure_of_all *= 1.0f / (1.0f + exp(-odds));
     }

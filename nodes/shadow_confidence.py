@@ -40,11 +40,10 @@ def shadow_confidence(
     lights: LightPositions,
     pixel: PixelSize,
     *,
-    sure: Annotated[float, Gt(0)] = 5.65,
-    by_light: Annotated[float, Ge(0)] = 6.2,
-    at_edge: Annotated[float, Ge(0)] = 3.9,
-    near_edge: Annotated[float, Ge(0)] = 2.5,
-    contradicted: Annotated[float, Ge(0)] = 0.6,
+    sure: Annotated[float, Gt(0)] = 7.2,
+    by_light: Annotated[float, Ge(0)] = 5.3,
+    at_edge: Annotated[float, Ge(0)] = 5.5,
+    near_edge: Annotated[float, Ge(0)] = 4.2,
     by_light_contradicted: Annotated[float, Ge(0)] = 1.0,
     noisy: Annotated[float, Gt(0)] = 4.0,
 ) -> Confidence:
@@ -53,7 +52,7 @@ def shadow_confidence(
     For each LED the logarithm of the odds that its label is right is a sum: `sure` far from
     any edge of its shadow; less at an edge, which may lie a pixel beside; more or less by the
     share of the expected light that is there, from -1/2 to 1/2 in favour of the label, which
-    counts the less the noisier it is; less where the image alone says otherwise.  The
+    counts the less the noisier it is, and where the image alone says otherwise.  The
     probabilities of the LEDs are multiplied.
 
     The coefficients were fitted to simulated captures (`benchmarks/label_confidence.py`):
@@ -79,8 +78,8 @@ def shadow_confidence(
         Log odds per share of the light in the label's favour.
     at_edge, near_edge
         Log odds lost one and two pixels from another label of the same LED.
-    contradicted, by_light_contradicted
-        Log odds lost where `seen` differs, and what `by_light` is there.
+    by_light_contradicted
+        What `by_light` is where `seen` differs: the light has been heard already.
     noisy
         Expected light, in standard deviations, that tells half of what much light would.
 
@@ -105,7 +104,6 @@ def shadow_confidence(
         odds = np.float32(sure) + favour * np.where(
             other, np.float32(by_light_contradicted), np.float32(by_light)
         )
-        odds -= np.where(other, np.float32(contradicted), np.float32(0))
         lost = np.where(near >> k & 1, np.float32(near_edge), np.float32(0))
         odds -= np.where(edge >> k & 1, np.float32(at_edge), lost)
         sure_of_all *= ONE / (ONE + np.exp(-odds))

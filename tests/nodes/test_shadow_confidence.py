@@ -40,7 +40,8 @@ def test_light_in_a_shadow_is_doubt() -> None:
     clear = confidence(shadow, light)
     light[0, :, 24] = 1
     doubted = confidence(shadow, light)
-    assert (doubted[:, 24] < 0.95).all()
+    assert (doubted[:, 24] < 0.995).all()
+    assert (1 - doubted[:, 24] > 3 * (1 - clear[:, 24])).all()
     assert np.array_equal(np.delete(doubted, 24, axis=1), np.delete(clear, 24, axis=1))
 
 
