@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from tactograph.graph.model import Entry, Graph
 from tactograph.graph.node import Node
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from tactograph.graph.passes.sizes import SizeClasses
 
 
-@dataclass(frozen=True, order=True)
-class Value:
+class Value(NamedTuple):
     """What one output port of one node produces."""
 
     node: str

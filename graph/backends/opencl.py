@@ -285,7 +285,8 @@ class OpenCL:
 def milliseconds(timer: Timer) -> float:
     """The time between the start of the first event and the end of the last, on the device."""
     first, last = timer
-    return float(last.profile.end - first.profile.start) * 1e-6
+    start = first.get_profiling_info(cl.profiling_info.START)
+    return float(last.get_profiling_info(cl.profiling_info.END) - start) * 1e-6
 
 
 def _arguments(

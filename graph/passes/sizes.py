@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.node import SizeLimit
@@ -18,8 +19,7 @@ Symbol = tuple[str, str]
 """(node id, size symbol)"""
 
 
-@dataclass(frozen=True)
-class Bound:
+class Bound(NamedTuple):
     """A size that is known, and the port that made it known."""
 
     size: int
@@ -45,11 +45,10 @@ class SizeClasses:
             If a size clashes with one that is known, naming both ports, or is one that a
             node does not accept, with that node's reason.
         """
-        dims = task.node.outputs[port].dims
-        by = f"{task.id}.{port}"
-        for dim, size in zip(dims, shape, strict=True):
+        for dim, size in zip(task.node.outputs[port].dims, shape, strict=True):
             if isinstance(dim, str):
-                self._bind_one(known, self.root[task.id, dim], dim, Bound(size, by))
+                bound = Bound(size, f"{task.id}.{port}")
+                self._bind_one(known, self.root[task.id, dim], dim, bound)
 
     def derive(self, known: dict[Symbol, Bound], task: Task) -> None:
         """Enter the sizes that follow from others, by a node's own parameters, into `known`.
@@ -59,7 +58,7 @@ class SizeClasses:
         InputError
             If such a size clashes with one that is known.
         """
-        sizes = self.sizes_of(task, known)
+        sizes = self.sizes_of(task, known) if task.node.derived else {}
         for symbol, parts in task.node.derived.items():
             if parts.of in sizes:
                 by = f"{task.id} ({parts.of} / {parts.by})"
@@ -67,7 +66,10 @@ class SizeClasses:
                 self._bind_one(known, self.root[task.id, symbol], symbol, bound)
 
     def _bind_one(self, known: dict[Symbol, Bound], root: Symbol, dim: str, bound: Bound) -> None:
-        other = known.get(root) or self.fixed.get(root)
+        other = known.get(root)
+        if other is not None and other.size == bound.size:
+            return
+        other = other or self.fixed.get(root)
         if other is not None and other.size != bound.size:
             raise InputError(
                 f"the size {dim} is {bound.size} in {bound.by} but {other.size} in {other.by}; "
@@ -76,7 +78,7 @@ class SizeClasses:
         for who, limit in self.limits.get(root, ()):
             if limit.refuses(bound.size):
                 raise InputError(f"{who}: {dim} = {bound.size}: {limit.why}")
-        known.setdefault(root, bound)
+        known[root] = bound
 
     def sizes_of(self, task: Task, known: Mapping[Symbol, Bound]) -> dict[str, int]:
         """The sizes of a node's symbols as far as they are known."""
