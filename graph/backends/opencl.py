@@ -285,8 +285,10 @@ class OpenCL:
 def milliseconds(timer: Timer) -> float:
     """The time between the start of the first event and the end of the last, on the device."""
     first, last = timer
-    start = first.get_profiling_info(cl.profiling_info.START)
-    return float(last.get_profiling_info(cl.profiling_info.END) - start) * 1e-6
+    # Twice as fast as the attribute `profile`.
+    start: Any = first.get_profiling_info(cl.profiling_info.START)
+    end: Any = last.get_profiling_info(cl.profiling_info.END)
+    return float(end - start) * 1e-6
 
 
 def _arguments(
