@@ -1,6 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
+#include "expected_light.clh"
 #include "springs.clh"
 #include "height_system.clh"
 
@@ -63,19 +64,6 @@ __kernel void respond(
     }
 }
 
-// The light of an LED on film of slope p, q at x, y, z, 1 at rest.
-static float lit_by(
-    __global const float *led, const float x, const float y, const float z, const float p,
-    const float q)
-{
-    const float dx = led[0] - x, dy = led[1] - y, dz = led[2] - z;
-    const float plan = dx * dx + dy * dy;
-    const float nearer = (plan + led[2] * led[2]) / (plan + dz * dz);
-    const float gain = nearer * sqrt(nearer) * (1.0f / led[2]);
-    const float nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    return (dz * gain - dx * gain * p - dy * gain * q) * nz;
-}
-
 // An error of the slopes inside the window: the lights' noise, and what all pixels of an LED
 // have in common, the LEDs being elsewhere.
 __kernel void err_slopes(
@@ -99,8 +87,8 @@ __kernel void err_slopes(
         const float flat = flat_noise * light[at];
         const float noise = sigma[at] * sqrt(1.0f + flat * flat);
         const float common =
-            lit_by(others + 3 * (number * K + k), x_mm, y_mm, z, here_p, here_q)
-            - lit_by(lights + 3 * k, x_mm, y_mm, z, here_p, here_q);
+            expected_light(others + 3 * (number * K + k), x_mm, y_mm, z, here_p, here_q)
+            - expected_light(lights + 3 * k, x_mm, y_mm, z, here_p, here_q);
         const float change = common + noise * drawn(k * H * W + i, key);
         total_p += by_p[at] * change;
         total_q += by_q[at] * change;

@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "expected_light.clh"
 
 #define FAINTEST 0.02f
 
@@ -21,12 +22,7 @@ static float share_of(
     const float light, const float sigma, __global const float *led, const float x, const float y,
     const float z, const float p, const float q, const float noisy)
 {
-    const float dx = led[0] - x, dy = led[1] - y, dz = led[2] - z;
-    const float plan = dx * dx + dy * dy;
-    const float nearer = (plan + led[2] * led[2]) / (plan + dz * dz);
-    const float gain = nearer * sqrt(nearer) * (1.0f / led[2]);
-    const float nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    const float expected = fmax((dz * gain - dx * gain * p - dy * gain * q) * nz, FAINTEST);
+    const float expected = fmax(expected_light(led, x, y, z, p, q), FAINTEST);
     const float square = expected * expected, doubt = noisy * sigma;
     return (clamp(light / expected, 0.0f, 1.0f) - 0.5f) * (square / (square + doubt * doubt));
 }

@@ -50,6 +50,13 @@ def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
     return vectors_at(lights, x, y, height)
 
 
+def expected_light(vectors: F4, slope: F4) -> F4:
+    """Return n.v of equation N1, K x H x W, for v of K x 3 x H x W and slopes of 2 x H x W."""
+    p, q = slope
+    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
+    return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
+
+
 def vectors_at(lights: F4, x: F4, y: F4, z: F4) -> F4:
     """Return v of equation N1 at places in mm from the middle of the image, K x 3 x ..."""
     vectors = np.empty((len(lights), 3, *z.shape), np.float32)

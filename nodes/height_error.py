@@ -25,7 +25,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes._height_solver import HeightSolver, Wants, find_touch
 from tactograph.nodes._height_system import HeightSystem, Window, contact_window, height_system
-from tactograph.nodes._near_light import light_vectors
+from tactograph.nodes._near_light import expected_light, places, vectors_at
 from tactograph.nodes._springs import conjugate_gradients, hierarchy
 
 if TYPE_CHECKING:
@@ -154,8 +154,9 @@ def height_error(
     inside = window.of(light)
     flat = np.float32(flat_noise) * inside
     noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
-    response = _response(window, height, slope, used, rest, sigma, lights, pixel)
-    lit = _expected(window, height, slope, lights, pixel)
+    vectors, slopes = _vectors(window, height, lights, pixel), window.of(slope)
+    response = _response(window, vectors, slopes, used, rest, sigma)
+    lit = expected_light(vectors, slopes)
     turn = _turns(system)
     rise_error = np.float32(rise_px * pixel)
     level = np.zeros(inside.shape[1:], np.float32)
@@ -169,7 +170,7 @@ def height_error(
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
         keys = _keys(seed, number)
-        common = _expected(window, height, slope, other, pixel) - lit
+        common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
         p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
         across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
         right = (p[:, 1:] + p[:, :-1]) * half
@@ -220,25 +221,19 @@ def _hashed(x: Any) -> Any:
 
 
 def _response(
-    window: Window,
-    height: Height,
-    slope: Slope,
-    used: Labels,
-    rest: Mask,
-    sigma: Light,
-    lights: LightPositions,
-    pixel: float,
+    window: Window, vectors: F4, slope: Slope, used: Labels, rest: Mask, sigma: Light
 ) -> _Response:
     """The derivative of the weighted least-squares normal by the lights, carried to p, q.
 
+    Vectors and slope are those inside the window.
+
     In the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y); see `label_lights`.
     """
-    vectors = window.of(light_vectors(lights, height, pixel))
-    p, q = window.of(slope)
+    p, q = slope
     nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
     along_a = (vectors[:, 0] + vectors[:, 2] * p) * nz
     along_b = (vectors[:, 1] + vectors[:, 2] * q) * nz
-    numbers = np.arange(len(lights), dtype=np.uint8)[:, None, None]
+    numbers = np.arange(len(vectors), dtype=np.uint8)[:, None, None]
     counts = np.ascontiguousarray(used[window.rows, window.columns]) >> numbers & 1
     noise = window.of(sigma)
     weight = counts / np.maximum(noise * noise, np.float32(1e-10))
@@ -257,14 +252,12 @@ def _response(
     )
 
 
-def _expected(
-    window: Window, height: Height, slope: Slope, lights: LightPositions, pixel: float
-) -> F4:
-    """The light of each LED on the film, 1 at rest."""
-    vectors = window.of(light_vectors(lights, height, pixel))
-    p, q = window.of(slope)
-    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
-    return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
+def _vectors(window: Window, height: Height, lights: LightPositions, pixel: float) -> F4:
+    """The light vectors inside the window, K x 3 x h x w."""
+    rows, columns = height.shape
+    x = places(columns, np.float32(pixel))[None, window.columns]
+    y = places(rows, np.float32(pixel))[window.rows, None]
+    return vectors_at(lights, x, y, window.of(height))
 
 
 def _turns(system: HeightSystem) -> tuple[F4, F4]:

@@ -19,7 +19,7 @@ from tactograph.nodes import (
     PixelSize,
     Slope,
 )
-from tactograph.nodes._near_light import light_vectors
+from tactograph.nodes._near_light import expected_light, light_vectors
 
 FAINTEST = np.float32(0.02)
 """Light that is expected at least."""
@@ -88,10 +88,8 @@ def shadow_confidence(
     ndarray
         H x W, 0 to 1.
     """
-    p, q = slope
-    nz = ONE / np.sqrt(ONE + p * p + q * q)
     vectors = light_vectors(lights, height, pixel)
-    expected = np.maximum((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, FAINTEST)
+    expected = np.maximum(expected_light(vectors, slope), FAINTEST)
     share = np.clip(light / expected, 0, 1) - HALF
     square, doubt = expected * expected, np.float32(noisy) * sigma
     share *= square / (square + doubt * doubt)
