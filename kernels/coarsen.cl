@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "cells.clh"
 
 // The mean, or the first, of every cell of factor x factor pixels; beyond the border its pixels
 // count again.
@@ -17,22 +18,5 @@ __kernel void coarsen(
         out[cell] = plane[row * factor * W + x];
         return;
     }
-    float total = 0.0f;
-    if (factor % 4 == 0 && x + factor <= W) {
-        // Four columns at a time, in the same order.
-        for (int i = 0; i < factor; i += 4) {
-            float4 sum = 0.0f;
-            for (int j = 0; j < factor; ++j)
-                sum += vload4(0, plane + min(row * factor + j, H - 1) * W + x + i);
-            total = total + sum.x + sum.y + sum.z + sum.w;
-        }
-    } else {
-        for (int i = 0; i < factor; ++i) {
-            float sum = 0.0f;
-            for (int j = 0; j < factor; ++j)
-                sum += plane[min(row * factor + j, H - 1) * W + min(x + i, W - 1)];
-            total += sum;
-        }
-    }
-    out[cell] = total * (1.0f / (float)(factor * factor));
+    out[cell] = mean_of_cell(plane, row, column, H, W, factor);
 }

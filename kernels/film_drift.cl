@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "cells.clh"
 #include "float_keys.clh"
 
 #define GROUP 64
@@ -77,7 +78,6 @@ static int on_ring(const int j, const int H, const int W)
     return (1 + side / 2) * W + (side & 1 ? W - 1 : 0);
 }
 
-// The mean of two by two cells; the last row and column of an odd number count twice.
 __kernel void halve(
     __global const float *restrict light,
     __global float *restrict halved,
@@ -85,11 +85,7 @@ __kernel void halve(
     const int H, const int W)
 {
     GRID_3(k, y, x, K, h, w)
-    __global const float *above = light + (k * H + 2 * y) * W;
-    __global const float *below = light + (k * H + min(2 * y + 1, H - 1)) * W;
-    const int left = 2 * x, right = min(2 * x + 1, W - 1);
-    const float pairs = (above[left] + below[left]) + (above[right] + below[right]);
-    halved[(k * h + y) * w + x] = pairs * 0.25f;
+    halved[(k * h + y) * w + x] = mean_of_cell(light + k * H * W, y, x, H, W, 2);
 }
 
 __kernel void begin(

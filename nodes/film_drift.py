@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Light
+from tactograph.nodes.coarsen import coarsen
 
 GROUP, WORKERS, SUMS = 64, 256, 21 + 8 * 7
 """Of the kernels: work-items that share a median, that share the sums, and sums of each."""
@@ -94,7 +95,8 @@ def film_drift(
         middle of the image divided by half its width.
     """
     while light[0].size > MOST_CELLS:
-        light, sigma = _halved(light), None if sigma is None else _halved(sigma)
+        light = coarsen(light, factor=2)
+        sigma = None if sigma is None else coarsen(sigma, factor=2)
         factor *= 2
     count, rows, columns = light.shape
     basis = _basis(rows, columns)
@@ -127,12 +129,20 @@ def film_drift(
 
 def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]) -> F4:
     """Return 1, u, v, u^2, u v, v^2 at the rows and columns of an image: 6 x R x C."""
+    u, v = _axes(rows, columns, size)
+    one, u, v = np.ones_like(u * v), u + 0 * v, v + 0 * u
+    return np.stack([one, u, v, u * u, u * v, v * v])
+
+
+def _axes(
+    rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]
+) -> tuple[F4, F4]:
+    """u, 1 x C, and v, R x 1."""
     height, width = size
     scale = np.float32(2 / width)
     u = (columns.astype(np.float32) - np.float32(0.5 * (width - 1)))[None, :] * scale
     v = (rows.astype(np.float32) - np.float32(0.5 * (height - 1)))[:, None] * scale
-    one, u, v = np.ones_like(u * v), u + 0 * v, v + 0 * u
-    return np.stack([one, u, v, u * u, u * v, v * v])
+    return u, v
 
 
 def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
@@ -141,7 +151,7 @@ def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
     c = drift[:, :, None, None]
     if not drift[:, 1:].any():
         return np.maximum(c[:, 0], DARKEST)
-    _, u, v, *_ = terms(np.arange(rows), np.arange(columns), size)
+    u, v = _axes(np.arange(rows), np.arange(columns), size)
     gain = c[:, 0] + c[:, 1] * u + c[:, 2] * v
     gain = gain + c[:, 3] * u * u + c[:, 4] * u * v + c[:, 5] * v * v
     return np.asarray(np.maximum(gain, DARKEST), np.float32)
@@ -158,14 +168,6 @@ def _basis(rows: int, columns: int) -> F4:
 def _gain(drift: F4, basis: F4) -> F4:
     """K x N, or K x 1 if the drift is level, as it nearly always is."""
     return np.asarray(drift @ basis if drift[:, 1:].any() else drift[:, :1], np.float32)
-
-
-def _halved(light: F4) -> F4:
-    """The mean of two by two cells; the last row and column of an odd number count twice."""
-    _, rows, columns = light.shape
-    light = np.pad(light, ((0, 0), (0, rows % 2), (0, columns % 2)), mode="edge")
-    pairs = light[:, ::2] + light[:, 1::2]
-    return np.asarray((pairs[..., ::2] + pairs[..., 1::2]) * np.float32(0.25))
 
 
 def _around(light: F4) -> F4:
