@@ -162,9 +162,8 @@ class OpenCL:
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to the device."""
-        target = self.empty(array.shape, array.dtype)
-        if array.size:
-            cl.enqueue_copy(self.queue, target.buffer, np.ascontiguousarray(array))
+        target, (_, copied) = self.start_upload(array)
+        copied.wait()
         return target
 
     def start_upload(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
@@ -213,9 +212,8 @@ class OpenCL:
 
     def download(self, source: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host."""
-        target = np.empty(source.shape, source.dtype)
-        if target.size:
-            cl.enqueue_copy(self.queue, target, source.buffer)
+        target, (_, copied) = self.start_download(source)
+        copied.wait()
         return target
 
     def start_download(self, source: DeviceArray) -> tuple[NDArray[Any], Timer]:
