@@ -32,13 +32,7 @@ from tactograph.nodes.shadow_confidence import shadow_confidence
 
 BOUNDS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.0)
 SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")
-COEFFICIENTS = {
-    "sure": 7.2,
-    "by_light": 5.3,
-    "at_edge": 5.5,
-    "near_edge": 4.2,
-    "by_light_contradicted": 1.0,
-}
+COEFFICIENTS = ("sure", "by_light", "at_edge", "near_edge", "by_light_contradicted")
 INPUTS = {
     "shadow": "shadow",
     "seen": "label_3.shadow",
@@ -119,7 +113,7 @@ def fit(folder: Path) -> None:
             total -= np.log(np.clip(np.where(truth, chance, 1 - chance), 1e-12, 1)).sum()
         return total
 
-    start = list(COEFFICIENTS.values())
+    start = [shadow_confidence.parameters[name].default for name in COEFFICIENTS]
     limits = [(0.01, 20)] * len(start)
     found = minimize(loss, start, bounds=limits, method="L-BFGS-B", options={"eps": 1e-2})
     row("coefficient", "likeliest")
