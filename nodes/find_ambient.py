@@ -91,12 +91,14 @@ def find_ambient(
         The flat frame less what was found; the dark image, that light everywhere;
         ``ambient_percent`` of full scale.  A warning tells of what was found.
     """
+    nothing = WithoutAmbient(flat, dark, {})
+    if taken is not None or rest_of(flat, pixel) is None:
+        return nothing
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
     presses = [press for press in presses if press.mask.any()][:PRESSES]
     film, most = float(np.median(flat)), _darkest(image)
-    seen = taken is None and rest_of(flat, pixel) is not None and presses
-    if not seen or most < NEGLIGIBLE * film:
-        return WithoutAmbient(flat, dark, {})
+    if not presses or most < NEGLIGIBLE * film:
+        return nothing
 
     def misfit(ambient: float) -> float:
         """What LEDs leave that are placed without so much light."""
@@ -109,7 +111,7 @@ def find_ambient(
         return misfit_of(objects, rest, placed, shift_px)
 
     if misfit(0.0) <= misfit(NEGLIGIBLE * film):
-        return WithoutAmbient(flat, dark, {})
+        return nothing
     stop = {"xatol": FINE * film}
     minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
     ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)

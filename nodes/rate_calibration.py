@@ -17,6 +17,7 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes._sheet import SheetLabels, SheetMask
+from tactograph.nodes.light_noise import light_noise
 
 POOR_RESIDUAL = 0.05
 NARROW = 0.5
@@ -117,7 +118,7 @@ def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
     if flat is None or noise is None:
         return np.zeros(count, np.float32)
     level = np.maximum(np.median(flat.reshape(count, -1), axis=1), np.float32(1e-3))
-    return np.asarray(np.sqrt(noise[0] * level + noise[1]) / level, np.float32)
+    return light_noise(level[:, None, None], level[:, None, None], noise, floor=1e-3)[:, 0, 0]
 
 
 def _warn_of_twins(lights: LightPositions) -> None:
