@@ -88,7 +88,7 @@ def _compare_on(
         for name, value in inputs.items()
         if node.inputs[name].kind != "object"
     }
-    outputs, _ = device.run(node, remote, case.settings, case.sizes)
+    outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
     found = {name: device.download(array) for name, array in outputs.items()}
     for name, array in remote.items():
         if isinstance(array, DeviceArray):

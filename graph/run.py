@@ -6,7 +6,7 @@ import importlib.metadata
 import platform
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.launch import DeviceArray
-from tactograph.graph.backends.opencl import OpenCL, Timer, milliseconds
+from tactograph.graph.backends.opencl import OpenCL, milliseconds
+from tactograph.graph.backends.prepared import Prepared, Timer
 from tactograph.graph.errors import (
     EndOfStream,
     InputError,
@@ -28,7 +29,7 @@ from tactograph.graph.errors import (
 from tactograph.graph.find import find_node
 from tactograph.graph.model import BACKENDS, NOT_GIVEN, Graph
 from tactograph.graph.passes.names import settings_of
-from tactograph.graph.passes.sizes import Bound, Symbol
+from tactograph.graph.passes.sizes import Known, Shapes, Sized
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
 from tactograph.graph.provenance import Provenance
@@ -79,11 +80,14 @@ class Pipeline:
         self._host: dict[Value, Any] = {}
         self._remote: dict[Value, DeviceArray] = {}
         self._arriving: dict[Value, Any] = {}
-        self._known: dict[Symbol, Bound] = {}
+        self._known: Known = {}
+        self._sized: dict[str, Sized] = {}
+        self._launches: dict[str, Prepared] = {}
         self._times: dict[str, float] = {}
         self._notes: list[str] = []
         self._lasting = 0
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
+        self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
         self._recalled = {v for t in plan.tasks.values() for v in t.recalls.values()}
         self._host_before: dict[Value, Any] = {}
         self._remote_before: dict[Value, DeviceArray] = {}
@@ -157,12 +161,12 @@ class Pipeline:
     def _all_items(self, source: Task, repeats: int) -> Iterator[Result]:
         keywords = {**source.settings, **self._session(source)}
         self._ended = False
-        with collect_warnings(self._notes), blaming(source):
+        with collect_warnings(self._notes), Blaming(source):
             iterator = self._iterator = iter(source.node(**keywords))
         while not self._ended:
             self._begin()
             start = time.perf_counter()
-            with collect_warnings(self._notes), blaming(source):
+            with collect_warnings(self._notes), Blaming(source):
                 item = next(iterator, None)
             if item is None:
                 return
@@ -204,6 +208,8 @@ class Pipeline:
                 )
             if used:
                 task.settings = settings_of(task.entry, graph, task.node, given)
+        # Sizes and launches may follow from settings.
+        self._sized, self._launches = {}, {}
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
@@ -239,13 +245,11 @@ class Pipeline:
     def _prepare(self) -> None:
         """Run, once, what does not depend on the stream."""
         if not self._prepared:
-            known: dict[Symbol, Bound] = {}
-            self._steps(self._once, known, {})
-            self._known, self._prepared = known, True
+            self._known, self._prepared = self._steps(self._once, {}, {}), True
             self._lasting = len(self._notes)
 
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
-        self._steps(self._stream, dict(self._known), given, repeats)
+        self._steps(self._stream, self._known, given, repeats)
         outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
         item = {value: made for value, made in self._host.items() if value.node in given}
         self._remember()
@@ -265,46 +269,48 @@ class Pipeline:
             return found
         if tuple(d if isinstance(d, int) else sizes[d] for d in port.dims) == found.shape:
             return found
-        with collect_warnings(self._notes):
-            warn(f"{task.id}: the images have another size than before; it starts afresh")
+        warn(f"{task.id}: the images have another size than before; it starts afresh")
         return None
 
     def _steps(
         self,
         steps: tuple[list[Step], list[Step]],
-        known: dict[Symbol, Bound],
+        known: Known,
         given: Mapping[str, Any],
         repeats: int = 1,
-    ) -> None:
+    ) -> Known:
         """Run steps in order; sinks last, when every time is known."""
         computing, sinks = steps
+        before = known
         runs: list[dict[str, float]] = []
         totals: list[float] = []
-        for _ in range(repeats):
-            start = time.perf_counter()
-            self._compute(computing, known, given)
-            totals.append(1e3 * (time.perf_counter() - start))
-            runs.append(dict(self._times))
-        self._total = median(totals[1:] or totals)
-        for name in self._times if repeats > 1 else ():
-            self._times[name] = median(run[name] for run in runs[1:])
-        for step in sinks:
-            try:
-                self._execute(step, known, {}, given)
-            except EndOfStream:
-                # The other sinks take this item, too.
-                self._ended = True
+        with collect_warnings(self._notes):
+            for _ in range(repeats):
+                start = time.perf_counter()
+                known = self._compute(computing, before, given)
+                totals.append(1e3 * (time.perf_counter() - start))
+                runs.append(dict(self._times))
+            self._total = median(totals[1:] or totals)
+            for name in self._times if repeats > 1 else ():
+                self._times[name] = median(run[name] for run in runs[1:])
+            for step in sinks:
+                try:
+                    known = self._execute(step, known, {}, given)
+                except EndOfStream:
+                    # The other sinks take this item, too.
+                    self._ended = True
+        return known
 
-    def _compute(
-        self, steps: list[Step], known: dict[Symbol, Bound], given: Mapping[str, Any]
-    ) -> None:
+    def _compute(self, steps: list[Step], known: Known, given: Mapping[str, Any]) -> Known:
         timers: dict[str, Timer] = {}
         for step in steps:
-            self._execute(step, known, timers, given)
+            known = self._execute(step, known, timers, given)
         if timers and self._device is not None:
             self._device.finish()
             self._arriving.clear()
-            self._times |= {name: milliseconds(timer) for name, timer in timers.items()}
+            for name, timer in timers.items():
+                self._times[name] = milliseconds(timer)
+        return known
 
     def _split(self, *, stream: bool) -> tuple[list[Step], list[Step]]:
         """The steps that compute and the sinks, of the stream or of what runs once."""
@@ -329,24 +335,27 @@ class Pipeline:
     def _execute(
         self,
         step: Step,
-        known: dict[Symbol, Bound],
+        known: Known,
         timers: dict[str, Timer],
         given: Mapping[str, Any],
-    ) -> None:
+    ) -> Known:
+        """Run one step; return the sizes that are known behind it."""
         if step.kind in ("upload", "download"):
             self._transfer(step, timers)
         else:
             task = self.plan.tasks[step.name]
-            self.plan.sizes.derive(known, task)
-            sizes = self.plan.sizes.sizes_of(task, known)
+            sized = self.plan.sizes.around(task, known, self._sized.get(task.id))
+            self._sized[task.id] = sized
             if step.kind == "fill":
-                self._fill(task, step, sizes)
+                shapes = self._fill(task, step, sized.sizes)
             elif step.backend == "opencl":
-                self._launch(task, sizes, known, timers)
+                shapes = self._launch(task, sized.sizes, timers)
             else:
-                self._run(task, sizes, known, given)
+                shapes = self._run(task, sized, given)
+            known = self.plan.sizes.behind(task, sized, shapes)
         for value in step.release:
             self._remote.pop(value, None)
+        return known
 
     def _transfer(self, step: Step, timers: dict[str, Timer]) -> None:
         """Begin a transfer; whoever reads on the host waits, the device keeps its own order."""
@@ -365,7 +374,7 @@ class Pipeline:
             return
         timers[step.name] = timer
 
-    def _fill(self, task: Task, step: Step, sizes: Mapping[str, int]) -> None:
+    def _fill(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
         (port,) = task.node.outputs
         shape = task.node.output_shape(port, sizes)
         dtype = task.node.outputs[port].dtype
@@ -378,65 +387,57 @@ class Pipeline:
         else:
             self._host[value] = np.full(shape, task.node.neutral, dtype)
         self._times[task.id] = 0.0
+        return {}
 
-    def _launch(
-        self,
-        task: Task,
-        sizes: Mapping[str, int],
-        known: dict[Symbol, Bound],
-        timers: dict[str, Timer],
-    ) -> None:
+    def _launch(self, task: Task, sizes: Mapping[str, int], timers: dict[str, Timer]) -> Shapes:
         assert self._device is not None
         inputs = {
-            name: self._remote.get(value) if port.kind == "array" else self._host[value]
-            for name, port in task.node.inputs.items()
-            if (value := task.reads.get(name)) is not None and port.kind != "object"
+            name: self._remote.get(value) if is_array else self._host[value]
+            for name, value, is_array in self._sent[task.id]
         }
         for name in task.recalls:
             is_array = task.node.inputs[name].kind == "array"
             inputs[name] = self._recall(task, name, sizes, remote=is_array)
-        with blaming(task):
-            outputs, timer = self._device.run(
-                task.node, inputs, task.settings, sizes, self._wanted[task.id]
-            )
-        timers[task.id] = timer
+        launch = self._launches.get(task.id)
+        with Blaming(task):
+            if launch is None or launch.sizes != sizes:
+                wanted = self._wanted[task.id]
+                launch = self._device.prepare(task.node, task.settings, sizes, wanted)
+                self._launches[task.id] = launch
+            outputs, timers[task.id] = launch.launch(inputs)
         for name, array in outputs.items():
-            self.plan.sizes.bind(known, task, name, array.shape)
             self._remote[Value(task.id, name)] = array
+        return {name: array.shape for name, array in outputs.items()}
 
-    def _run(
-        self,
-        task: Task,
-        sizes: Mapping[str, int],
-        known: dict[Symbol, Bound],
-        given: Mapping[str, Any],
-    ) -> None:
+    def _run(self, task: Task, sized: Sized, given: Mapping[str, Any]) -> Shapes:
         if task.id in given:
             made = given[task.id]
         else:
             keywords = {**task.settings, **self._session(task)}
-            recalled = {n: self._recall(task, n, sizes, remote=False) for n in task.recalls}
+            recalled = {n: self._recall(task, n, sized.sizes, remote=False) for n in task.recalls}
             if task.node.wanted is not None:
                 keywords[task.node.wanted] = self._wanted[task.id]
             if task.node.provenance is not None:
-                keywords[task.node.provenance] = self._provenance(known)
+                keywords[task.node.provenance] = self._provenance(sized.derived)
             for value in task.reads.values():
                 if value in self._arriving:
                     self._arriving.pop(value).wait()
             start = time.perf_counter()
-            with collect_warnings(self._notes), blaming(task):
+            with Blaming(task):
                 made = task.node(*_positional(task, self._host, recalled), **keywords)
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
+        shapes: Shapes = {}
         for name, result in _by_port(task, made).items():
             port = task.node.outputs[name]
             unread = task.node.wanted is not None and name not in self._wanted[task.id]
             if port.kind == "array" and not (result is None and (port.optional or unread)):
                 if not (task.id in given and _is_whole(result)):
                     result = _as_declared(task, name, result)
-                self.plan.sizes.bind(known, task, name, result.shape)
+                shapes[name] = result.shape
             self._host[Value(task.id, name)] = result
+        return shapes
 
-    def _provenance(self, known: Mapping[Symbol, Bound]) -> Provenance:
+    def _provenance(self, known: Known) -> Provenance:
         """What is known at this moment of the run, for a sink that writes it down."""
         sizes: dict[str, int] = {}
         for (_, symbol), bound in known.items():
@@ -600,17 +601,33 @@ def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
     )
 
 
-@contextmanager
-def blaming(task: Task) -> Iterator[None]:
+class Blaming:
     """Turn an unexpected exception of a node into one line that names the node."""
-    try:
-        yield
-    except (TactographError, EndOfStream):
-        raise
-    except Exception as error:
-        raise NodeError(
-            f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: {error}"
-        ) from error
+
+    __slots__ = ("_task",)
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, Exception) and not isinstance(error, (TactographError, EndOfStream)):
+            task = self._task
+            raise NodeError(
+                f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: {error}"
+            ) from error
+
+
+def _sent(task: Task) -> list[tuple[str, Value, bool]]:
+    """What a device is handed of this item: name, value, and whether that is an array."""
+    ports = task.node.inputs
+    return [
+        (name, task.reads[name], port.kind == "array")
+        for name, port in ports.items()
+        if name in task.reads and port.kind != "object"
+    ]
 
 
 def _positional(task: Task, host: Mapping[Value, Any], recalled: Mapping[str, Any]) -> list[Any]:

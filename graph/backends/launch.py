@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 import pyopencl as cl
@@ -19,8 +18,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class DeviceArray:
+class DeviceArray(NamedTuple):
     """A buffer on the device with the shape and type of the array in it."""
 
     buffer: Any
@@ -30,6 +28,11 @@ class DeviceArray:
     @property
     def nbytes(self) -> int:
         return math.prod(self.shape) * self.dtype.itemsize
+
+
+def bytes_for(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
+    """The size of a buffer for an array, at least some bytes and in words of four."""
+    return -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
 
 
 def local_size(axes: int) -> tuple[int, ...]:
@@ -114,7 +117,8 @@ class Launch:
         local = local or local_size(len(grid))
         compiled = self._device.compile(self._compiled.node, constants) if constants else None
         kernel = (compiled or self._compiled).kernels[name]
-        self._events.append(kernel.enqueue(self.queue, grid, local, map(_argument, arguments)))
+        plain = [_argument(argument) for argument in arguments]
+        self._events.append(kernel.enqueue(self.queue, global_size(grid, local), local, plain))
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
         """A buffer for this launch alone, from the pool."""

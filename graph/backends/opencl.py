@@ -6,9 +6,8 @@ has been read for the last time; on an in-order queue the next owner cannot over
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, Literal
 
@@ -19,36 +18,36 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel_source import kernel_source, scalar_type
-from tactograph.graph.backends.launch import DeviceArray, Launch, global_size, local_size
+from tactograph.graph.backends.launch import DeviceArray, bytes_for, global_size, local_size
+from tactograph.graph.backends.prepared import Prepared, Timer
 from tactograph.graph.errors import NodeError
 from tactograph.graph.node import Node
 from tactograph.graph.wanted import EVERYTHING, Wanted
 
-Timer = tuple[cl.Event, cl.Event]
-
 
 class Kernel:
-    """A kernel that remembers its plain arguments: setting one costs more than a launch."""
+    """A kernel whose arguments have the types that they had at its first launch.
+
+    Told of them, pyopencl sets all arguments in the time that a single number takes otherwise.
+    """
 
     def __init__(self, kernel: cl.Kernel) -> None:
         self._kernel = kernel
-        self._known: dict[int, Any] = {}
+        self._typed = False
 
     def enqueue(
         self,
         queue: cl.CommandQueue,
-        grid: tuple[int, ...],
+        work_items: tuple[int, ...],
         local: tuple[int, ...],
-        arguments: Iterable[Any],
+        arguments: Sequence[Any],
     ) -> cl.Event:
-        """Launch over `grid`, slowest axis first, in work-groups of `local`, fastest first."""
-        for index, value in enumerate(arguments):
-            if not isinstance(value, np.generic):
-                self._kernel.set_arg(index, value)
-            elif self._known.get(index) != value:
-                self._kernel.set_arg(index, value)
-                self._known[index] = value
-        return cl.enqueue_nd_range_kernel(queue, self._kernel, global_size(grid, local), local)
+        """Launch over `work_items` in work-groups of `local`, both fastest axis first."""
+        if not self._typed:
+            types = [type(a) if isinstance(a, np.generic) else None for a in arguments]
+            self._kernel.set_arg_types(types)
+            self._typed = True
+        return self._kernel(queue, work_items, local, *arguments)
 
 
 Convert = Callable[[Any], list[Any]]
@@ -153,7 +152,10 @@ class OpenCL:
         With `poison` set, every byte of it holds that value, so that a test can tell an
         element that a kernel failed to write.
         """
-        nbytes = -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
+        return self.take(bytes_for(shape, dtype), shape, dtype)
+
+    def take(self, nbytes: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
+        """`empty`, with the result of `bytes_for` at hand."""
         buffer: Any = self.pool.allocate(nbytes)
         if self.poison is not None:
             # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
@@ -184,9 +186,10 @@ class OpenCL:
         target = self.empty(array.shape, np.dtype(np.float32))
         full = np.float32(np.iinfo(array.dtype).max)
         kernel = self._fraction[array.dtype.itemsize]
-        grid = (-(-array.size // self.lanes),)
+        local = local_size(1)
+        work_items = global_size((-(-array.size // self.lanes),), local)
         arguments = (source.buffer, target.buffer, np.int32(array.size), full)
-        return target, (started, kernel.enqueue(self.queue, grid, local_size(1), arguments))
+        return target, (started, kernel.enqueue(self.queue, work_items, local, arguments))
 
     def _now(self) -> Timer:
         marker = cl.enqueue_marker(self.queue)
@@ -233,43 +236,18 @@ class OpenCL:
         )
         return target
 
-    def run(
+    def prepare(
         self,
         node: Node,
-        inputs: Mapping[str, Any],
         settings: Mapping[str, Any],
         sizes: Mapping[str, int],
         wanted: Wanted = EVERYTHING,
-    ) -> tuple[dict[str, DeviceArray], Timer]:
-        """Launch a node; return its outputs, which are not ready yet, and its two events.
+    ) -> Prepared:
+        """Work out a node's launches over arrays of the given sizes.
 
-        Outputs that are not wanted are left out if the node can do without them.  Those whose
-        size only the data tells are made by the launch function, when it knows.
+        Outputs that are not wanted are left out if the node can do without them.
         """
-        compiled = self.compile(node)
-        outputs = {}
-        for name, port in node.outputs.items():
-            assert port.dtype is not None
-            is_known = all(isinstance(d, int) or d in sizes for d in port.dims)
-            if is_known and (node.wanted is None or name in wanted):
-                outputs[name] = self.empty(node.output_shape(name, sizes), port.dtype)
-        if node.launch is not None:
-            launch = Launch(self, compiled, inputs, outputs, settings, sizes)
-            if node.requires is None or (node.in_place and self.shares_memory):
-                node.launch(launch)
-                return launch.outputs, launch.timer
-            # A library's kernels leave no event.
-            before = cl.enqueue_marker(self.queue)
-            node.launch(launch)
-            return launch.outputs, (before, cl.enqueue_marker(self.queue))
-        assert node.grid is not None
-        grid = tuple(sizes[symbol] for symbol in node.grid)
-        if node.lanes:
-            grid = (-(-math.prod(grid) // self.lanes),)
-        arguments = _arguments(compiled, inputs, outputs, settings, sizes)
-        kernel = compiled.kernels[node.name]
-        event = kernel.enqueue(self.queue, grid, local_size(len(grid)), arguments)
-        return outputs, (event, event)
+        return Prepared(self, self.compile(node), settings, sizes, wanted)
 
     def finish(self) -> None:
         self.queue.finish()
@@ -287,29 +265,6 @@ def milliseconds(timer: Timer) -> float:
     start: Any = first.get_profiling_info(cl.profiling_info.START)
     end: Any = last.get_profiling_info(cl.profiling_info.END)
     return float(end - start) * 1e-6
-
-
-def _arguments(
-    compiled: Compiled,
-    inputs: Mapping[str, Any],
-    outputs: Mapping[str, DeviceArray],
-    settings: Mapping[str, Any],
-    sizes: Mapping[str, int],
-) -> Iterator[Any]:
-    """What the kernel takes, in the order of `kernel_source.expected_arguments`."""
-    node = compiled.node
-    for name, port in node.inputs.items():
-        value = inputs.get(name)
-        if port.kind == "array":
-            yield value.buffer if value is not None else None
-        elif port.kind == "number":
-            yield np.float32(value)
-    for name in node.outputs:
-        yield outputs[name].buffer if name in outputs else None
-    for symbol in node.symbols:
-        yield np.int32(sizes[symbol])
-    for name, convert in compiled.converters.items():
-        yield from convert(settings[name])
 
 
 def _converters(node: Node) -> dict[str, Convert]:

@@ -7,7 +7,7 @@ Fixed sizes are checked before anything runs; the rest as soon as the sources ha
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from tactograph.graph.errors import GraphError, InputError
@@ -26,6 +26,26 @@ class Bound(NamedTuple):
     by: str
 
 
+Known = dict[Symbol, Bound]
+Shapes = dict[str, tuple[int, ...]]
+"""By output port."""
+
+
+@dataclass
+class Sized:
+    """The sizes around one node, which hold for every item that finds the same `before`.
+
+    They are compared by identity: what is known behind a node is the same object from item
+    to item for as long as the node's outputs keep their shapes.
+    """
+
+    before: Known
+    derived: Known
+    sizes: dict[str, int]
+    shapes: Shapes | None = None
+    after: Known = field(default_factory=dict)
+
+
 @dataclass
 class SizeClasses:
     """Which symbols are the same size, with the limits the nodes put on them."""
@@ -34,9 +54,36 @@ class SizeClasses:
     fixed: dict[Symbol, Bound]
     limits: dict[Symbol, list[tuple[str, SizeLimit]]]
 
-    def bind(
-        self, known: dict[Symbol, Bound], task: Task, port: str, shape: tuple[int, ...]
-    ) -> None:
+    def around(self, task: Task, known: Known, last: Sized | None) -> Sized:
+        """The sizes around a node, `last` if that was worked out of the same `known`.
+
+        Raises
+        ------
+        InputError
+            If a size that follows from others clashes with one that is known.
+        """
+        if last is not None and last.before is known:
+            return last
+        derived = dict(known)
+        self.derive(derived, task)
+        return Sized(known, derived, self.sizes_of(task, derived))
+
+    def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
+        """What is known when a node's outputs have the given shapes.
+
+        Raises
+        ------
+        InputError
+            See `bind`.
+        """
+        if sized.shapes != shapes:
+            after = dict(sized.derived)
+            for port, shape in shapes.items():
+                self.bind(after, task, port, shape)
+            sized.shapes, sized.after = shapes, after
+        return sized.after
+
+    def bind(self, known: Known, task: Task, port: str, shape: tuple[int, ...]) -> None:
         """Enter the shape of an output into `known`.
 
         Raises
@@ -50,7 +97,7 @@ class SizeClasses:
                 bound = Bound(size, f"{task.id}.{port}")
                 self._bind_one(known, self.root[task.id, dim], dim, bound)
 
-    def derive(self, known: dict[Symbol, Bound], task: Task) -> None:
+    def derive(self, known: Known, task: Task) -> None:
         """Enter the sizes that follow from others, by a node's own parameters, into `known`.
 
         Raises
@@ -65,7 +112,7 @@ class SizeClasses:
                 bound = Bound(parts.size(sizes[parts.of], task.settings), by)
                 self._bind_one(known, self.root[task.id, symbol], symbol, bound)
 
-    def _bind_one(self, known: dict[Symbol, Bound], root: Symbol, dim: str, bound: Bound) -> None:
+    def _bind_one(self, known: Known, root: Symbol, dim: str, bound: Bound) -> None:
         other = known.get(root)
         if other is not None and other.size == bound.size:
             return

@@ -11,6 +11,7 @@ import pytest
 
 from tactograph.graph import GraphError, InputError, NodeError, load, run
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.prepared import Prepared
 from tactograph.graph.read import read_graph
 from tactograph.graph.run import Pipeline, open_pipeline, with_changes
 from tests.graph.conftest import SLOPES, STREAM, Write
@@ -290,7 +291,7 @@ def test_a_failure_is_not_tried_again_elsewhere(
         raise RuntimeError("the device is gone")
 
     pipeline = opened(write(STREAM), "opencl")
-    monkeypatch.setattr(OpenCL, "run", fail)
+    monkeypatch.setattr(Prepared, "launch", fail)
     with pytest.raises(NodeError, match=r"'light' \(flat_field\) failed: .* the device is gone"):
         next(pipeline.items())
 

@@ -1,0 +1,103 @@
+"""A node's launch, worked out once for all items whose arrays have the same sizes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyopencl as cl
+
+from tactograph.graph.backends.launch import (
+    DeviceArray,
+    Launch,
+    bytes_for,
+    global_size,
+    local_size,
+)
+from tactograph.graph.wanted import Wanted
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.opencl import Compiled, OpenCL
+
+Timer = tuple[cl.Event, cl.Event]
+
+
+class Prepared:
+    """A node on a device, its arrays' sizes known: from item to item only buffers differ."""
+
+    def __init__(
+        self,
+        device: OpenCL,
+        compiled: Compiled,
+        settings: Mapping[str, Any],
+        sizes: Mapping[str, int],
+        wanted: Wanted,
+    ) -> None:
+        self._device, self._compiled = device, compiled
+        self._settings, self.sizes = settings, sizes
+        self._node = node = compiled.node
+        self._outputs: dict[str, tuple[int, tuple[int, ...], np.dtype[Any]]] = {}
+        for name, port in node.outputs.items():
+            assert port.dtype is not None
+            # The launch function makes those whose size only the data tells.
+            is_known = all(isinstance(d, int) or d in sizes for d in port.dims)
+            if is_known and (node.wanted is None or name in wanted):
+                shape = node.output_shape(name, sizes)
+                self._outputs[name] = bytes_for(shape, port.dtype), shape, port.dtype
+        if node.grid is not None:
+            self._prepare_kernel(node.grid)
+
+    def _prepare_kernel(self, symbols: tuple[str, ...]) -> None:
+        """Work out all but the buffers, in the order of `kernel_source.expected_arguments`."""
+        grid = tuple(self.sizes[symbol] for symbol in symbols)
+        if self._node.lanes:
+            grid = (-(-math.prod(grid) // self._device.lanes),)
+        self._kernel = self._compiled.kernels[self._node.name]
+        self._local = local_size(len(grid))
+        self._work_items = global_size(grid, self._local)
+        self._plain = [np.int32(self.sizes[symbol]) for symbol in self._node.symbols]
+        for name, convert in self._compiled.converters.items():
+            self._plain += convert(self._settings[name])
+
+    def launch(self, inputs: Mapping[str, Any]) -> tuple[dict[str, DeviceArray], Timer]:
+        """Enqueue the node; return its outputs, which are not ready yet, and its two events.
+
+        Parameters
+        ----------
+        inputs
+            By name: device arrays of the sizes that this was prepared for, None for one that
+            is absent, and numbers.
+        """
+        take = self._device.take
+        outputs = {name: take(*known) for name, known in self._outputs.items()}
+        if self._node.launch is not None:
+            return self._by_function(inputs, outputs)
+        arguments: list[Any] = []
+        for name, port in self._node.inputs.items():
+            found = inputs.get(name)
+            if port.kind == "array":
+                arguments.append(None if found is None else found.buffer)
+            elif port.kind == "number":
+                arguments.append(np.float32(found))
+        for name in self._node.outputs:
+            arguments.append(outputs[name].buffer if name in outputs else None)
+        arguments += self._plain
+        queue = self._device.queue
+        event = self._kernel.enqueue(queue, self._work_items, self._local, arguments)
+        return outputs, (event, event)
+
+    def _by_function(
+        self, inputs: Mapping[str, Any], outputs: dict[str, DeviceArray]
+    ) -> tuple[dict[str, DeviceArray], Timer]:
+        device, node = self._device, self._node
+        assert node.launch is not None
+        launch = Launch(device, self._compiled, inputs, outputs, self._settings, self.sizes)
+        if node.requires is None or (node.in_place and device.shares_memory):
+            node.launch(launch)
+            return launch.outputs, launch.timer
+        # A library's kernels leave no event.
+        before = cl.enqueue_marker(device.queue)
+        node.launch(launch)
+        return launch.outputs, (before, cl.enqueue_marker(device.queue))
