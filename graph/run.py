@@ -32,6 +32,7 @@ from tactograph.graph.passes.names import settings_of
 from tactograph.graph.passes.sizes import Known, Shapes, Sized
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.plan import Plan, Step, Task, Value, make_plan
+from tactograph.graph.ports import PortType
 from tactograph.graph.provenance import Provenance
 from tactograph.graph.read import read_graph
 from tactograph.graph.session import Session
@@ -349,9 +350,9 @@ class Pipeline:
             if step.kind == "fill":
                 shapes = self._fill(task, step, sized.sizes)
             elif step.backend == "opencl":
-                shapes = self._launch(task, sized.sizes, timers)
+                shapes = self._launch(task, step, sized.sizes, timers)
             else:
-                shapes = self._run(task, sized, given)
+                shapes = self._run(task, step, sized, given)
             known = self.plan.sizes.behind(task, sized, shapes)
         for value in step.release:
             self._remote.pop(value, None)
@@ -389,7 +390,9 @@ class Pipeline:
         self._times[task.id] = 0.0
         return {}
 
-    def _launch(self, task: Task, sizes: Mapping[str, int], timers: dict[str, Timer]) -> Shapes:
+    def _launch(
+        self, task: Task, step: Step, sizes: Mapping[str, int], timers: dict[str, Timer]
+    ) -> Shapes:
         assert self._device is not None
         inputs = {
             name: self._remote.get(value) if is_array else self._host[value]
@@ -405,11 +408,14 @@ class Pipeline:
                 launch = self._device.prepare(task.node, task.settings, sizes, wanted)
                 self._launches[task.id] = launch
             outputs, timers[task.id] = launch.launch(inputs)
-        for name, array in outputs.items():
-            self._remote[Value(task.id, name)] = array
+        for value in step.writes:
+            if value.port in outputs:
+                self._remote[value] = outputs[value.port]
+        if launch.shapes is not None:
+            return launch.shapes
         return {name: array.shape for name, array in outputs.items()}
 
-    def _run(self, task: Task, sized: Sized, given: Mapping[str, Any]) -> Shapes:
+    def _run(self, task: Task, step: Step, sized: Sized, given: Mapping[str, Any]) -> Shapes:
         if task.id in given:
             made = given[task.id]
         else:
@@ -419,7 +425,7 @@ class Pipeline:
                 keywords[task.node.wanted] = self._wanted[task.id]
             if task.node.provenance is not None:
                 keywords[task.node.provenance] = self._provenance(sized.derived)
-            for value in task.reads.values():
+            for value in step.reads if self._arriving else ():
                 if value in self._arriving:
                     self._arriving.pop(value).wait()
             start = time.perf_counter()
@@ -427,15 +433,19 @@ class Pipeline:
                 made = task.node(*_positional(task, self._host, recalled), **keywords)
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         shapes: Shapes = {}
-        for name, result in _by_port(task, made).items():
-            port = task.node.outputs[name]
-            unread = task.node.wanted is not None and name not in self._wanted[task.id]
-            if port.kind == "array" and not (result is None and (port.optional or unread)):
+        for value, result in zip(step.writes, _results(task, made), strict=True):
+            port = task.node.outputs[value.port]
+            if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
                 if not (task.id in given and _is_whole(result)):
-                    result = _as_declared(task, name, result)
-                shapes[name] = result.shape
-            self._host[Value(task.id, name)] = result
+                    result = _as_declared(task, port, result)
+                shapes[value.port] = result.shape
+            self._host[value] = result
         return shapes
+
+    def _may_lack(self, task: Task, port: PortType) -> bool:
+        """Whether a node need not make an output."""
+        unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
+        return port.optional or unread
 
     def _provenance(self, known: Known) -> Provenance:
         """What is known at this moment of the run, for a sink that writes it down."""
@@ -632,32 +642,32 @@ def _sent(task: Task) -> list[tuple[str, Value, bool]]:
 
 def _positional(task: Task, host: Mapping[Value, Any], recalled: Mapping[str, Any]) -> list[Any]:
     """The node's positional arguments; records put together again."""
+    reads = task.reads
+    inputs = {n: host[reads[n]] if n in reads else recalled.get(n) for n in task.node.inputs}
+    if not task.node.input_records:
+        return [*inputs.values()]
     arguments: dict[str, Any] = {}
-    for name, port in task.node.inputs.items():
-        value = task.reads.get(name)
-        found = recalled.get(name) if value is None else host[value]
+    for name, found in inputs.items():
         record, dot, fieldname = name.partition(".")
         if dot:
             arguments.setdefault(record, {})[fieldname] = found
         else:
-            arguments[port.name] = found
+            arguments[name] = found
     return [
         task.node.input_records[name](**found) if name in task.node.input_records else found
         for name, found in arguments.items()
     ]
 
 
-def _by_port(task: Task, made: Any) -> dict[str, Any]:
-    node = task.node
-    if node.sink:
-        return {}
-    if node.output_record is not None:
-        return dict(zip(node.outputs, made, strict=True))
-    return {next(iter(node.outputs)): made}
+def _results(task: Task, made: Any) -> tuple[Any, ...]:
+    """What a node made, in the order of its outputs."""
+    if task.node.sink:
+        return ()
+    return made if task.node.output_record is not None else (made,)
 
 
-def _as_declared(task: Task, name: str, array: NDArray[Any]) -> NDArray[Any]:
-    port = task.node.outputs[name]
+def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:
+    name = port.name
     if not isinstance(array, np.ndarray):
         raise NodeError(
             f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "

@@ -25,7 +25,10 @@ Timer = tuple[cl.Event, cl.Event]
 
 
 class Prepared:
-    """A node on a device, its arrays' sizes known: from item to item only buffers differ."""
+    """A node on a device, its arrays' sizes known: from item to item only buffers differ.
+
+    `shapes` are those of its outputs, None where a launch function may make some of its own.
+    """
 
     def __init__(
         self,
@@ -46,18 +49,24 @@ class Prepared:
             if is_known and (node.wanted is None or name in wanted):
                 shape = node.output_shape(name, sizes)
                 self._outputs[name] = bytes_for(shape, port.dtype), shape, port.dtype
+        self.shapes: dict[str, tuple[int, ...]] | None = None
         if node.grid is not None:
+            self.shapes = {name: shape for name, (_, shape, _) in self._outputs.items()}
             self._prepare_kernel(node.grid)
 
     def _prepare_kernel(self, symbols: tuple[str, ...]) -> None:
-        """Work out all but the buffers, in the order of `kernel_source.expected_arguments`."""
+        """Work out all that the node's own kernel is launched with, buffers excepted."""
+        node = self._node
         grid = tuple(self.sizes[symbol] for symbol in symbols)
-        if self._node.lanes:
+        if node.lanes:
             grid = (-(-math.prod(grid) // self._device.lanes),)
-        self._kernel = self._compiled.kernels[self._node.name]
+        self._kernel = self._compiled.kernels[node.name]
         self._local = local_size(len(grid))
         self._work_items = global_size(grid, self._local)
-        self._plain = [np.int32(self.sizes[symbol]) for symbol in self._node.symbols]
+        self._taken = [
+            (name, port.kind) for name, port in node.inputs.items() if port.kind != "object"
+        ]
+        self._plain = [np.int32(self.sizes[symbol]) for symbol in node.symbols]
         for name, convert in self._compiled.converters.items():
             self._plain += convert(self._settings[name])
 
@@ -74,13 +83,14 @@ class Prepared:
         outputs = {name: take(*known) for name, known in self._outputs.items()}
         if self._node.launch is not None:
             return self._by_function(inputs, outputs)
+        # In the order of `kernel_source.expected_arguments`.
         arguments: list[Any] = []
-        for name, port in self._node.inputs.items():
+        for name, kind in self._taken:
             found = inputs.get(name)
-            if port.kind == "array":
-                arguments.append(None if found is None else found.buffer)
-            elif port.kind == "number":
+            if kind == "number":
                 arguments.append(np.float32(found))
+            else:
+                arguments.append(None if found is None else found.buffer)
         for name in self._node.outputs:
             arguments.append(outputs[name].buffer if name in outputs else None)
         arguments += self._plain
