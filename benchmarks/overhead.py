@@ -1,9 +1,11 @@
 """What the engine itself costs: per node and item, at start-up, and over a long stream.
 
-    python benchmarks/overhead.py
+    python benchmarks/overhead.py [PART OF A DEVICE'S NAME]
 
-A chain of 20 trivial nodes (flat_field on 3 x 2 x 2 pixels) runs through the engine; what the
-nodes' own calls cost is measured beside it and taken off.
+A chain of 20 trivial nodes (flat_field on 3 x 2 x 2 pixels) runs through the engine, and in turn
+with it, item by item, what the nodes take without one: on the host 20 calls of the function, on
+a device 20 launches of the kernel by a bare loop that then waits.  Given are the whole, and what
+the engine adds.
 """
 
 from __future__ import annotations
@@ -15,37 +17,61 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 
 from tactograph.graph import load
+from tactograph.graph.backends.devices import Device, choose_device
+from tactograph.graph.backends.launch import global_size, local_size
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.run import Pipeline
 from tactograph.nodes.flat_field import flat_field
 
 NODES = 20
 STACK = np.full((3, 2, 2), 0.5, np.float32)
+DARK = np.zeros((2, 2), np.float32)
 ITEMS = 10_000
 
 
 def main() -> None:
-    for backend in ("numpy", "opencl"):
-        pipeline = chain(backend)
-        per_node = engine_microseconds(pipeline, backend)
-        print(f"{backend}: {per_node:.1f} us per node and item, the node's own call taken off")
-        before, after = stream_growth(pipeline)
-        print(f"{backend}: {ITEMS} items: {before} KiB peak after 100, {after} KiB at the end")
-        if backend == "opencl":
-            first, last = buffers(chain(backend))
-            print(f"opencl: {first} buffers allocated by the first item, {last} by {ITEMS} items")
-    bare = seconds([sys.executable, "-c", "import numpy"])
+    pipeline = chain(backend="numpy")
+    compare("numpy", pipeline, bare_calls)
+    grow("numpy", pipeline)
+    device, reason = choose_device(sys.argv[1] if len(sys.argv) > 1 else None)
+    if device is None:
+        print(f"opencl: {reason}")
+    else:
+        pipeline = chain(backend="opencl", device=device.name)
+        first, last = buffers(pipeline)
+        compare(device.name, pipeline, bare_launches(device))
+        grow("opencl", pipeline)
+        print(f"opencl: {first} buffers allocated by the first item, {last} by {ITEMS} items")
+    numpy = seconds([sys.executable, "-c", "import numpy"])
     for words in (["-m", "tactograph.graph.command", "--help"], ["-c", "import tactograph.graph"]):
         took = seconds([sys.executable, *words])
-        print(f"{' '.join(words)}: {took:.3f} s, {took / bare:.2f} x of importing numpy")
+        print(f"{' '.join(words)}: {took:.3f} s, {took / numpy:.2f} x of importing numpy")
 
 
-def chain(backend: str) -> Pipeline:
+def compare(name: str, pipeline: Pipeline, bare: Callable[[], None]) -> None:
+    """Print what a node takes, with the engine and without."""
+    seconds = fastest(partial(pipeline, frames=STACK), bare)
+    whole, own = (1e6 * each / NODES for each in seconds)
+    print(
+        f"{name}: {whole:.1f} us per node and item, "
+        f"{own:.1f} of them without the engine, {whole - own:.1f} more with it"
+    )
+
+
+def grow(name: str, pipeline: Pipeline) -> None:
+    """Print the memory that a long stream takes."""
+    before, after = stream_growth(pipeline)
+    print(f"{name}: {ITEMS} items: {before} KiB peak after 100, {after} KiB at the end")
+
+
+def chain(**given: str) -> Pipeline:
     """A pipeline of NODES divisions by one."""
     lines = [
         "format: 1",
@@ -63,27 +89,43 @@ def chain(backend: str) -> Pipeline:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "chain.yaml"
         file.write_text("\n".join(lines))
-        return load(str(file), backend=backend)
+        return load(str(file), **given)
 
 
-def engine_microseconds(pipeline: Pipeline, backend: str) -> float:
-    """Per node and item; on the host less what the bare function takes."""
-    whole = fastest(lambda: pipeline(frames=STACK))
-    dark = np.zeros((2, 2), np.float32)
-    own = fastest(lambda: flat_field(STACK, STACK, dark)) * NODES if backend == "numpy" else 0.0
-    return 1e6 * (whole - own) / NODES
+def bare_calls() -> None:
+    """What the chain does on the host."""
+    for _ in range(NODES):
+        flat_field(STACK, STACK, DARK)
 
 
-def fastest(call: Callable[[], object]) -> float:
-    """Seconds of one call: the median of the fastest tenth of many."""
-    for _ in range(20):
-        call()
-    times = []
-    for _ in range(500):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return median(sorted(times)[:50])
+def bare_launches(device: Device) -> Callable[[], None]:
+    """What the chain does on a device, on a queue like the engine's."""
+    opencl = OpenCL(device)
+    kernel = opencl.compile(flat_field).kernels[flat_field.name]
+    image, flat, dark, light = (opencl.upload(a).buffer for a in (STACK, STACK, DARK, STACK))
+    local = local_size(1)
+    work_items = global_size((-(-DARK.size // opencl.lanes),), local)
+    sizes = [np.int32(size) for size in STACK.shape]
+    there = [image, flat, dark, None, light, *sizes, np.float32(0.02)]
+    back = [light, flat, dark, None, image, *sizes, np.float32(0.02)]
+
+    def launch() -> None:
+        for arguments in [there, back] * (NODES // 2):
+            kernel.enqueue(opencl.queue, work_items, local, arguments)
+        opencl.finish()
+
+    return launch
+
+
+def fastest(*calls: Callable[[], object]) -> list[float]:
+    """Seconds of each call, taken in turns: the median of the fastest tenth of many."""
+    times: list[list[float]] = [[] for _ in calls]
+    for _ in range(520):
+        for call, own in zip(calls, times, strict=True):
+            start = time.perf_counter()
+            call()
+            own.append(time.perf_counter() - start)
+    return [median(sorted(own[20:])[:50]) for own in times]
 
 
 def stream_growth(pipeline: Pipeline) -> tuple[int, int]:

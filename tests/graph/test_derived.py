@@ -53,6 +53,24 @@ def test_a_derived_size_that_clashes_names_the_rule(
         first(write(added(nodes, "off: off")), backend)
 
 
+@BOTH
+def test_other_settings_between_two_items_count_at_the_next(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = added(
+        """  dim: {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark},
+         with: {floor: $floor}}
+  thin: {op: strips, in: {image: dim}, with: {rows: $rows}}""",
+        "t: thin",
+    ).replace("default: 3}", "default: 3}\n  rows: {kind: integer}\n  floor: {kind: number}")
+    pipeline = open_pipeline(read_graph(write(text)), {"rows": 2, "floor": 1}, backend=backend)
+    with pipeline:
+        items = pipeline.items()
+        assert next(items)["t"].tolist() == np.full((3, 2, 5), 1.0).tolist()
+        pipeline.aim(rows=4, floor=8)
+        assert next(items)["t"].tolist() == np.full((3, 1, 5), 0.25).tolist()
+
+
 def test_a_rule_that_names_nothing_is_refused() -> None:
     def thin(image: Light, *, rows: int = 2) -> Light:
         return image

@@ -244,6 +244,41 @@ outputs: {lit: lit}
 
 
 @BACKENDS
+def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    pipeline = load(write(WAITING), backend=backend)
+    good = np.ones((3, 4, 5), np.float32)
+    for _ in range(2):
+        assert float(pipeline(frames=good)["light"].min()) == 1
+        with pytest.raises(InputError, match=r"the size W is 6 in frames.image but 5 in cal.flat"):
+            pipeline(frames=np.ones((3, 4, 6), np.float32))
+
+
+@BACKENDS
+def test_nodes_of_one_kernel_keep_to_their_own_settings(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    more = "\n".join(
+        f"  n{floor}: {{op: flat_field, with: {{floor: {floor}}}, "
+        "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
+        for floor in (2, 4)
+    )
+    text = WAITING.replace("  score:", f"{more}\n  score:")
+    pipeline = load(
+        write(text.replace("{light: light,", "{light: light, half: n2, quarter: n4,")),
+        backend=backend,
+    )
+    for level in (1.0, 0.5):
+        found = pipeline(frames=np.full((3, 4, 5), level, np.float32))
+        assert [float(found[n].max()) / level for n in ("light", "half", "quarter")] == [
+            1,
+            0.5,
+            0.25,
+        ]
+
+
+@BACKENDS
 def test_a_calibration_of_another_size_than_the_capture_is_refused(
     toys: list[str], write: Write, backend: str
 ) -> None:
