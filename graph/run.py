@@ -97,9 +97,12 @@ class Pipeline:
         self._total = 0.0
         self._prepared = False
         self._ended = False
+        tasks = plan.tasks.values()
+        self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
+        self._stand_ins = {task.id: self._goes_up(task) for task in tasks if task.stand_in}
         self._once = self._split(stream=False)
         self._stream = self._split(stream=True)
-        for task in plan.tasks.values():
+        for task in tasks:
             on_device = plan.placements[task.id].backend == "opencl" and not task.filled
             if device is not None and on_device:
                 device.compile(task.node)
@@ -118,15 +121,14 @@ class Pipeline:
         InputError
             If a source that the pipeline was planned without is missing, or sizes clash.
         """
-        own = next((t.id for t in self.plan.tasks.values() if t.node.stream and not t.stand_in), "")
-        if own:
+        if self._source is not None:
             raise InputError(
-                f"{self.plan.graph.name}: '{own}' yields a stream of its own; go through items()"
+                f"{self.plan.graph.name}: '{self._source.id}' yields a stream of its own; "
+                "go through items()"
             )
-        wanted = {task.id for task in self.plan.tasks.values() if task.stand_in}
-        if wanted != set(stand_ins):
+        if self._stand_ins.keys() != stand_ins.keys():
             raise InputError(
-                f"{self.plan.graph.name}: arrays are needed for {sorted(wanted)}, "
+                f"{self.plan.graph.name}: arrays are needed for {sorted(self._stand_ins)}, "
                 f"and were given for {sorted(stand_ins)}"
             )
         self._prepare()
@@ -144,18 +146,15 @@ class Pipeline:
             How often each item is computed; above 1, the times are medians over all runs
             but the first, which compiles and fills caches.  Sinks run once.
         """
-        waiting = sorted(task.id for task in self.plan.tasks.values() if task.stand_in)
-        if waiting:
-            raise InputError(
-                f"{self.plan.graph.name}: call the pipeline with arrays for {', '.join(waiting)}"
-            )
+        if self._stand_ins:
+            waiting = ", ".join(sorted(self._stand_ins))
+            raise InputError(f"{self.plan.graph.name}: call the pipeline with arrays for {waiting}")
         self._prepare()
-        source = next((t for t in self.plan.tasks.values() if t.node.stream), None)
         try:
-            if source is None:
+            if self._source is None:
                 yield self._item({}, repeats)
             else:
-                yield from self._all_items(source, repeats)
+                yield from self._all_items(self._source, repeats)
         finally:
             self.close()
 
@@ -252,7 +251,10 @@ class Pipeline:
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         self._steps(self._stream, self._known, given, repeats)
         outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
-        item = {value: made for value, made in self._host.items() if value.node in given}
+        yielded = [
+            Value(name, port) for name in given for port in self.plan.tasks[name].node.outputs
+        ]
+        item = {value: self._host[value] for value in yielded}
         self._remember()
         return Result(outputs, dict(self._times), self.plan, list(self._notes), item, self._total)
 
@@ -290,9 +292,10 @@ class Pipeline:
                 start = time.perf_counter()
                 known = self._compute(computing, before, given)
                 totals.append(1e3 * (time.perf_counter() - start))
-                runs.append(dict(self._times))
+                if repeats > 1:
+                    runs.append(dict(self._times))
             self._total = median(totals[1:] or totals)
-            for name in self._times if repeats > 1 else ():
+            for name in self._times if runs else ():
                 self._times[name] = median(run[name] for run in runs[1:])
             for step in sinks:
                 try:
@@ -322,13 +325,13 @@ class Pipeline:
     def _stand_in(self, name: str, array: NDArray[Any]) -> Any:
         record = self.plan.tasks[name].node.output_record
         stack = _checked_stack(array)
-        port = next(iter(self.plan.tasks[name].node.outputs))
-        if stack.dtype.kind == "u" and not self._goes_up(Value(name, port)):
+        if stack.dtype.kind == "u" and not self._stand_ins[name]:
             stack = np.asarray(stack / np.float32(np.iinfo(stack.dtype).max), np.float32)
         return stack if record is None else record(stack)
 
-    def _goes_up(self, value: Value) -> bool:
-        """Whether the device alone reads a value, so that it may go there as it came."""
+    def _goes_up(self, task: Task) -> bool:
+        """Whether the device alone reads a source's images, so that they go there as they came."""
+        value = Value(task.id, next(iter(task.node.outputs)))
         readers = [step for step in self.plan.steps if value in step.reads]
         host = value in self.plan.outputs.values() or value in self._recalled
         return not host and bool(readers) and all(step.backend == "opencl" for step in readers)
