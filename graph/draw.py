@@ -5,7 +5,7 @@ from __future__ import annotations
 from tactograph.graph.plan import Plan, Step
 
 _SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box"}
-_COLOURS = {"numpy": "#dbe9f6", "opencl": "#fbe3c5"}
+_COLOURS = {"numpy": "#dbe9f6", "numba": "#d5ecd4", "opencl": "#fbe3c5"}
 
 
 def to_dot(plan: Plan) -> str:
@@ -46,7 +46,7 @@ def to_mermaid(plan: Plan) -> str:
 def edges(plan: Plan) -> list[tuple[str, str, str]]:
     """Every edge between steps as (from, to, port), transfers in between."""
     transfers = {s.reads[0]: s for s in plan.steps if s.kind in ("upload", "download")}
-    backends = {step.name: step.backend for step in plan.steps}
+    on_device = {step.name: step.on_device for step in plan.steps}
     found: dict[tuple[str, str, str], None] = {}
     for step in plan.steps:
         for value in step.reads:
@@ -58,7 +58,7 @@ def edges(plan: Plan) -> list[tuple[str, str, str]]:
                     if step.name not in plan.tasks
                     else _kind(plan, step, value.node, value.port)
                 )
-                if kind == "array" and backends[maker] != step.backend:
+                if kind == "array" and on_device[maker] != step.on_device:
                     maker = moved.name
             found[maker, step.name, value.port] = None
     return list(found)

@@ -88,6 +88,8 @@ class Node:
     endless: bool = False
     grid: tuple[str, ...] | None = None
     lanes: bool = False
+    rows: str | None = None
+    fixed: tuple[str, ...] = ()
     launch: LaunchFunction | None = None
     requires: tuple[str, str] | None = None
     in_place: bool = False
@@ -123,6 +125,12 @@ class Node:
     @property
     def has_kernel(self) -> bool:
         return self.grid is not None or self.launch is not None
+
+    @property
+    def backends(self) -> frozenset[str]:
+        """The back ends that it is written for."""
+        others = {"opencl": self.has_kernel, "numba": self.rows is not None}
+        return frozenset({"numpy", *(name for name, has in others.items() if has)})
 
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
         """The shape of an output whose symbols are all known; a KeyError names one that is not."""
@@ -186,6 +194,21 @@ class Node:
             self.grid = tuple(grid.split())
             return self
         return self._take_launch
+
+    def numba(self, *, rows: str, fixed: str = "") -> Node:
+        """Declare a function in ``kernels/<name>_numba.py``, which numba compiles for the host.
+
+        Parameters
+        ----------
+        rows
+            The size symbol whose range threads divide among themselves.
+        fixed
+            Size symbols that are known when the function is compiled, so that loops over them
+            are unrolled: the module's function is handed these sizes and returns the function.
+        """
+        self.rows = rows
+        self.fixed = tuple(fixed.split())
+        return self
 
     def _take_launch(self, launch: LaunchFunction) -> LaunchFunction:
         self.launch = launch

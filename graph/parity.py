@@ -1,8 +1,8 @@
-"""Parity: the generated proof that a node's two implementations agree.
+"""Parity: the generated proof that a node's implementations agree.
 
-For every node with a kernel: every shape, fill and parameter setting below, the NumPy
-function against the kernel, judged by the node's own tolerance.  Outputs hold rubbish
-before the launch; inputs must be unchanged after it.
+For every node with a kernel, or a function compiled for the host: every shape, fill and
+parameter setting below, the NumPy function against the other, judged by the node's own
+tolerance.  Outputs hold rubbish before the launch; inputs must be unchanged after it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import typing
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import annotated_types
 import numpy as np
@@ -21,6 +21,9 @@ from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.node import Node, Parameter
 from tactograph.graph.ports import PortType
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.numba import Compiled
 
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
@@ -61,40 +64,25 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     return found
 
 
-def compare(node: Node, device: OpenCL, case: Case) -> str | None:
-    """Run one case on both back ends; return None, or what differs and where."""
+def compare(node: Node, other: OpenCL | Compiled, case: Case) -> str | None:
+    """Run one case on NumPy and on a device, or compiled; return None, or what differs."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
-    reference = _reference(node, inputs, case.settings)
-    for name, before in kept.items():
-        if not np.array_equal(inputs[name], before, equal_nan=before.dtype.kind == "f"):
-            return f"the NumPy function changed its input '{name}'"
-    poisoned, device.poison = device.poison, RUBBISH
+    reference = by_port(node, node(*in_order(node, inputs), **case.settings))
+    changed = _changed(inputs, kept)
+    if changed:
+        return f"the NumPy function changed its input '{changed}'"
+    poisoned, other.poison = other.poison, RUBBISH
     try:
-        return _compare_on(device, node, case, inputs, reference)
+        if isinstance(other, OpenCL):
+            found, inputs = _on_device(node, other, case, inputs)
+        else:
+            found = by_port(node, other(*in_order(node, inputs), **case.settings))
     finally:
-        device.poison = poisoned
-
-
-def _compare_on(
-    device: OpenCL,
-    node: Node,
-    case: Case,
-    inputs: Mapping[str, Any],
-    reference: Mapping[str, NDArray[Any]],
-) -> str | None:
-    remote = {
-        name: device.upload(value) if isinstance(value, np.ndarray) else value
-        for name, value in inputs.items()
-        if node.inputs[name].kind != "object"
-    }
-    outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
-    found = {name: device.download(array) for name, array in outputs.items()}
-    for name, array in remote.items():
-        if isinstance(array, DeviceArray):
-            after = device.download(array)
-            if not np.array_equal(after, inputs[name], equal_nan=after.dtype.kind == "f"):
-                return f"the kernel changed its input '{name}'"
+        other.poison = poisoned
+    changed = _changed(inputs, kept)
+    if changed:
+        return f"the kernel changed its input '{changed}'"
     for name, expected in reference.items():
         if expected.shape != found[name].shape:
             return f"{name}: shape {found[name].shape}, expected {expected.shape}"
@@ -102,6 +90,30 @@ def _compare_on(
         if wrong:
             return f"{name}: {wrong}"
     return None
+
+
+def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> str | None:
+    """The first input that is not what it was."""
+    for name, array in before.items():
+        equal_nan = array.dtype.kind == "f"
+        if name in inputs and not np.array_equal(inputs[name], array, equal_nan=equal_nan):
+            return name
+    return None
+
+
+def _on_device(
+    node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any]
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """The outputs, and the inputs as they are afterwards."""
+    remote = {
+        name: device.upload(value) if isinstance(value, np.ndarray) else value
+        for name, value in inputs.items()
+        if node.inputs[name].kind != "object"
+    }
+    outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
+    found = {name: device.download(array) for name, array in outputs.items()}
+    after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
+    return found, after
 
 
 def make_inputs(node: Node, case: Case) -> dict[str, Any]:
@@ -139,9 +151,8 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
     return np.ascontiguousarray(array.astype(port.dtype))
 
 
-def _reference(
-    node: Node, inputs: Mapping[str, Any], settings: Mapping[str, Any]
-) -> dict[str, NDArray[Any]]:
+def in_order(node: Node, inputs: Mapping[str, Any]) -> list[Any]:
+    """Inputs by port as a node's positional arguments."""
     arguments: dict[str, Any] = {}
     for name in node.inputs:
         record, dot, field = name.partition(".")
@@ -149,11 +160,14 @@ def _reference(
             arguments.setdefault(record, {})[field] = inputs.get(name)
         else:
             arguments[name] = inputs.get(name)
-    positional = [
+    return [
         node.input_records[name](**value) if name in node.input_records else value
         for name, value in arguments.items()
     ]
-    made = node(*positional, **settings)
+
+
+def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
+    """What a node made, by output."""
     return dict(zip(node.outputs, made if node.output_record else (made,), strict=True))
 
 

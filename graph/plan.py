@@ -60,6 +60,10 @@ class Placement:
     why: str
     fallback: bool = False
 
+    @property
+    def on_device(self) -> bool:
+        return self.backend == "opencl"
+
 
 @dataclass(frozen=True)
 class Step:
@@ -73,6 +77,10 @@ class Step:
     stream: bool
     why: str = ""
     release: tuple[Value, ...] = ()
+
+    @property
+    def on_device(self) -> bool:
+        return self.backend == "opencl"
 
 
 @dataclass

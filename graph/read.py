@@ -17,14 +17,14 @@ from pydantic import (
 )
 
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.model import FORMAT, Entry, Graph, Param
+from tactograph.graph.model import FORMAT, PREFERRED, Entry, Graph, Param
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
 Input = Annotated[str, StringConstraints(pattern=r"^(previous\.)?[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
-Backend = Literal["numpy", "opencl"]
+Backend = Literal["numpy", "numba", "opencl"]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 
 
@@ -206,7 +206,7 @@ def _flat(model: GraphModel, document: Document, file: Path) -> Graph:
         name=file.stem,
         title=model.title,
         params=_params(model, document),
-        prefer=tuple(model.prefer if model.prefer is not None else ("opencl", "numpy")),
+        prefer=tuple(model.prefer if model.prefer is not None else PREFERRED),
         nodes={
             node_id: Entry(
                 op=node.op,

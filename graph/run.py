@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -28,6 +28,7 @@ from tactograph.graph.errors import (
 )
 from tactograph.graph.find import find_node
 from tactograph.graph.model import BACKENDS, NOT_GIVEN, Graph
+from tactograph.graph.passes.backends import no_numba
 from tactograph.graph.passes.names import settings_of
 from tactograph.graph.passes.sizes import Known, Shapes, Sized
 from tactograph.graph.patch import apply_patch
@@ -44,6 +45,7 @@ _VERSIONS = (
     "scipy",
     "pyopencl",
     "pyvkfft",
+    "numba",
     "opencv-contrib-python-headless",
 )
 
@@ -102,6 +104,9 @@ class Pipeline:
         self._stand_ins = {task.id: self._goes_up(task) for task in tasks if task.stand_in}
         self._once = self._split(stream=False)
         self._stream = self._split(stream=True)
+        with collect_warnings(self._notes):
+            self._functions = {task.id: _function(plan, task) for task in tasks}
+        self._lasting = len(self._notes)
         for task in tasks:
             on_device = plan.placements[task.id].backend == "opencl" and not task.filled
             if device is not None and on_device:
@@ -433,7 +438,9 @@ class Pipeline:
                     self._arriving.pop(value).wait()
             start = time.perf_counter()
             with Blaming(task):
-                made = task.node(*_positional(task, self._host, recalled), **keywords)
+                made = self._functions[task.id](
+                    *_positional(task, self._host, recalled), **keywords
+                )
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         shapes: Shapes = {}
         for value, result in zip(step.writes, _results(task, made), strict=True):
@@ -497,7 +504,7 @@ def load(
     name
         A graph file, or the bare name of a pipeline that ships.
     backend
-        "numpy" or "opencl" in place of what the graph prefers.
+        "numpy", "numba" or "opencl" in place of what the graph prefers.
     device
         A part of the name of the OpenCL device to use.
     strict
@@ -554,11 +561,13 @@ def open_pipeline(
     """
     if backend is not None:
         if backend not in BACKENDS:
-            raise InputError(f"there is no back end '{backend}'; there are numpy and opencl")
+            raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
     opencl, reason = open_device(graph, device)
     if opencl is None and backend == "opencl":
         raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
+    if backend == "numba" and (absent := no_numba()):
+        raise InputError(f"--backend numba: {absent}")
     plan = make_plan(
         graph, given, device=opencl, no_device=reason, sinks=sinks, stand_ins=stand_ins
     )
@@ -667,6 +676,15 @@ def _results(task: Task, made: Any) -> tuple[Any, ...]:
     if task.node.sink:
         return ()
     return made if task.node.output_record is not None else (made,)
+
+
+def _function(plan: Plan, task: Task) -> Callable[..., Any]:
+    """What the host calls for a node: its own function, or the compiled one."""
+    if plan.placements[task.id].backend != "numba" or task.filled:
+        return task.node
+    from tactograph.graph.backends.numba import Compiled
+
+    return Compiled(task.node)
 
 
 def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:

@@ -53,3 +53,4 @@ def flat_field(
 
 
 flat_field.opencl(grid="H W", lanes=True)
+flat_field.numba(rows="H")

@@ -44,3 +44,4 @@ def light_noise(
 
 
 light_noise.opencl(grid="H W", lanes=True)
+light_noise.numba(rows="H")

@@ -104,7 +104,7 @@ def _read_study(
     wanted: list[str | None] = list(backends.split(",")) if backends else [None]
     for backend in wanted:
         if backend not in (*BACKENDS, None):
-            raise InputError(f"--backends {backends}: there are numpy and opencl")
+            raise InputError(f"--backends {backends}: there are {', '.join(BACKENDS)}")
     graphs = [read_graph(name) for name in names]
     values = [word for word in words if "=" in word]
     return Study(

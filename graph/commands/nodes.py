@@ -24,5 +24,6 @@ def command(name: str | None) -> None:
         except TactographError as error:
             click.echo(f"{each:<{width}}  --  {error}")
             continue
-        kernel = "cl" if found.has_kernel else "  "
-        click.echo(f"{each:<{width}}  {kernel}  {found.summary}")
+        kernel = "cl" if "opencl" in found.backends else "  "
+        host = "nb" if "numba" in found.backends else "  "
+        click.echo(f"{each:<{width}}  {kernel} {host}  {found.summary}")

@@ -30,7 +30,7 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
             group = 2
         transfers, steps = ahead[name]
         place = file_order.get(name, len(file_order))
-        return step.stream, group, step.backend == "numpy", -transfers, -steps, place, name
+        return step.stream, group, not step.on_device, -transfers, -steps, place, name
 
     names = list(nx.lexicographical_topological_sort(dag, key=rank))
     return _with_releases([dag.nodes[name]["step"] for name in names], draft)
@@ -55,7 +55,7 @@ def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
     for index, step in enumerate(steps):
         if not step.stream:
             continue
-        if step.backend == "opencl":
+        if step.on_device:
             for value in (*step.reads, *step.writes):
                 last[value] = index
     made = {v for s in steps if s.stream for v in s.writes}

@@ -34,15 +34,15 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
     for task in draft.tasks.values():
         for name, value in task.reads.items():
             moves = task.node.inputs[name].kind == "array" and not task.filled
-            backend = placements[task.id].backend
-            _connect(dag, draft, placements, value, backend if moves else None, task.id)
+            there = placements[task.id].on_device if moves else None
+            _connect(dag, draft, placements, value, there, task.id)
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
                 # Brought over at the end of an item, for the reader at the next one.
-                _connect(dag, draft, placements, value, placements[task.id].backend, None)
+                _connect(dag, draft, placements, value, placements[task.id].on_device, None)
     for value in draft.outputs.values():
         if draft.tasks[value.node].node.outputs[value.port].kind == "array":
-            _connect(dag, draft, placements, value, "numpy", None)
+            _connect(dag, draft, placements, value, False, None)
     return dag
 
 
@@ -51,20 +51,22 @@ def _connect(
     draft: Draft,
     placements: Mapping[str, Placement],
     value: Value,
-    wanted: str | None,
+    on_device: bool | None,
     reader: str | None,
 ) -> None:
-    """Connect the maker of `value` to `reader`, through a transfer if they are apart."""
-    made_on = placements[value.node].backend
+    """Connect the maker of `value` to `reader`, through a transfer if they are apart.
+
+    `on_device` says where the value is read; None where it is not moved.
+    """
     origin = value.node
-    if wanted is not None and wanted != made_on:
-        origin = _transfer(dag, draft.tasks[value.node], value, wanted)
+    if on_device is not None and on_device != placements[value.node].on_device:
+        origin = _transfer(dag, draft.tasks[value.node], value, on_device)
     if reader is not None:
         dag.add_edge(origin, reader)
 
 
-def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, wanted: str) -> str:
-    kind: Literal["upload", "download"] = "upload" if wanted == "opencl" else "download"
+def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, up: bool) -> str:
+    kind: Literal["upload", "download"] = "upload" if up else "download"
     name = f"{kind} {value}"
     if name not in dag:
         step = Step(

@@ -14,6 +14,8 @@ from tactograph.graph.model import Graph
 from tactograph.graph.read import read_graph, shipped_names
 from tests.graph.conftest import SLOPES, Write
 
+BACKENDS = "'numpy', 'numba' or 'opencl' is needed"
+
 
 def refusal(file: str) -> str:
     with pytest.raises(GraphError) as caught:
@@ -27,7 +29,7 @@ def test_a_graph_file_is_read(write: Write) -> None:
     assert graph.nodes["slope"].inputs == {"height": "height", "pixel": "pixel"}
     assert graph.nodes["pixel"].settings == {"mm": 0.1}
     assert graph.outputs == {"height": "again", "mask": "slope.mask"}
-    assert graph.prefer == ("opencl", "numpy")
+    assert graph.prefer == ("opencl", "numba", "numpy")
 
 
 @pytest.mark.parametrize("name", shipped_names())
@@ -73,10 +75,10 @@ def test_a_file_that_is_not_there_is_an_input_error(name: str) -> None:
         ("height: height,", "height: 5,", "nodes.slope.in.height: text is needed, not 5"),
         ("height: height,", "height: a.b.c,", "nodes.slope.in.height: 'a.b.c' is not a name"),
         ("{height: again", "{'he-ight': again", "outputs.he-ight: 'he-ight' is not a name"),
-        ("outputs:", "prefer: [cuda]\noutputs:", "prefer[0]: 'numpy' or 'opencl' is needed"),
+        ("outputs:", "prefer: [cuda]\noutputs:", f"prefer[0]: {BACKENDS}"),
         ("outputs:", "prefer: []\noutputs:", "prefer: at least one is needed"),
         ("outputs:", "prefer: opencl\noutputs:", "prefer: a list is needed, not 'opencl'"),
-        ("mm: 0.1}}", "mm: 0.1}, backend: gpu}", "nodes.pixel.backend: 'numpy' or 'opencl'"),
+        ("mm: 0.1}}", "mm: 0.1}, backend: gpu}", f"nodes.pixel.backend: {BACKENDS}"),
         ("mm: 0.1}}", "mm: 0.1}, neutral: no}", "neutral: true or false is needed, not 'no'"),
         ("title:", "'[key]': 1\ntitle:", "[key]: unknown key '[key]'"),
         ("title: H", "title: [H]\n#", "title: text is needed, not ['H']"),

@@ -16,7 +16,7 @@ from tactograph.graph.read import read_graph
 from tactograph.graph.run import Pipeline, open_pipeline, with_changes
 from tests.graph.conftest import SLOPES, STREAM, Write
 
-BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
+BACKENDS = pytest.mark.parametrize("backend", ["numpy", "numba", "opencl"])
 WAITING = STREAM.replace(", default: 3}", "}")
 
 

@@ -176,6 +176,7 @@ def halves(image: Light, *, wanted: Wanted = EVERYTHING) -> Halves:
 
 
 halves.opencl(grid="K H W")
+halves.numba(rows="H", fixed="K")
 
 
 class _Diary:
