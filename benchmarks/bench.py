@@ -41,6 +41,7 @@ VGA = 640 * 480
 """Larger images are not given to the literal flow, and are measured in fewer rounds."""
 MOST_RENDERED = 1640 * 1232
 WIDTH_MM = 640 / 28
+HOST = ("numpy", "numba")
 
 
 @click.command()
@@ -49,7 +50,7 @@ WIDTH_MM = 640 / 28
 @click.option("--tables", default=TABLES)
 @click.option("--rounds", default=5, help="At 640 x 480; fewer on larger images, at least 1.")
 @click.option("--seconds", default=300.0, help="Longest a case may take.")
-@click.option("--devices", default=None, help="numpy, or parts of devices' names; else all.")
+@click.option("--devices", default=None, help="numpy, numba, parts of devices' names; else all.")
 @click.option("--out", default="bench", type=click.Path(path_type=Path))
 @click.option("--one", default=None, hidden=True, help="A case, as JSON.")
 def main(
@@ -76,24 +77,23 @@ def main(
                     case = {"graph": name, "device": place, "stack": stack, "file": file}
                     row = in_own_process({**case, "rounds": rounds}, seconds)
                     row = {"size": size, "table": table, **case, **row}
-                    rows[size, table, name, place or "numpy"] = row
+                    rows[size, table, name, place] = row
                     print(as_line(row), flush=True)
                     (out / "bench.json").write_text(json.dumps(list(rows.values()), indent=1))
     plot(list(rows.values()), out / "bench.png")
 
 
-def places(devices: str | None) -> list[str | None]:
-    """None for NumPy, and the names of the devices that work."""
-    every = ["numpy", *(d.name for d in find_devices() if d.works and not d.simulator)]
+def places(devices: str | None) -> list[str]:
+    """The host's back ends, and the names of the devices that work."""
+    every = [*HOST, *(d.name for d in find_devices() if d.works and not d.simulator)]
     wanted = devices.split(",") if devices else [""]
-    chosen = [name for name in every if any(part in name for part in wanted)]
-    return [None if name == "numpy" else name for name in chosen]
+    return [name for name in every if any(part in name for part in wanted)]
 
 
 def former(file: Path) -> dict[tuple[str, int, str, str], dict[str, Any]]:
     """The rows of an earlier run, by case."""
     rows = json.loads(file.read_text()) if file.is_file() else []
-    return {(r["size"], r["table"], r["graph"], r["device"] or "numpy"): r for r in rows}
+    return {(r["size"], r["table"], r["graph"], r["device"]): r for r in rows}
 
 
 def takers() -> list[str]:
@@ -179,12 +179,12 @@ def in_own_process(case: dict[str, Any], seconds: float) -> dict[str, Any]:
     return found
 
 
-def measure(graph: str, device: str | None, stack: str, file: str, rounds: int) -> dict[str, Any]:
+def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict[str, Any]:
     """Milliseconds of one case: on the wall, and of the processor by the cores there are."""
     images = np.load(stack)
     start = time.perf_counter()
-    backend = "numpy" if device is None else None
-    pipeline = load(graph, calibration=file, backend=backend, device=device)
+    where = {"backend": device} if device in HOST else {"device": device}
+    pipeline = load(graph, calibration=file, **where)
     result = pipeline(frames=images)
     first = 1e3 * (time.perf_counter() - start)
     allocated = pipeline.buffers
@@ -235,7 +235,7 @@ def timed(call: Callable[[], object]) -> tuple[float, float]:
 
 
 def as_line(row: dict[str, Any]) -> str:
-    head = f"{row['size']:>10} {row['table']:>7} {row['graph']:<22} {row['device'] or 'numpy':.24}"
+    head = f"{row['size']:>10} {row['table']:>7} {row['graph']:<22} {row['device']:.24}"
     if "error" in row:
         return f"{head}: {row['error']}"
     ratio = f", {row['ratio']:.1f} x ({row['cpu_ratio']:.1f} x by CPU)" if "ratio" in row else ""
@@ -281,7 +281,7 @@ def lines(
     """Points (what `by` says, ms), in order, by graph and device."""
     found: dict[str, list[tuple[int, float]]] = {}
     for row in sorted(rows, key=by):
-        label = f"{row['graph']}, {(row['device'] or 'numpy').partition(' /')[0]}"
+        label = f"{row['graph']}, {row['device'].partition(' /')[0]}"
         found.setdefault(label, []).append((by(row), row["cpu_ms"]))
     return found
 

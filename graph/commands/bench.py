@@ -15,6 +15,7 @@ import click
 from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
+    from tactograph.graph.model import Graph
     from tactograph.graph.run import Result
 
 
@@ -37,10 +38,10 @@ def command(
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
 
-    Without --backend and --device: on NumPy, then as the graph prefers on every device that
-    works.  An item counts from what its source yielded to the last output; 'ready' is the
-    time to the first item done, with reading, indexing and compiling.  Nothing is written
-    but --out.
+    Without --backend and --device: on NumPy, on numba where that is installed and a node is
+    written for it, then as the graph prefers on every device that works.  An item counts from
+    what its source yielded to the last output; 'ready' is the time to the first item done, with
+    reading, indexing and compiling.  Nothing is written but --out.
     """
     from tactograph.graph.errors import InputError
     from tactograph.graph.given import read_words
@@ -49,7 +50,7 @@ def command(
     read = options.read(graph)
     given = read_words(read, values)
     rows = []
-    for place in _places(options):
+    for place in _places(options, read):
         start = time.perf_counter()
         pipeline = place.open(read, given, sinks=False)
         if pipeline.endless:
@@ -64,7 +65,7 @@ def command(
             results.append(result)
         if not results:
             raise InputError(f"{read.name} yielded nothing")
-        where = pipeline.plan.device or "numpy"
+        where = pipeline.plan.device or place.backend or "numpy"
         _report(where, results, ready)
         rows.append(_row(where, results, ready))
     if out is not None:
@@ -72,14 +73,18 @@ def command(
             target.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
-def _places(options: RunOptions) -> list[RunOptions]:
+def _places(options: RunOptions, graph: Graph) -> list[RunOptions]:
     from tactograph.graph.backends.devices import find_devices
+    from tactograph.graph.find import find_node
+    from tactograph.graph.passes.backends import no_numba
 
     if options.backend is not None or options.device is not None:
         return [options]
     working = [d.name for d in find_devices() if d.works and not d.simulator]
+    compiles = any("numba" in find_node(entry.op).backends for entry in graph.nodes.values())
+    hosts = ["numpy", "numba"] if compiles and no_numba() is None else ["numpy"]
     return [
-        replace(options, backend="numpy"),
+        *(replace(options, backend=name) for name in hosts),
         *(replace(options, device=name) for name in working),
     ]
 
