@@ -16,10 +16,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from tactograph.graph import load
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.launch import global_size, local_size
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.passes.backends import no_numba
 from tactograph.graph.run import Pipeline
 from tactograph.nodes.flat_field import flat_field
 
@@ -37,9 +39,10 @@ ITEMS = 10_000
 
 
 def main() -> None:
-    pipeline = chain(backend="numpy")
-    compare("numpy", pipeline, bare_calls)
-    grow("numpy", pipeline)
+    for backend, function in host_functions():
+        pipeline = chain(backend=backend)
+        compare(backend, pipeline, partial(bare_calls, function))
+        grow(backend, pipeline)
     device, reason = choose_device(sys.argv[1] if len(sys.argv) > 1 else None)
     if device is None:
         print(f"opencl: {reason}")
@@ -92,10 +95,19 @@ def chain(**given: str) -> Pipeline:
         return load(str(file), **given)
 
 
-def bare_calls() -> None:
+def host_functions() -> Iterator[tuple[str, Callable[..., Any]]]:
+    """The node's function, and the compiled one if numba is there; that takes memory."""
+    yield "numpy", flat_field
+    if no_numba() is None:
+        from tactograph.graph.backends.numba import Compiled
+
+        yield "numba", Compiled(flat_field)
+
+
+def bare_calls(function: Callable[..., Any]) -> None:
     """What the chain does on the host."""
     for _ in range(NODES):
-        flat_field(STACK, STACK, DARK)
+        function(STACK, STACK, DARK)
 
 
 def bare_launches(device: Device) -> Callable[[], None]:

@@ -205,7 +205,14 @@ class Node:
         fixed
             Size symbols that are known when the function is compiled, so that loops over them
             are unrolled: the module's function is handed these sizes and returns the function.
+
+        Raises
+        ------
+        TypeError
+            If an input is no array or number.
         """
+        if any(port.kind == "object" for port in self.inputs.values()) or self.input_records:
+            raise TypeError(f"{self.name}: numba takes arrays and numbers, no objects or records")
         self.rows = rows
         self.fixed = tuple(fixed.split())
         return self

@@ -10,11 +10,13 @@ This module is imported when a plan places a node here, not before: numba takes 
 from __future__ import annotations
 
 import inspect
+import math
 import os
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, partial
 from importlib import import_module
 from itertools import zip_longest
 from typing import Any
@@ -22,7 +24,6 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
 from tactograph.graph.backends.kernel_source import scalar_type
 from tactograph.graph.errors import NodeError, warn
@@ -33,6 +34,21 @@ from tactograph.graph.wanted import EVERYTHING, Wanted
 PIECE = 16384
 """Elements that are worth a thread's while."""
 ROWS = ("first", "last")
+
+
+@dataclass(frozen=True)
+class _Call:
+    """What is the same in every call on arrays of the same sizes, with the same settings.
+
+    Outputs are given by shape and type, without size where they are not wanted; `ends` are the
+    rows at which threads divide the work.
+    """
+
+    function: Callable[..., None]
+    settings: tuple[Any, ...]
+    outputs: list[tuple[tuple[int, ...], Any]]
+    wanted: list[bool]
+    ends: list[int]
 
 
 class Compiled:
@@ -46,46 +62,52 @@ class Compiled:
         self.poison: int | None = None
         """A byte that outputs are filled with before they are made, for tests."""
         self._functions: dict[tuple[int, ...], Callable[..., None]] = {}
-        self._choices = {name: _choices(p) for name, p in node.parameters.items()}
+        self._calls: dict[Hashable, _Call] = {}
         if not node.fixed:
-            self._function({})
+            self._function(())
 
     def __call__(self, *args: Any, **keywords: Any) -> Any:
+        ports = self.node.inputs.values()
+        inputs = [_as_argument(value, port) for port, value in zip_longest(ports, args)]
+        key = (*map(np.shape, inputs), *keywords.items())
+        call = self._calls.get(key)
+        if call is None:
+            call = self._calls[key] = self._call(inputs, keywords)
+        outputs = [np.empty(*each) for each in call.outputs]
+        if self.poison is not None:
+            for array in outputs:
+                array.view(np.uint8)[...] = self.poison
+        _share(partial(call.function, *inputs, *outputs, *call.settings), call.ends)
+        made = [a if wanted else None for a, wanted in zip(outputs, call.wanted, strict=True)]
+        return made[0] if self.node.output_record is None else self.node.output_record(*made)
+
+    def _call(self, inputs: Sequence[Any], keywords: Mapping[str, Any]) -> _Call:
         node = self.node
-        inputs = _by_port(node, args)
-        sizes = _sizes(node, inputs, keywords)
+        sizes: dict[str, int] = {}
+        for port, value in zip(node.inputs.values(), inputs, strict=True):
+            known = zip(port.dims, np.shape(value), strict=True)
+            sizes |= {dim: size for dim, size in known if isinstance(dim, str) and size}
+        settings = {n: keywords.get(n, p.default) for n, p in node.parameters.items()}
+        for symbol, parts in node.derived.items():
+            sizes.setdefault(symbol, parts.size(sizes[parts.of], settings))
         wanted: Wanted = keywords.get(node.wanted or "", EVERYTHING)
-        outputs = {
-            name: self._empty(node.output_shape(name, sizes), port) if name in wanted else None
+        shapes = {
+            name: node.output_shape(name, sizes) if name in wanted else (0,) * len(port.dims)
             for name, port in node.outputs.items()
         }
-        arguments = [
-            *(_as_argument(value, node.inputs[name]) for name, value in inputs.items()),
-            *(_as_argument(value, node.outputs[name]) for name, value in outputs.items()),
-            *self._settings(keywords),
-        ]
-        function = self._function(sizes)
         assert node.rows is not None
-        elements = max(array.size for array in outputs.values() if array is not None)
-        _share(lambda *rows: function(*arguments, *rows), sizes[node.rows], elements)
-        made = tuple(outputs.values())
-        return made[0] if node.output_record is None else node.output_record(*made)
+        rows, elements = sizes[node.rows], max(map(math.prod, shapes.values()))
+        count = max(1, min(rows, 4 * (os.cpu_count() or 1), elements // PIECE))
+        return _Call(
+            function=self._function(tuple(sizes[symbol] for symbol in node.fixed)),
+            settings=tuple(_number(value, node.parameters[n]) for n, value in settings.items()),
+            outputs=[(shape, node.outputs[name].dtype) for name, shape in shapes.items()],
+            wanted=[name in wanted for name in shapes],
+            ends=[rows * i // count for i in range(count + 1)],
+        )
 
-    def _settings(self, given: Mapping[str, Any]) -> Iterator[Any]:
-        """The parameters, a choice by its index."""
-        for name, parameter in self.node.parameters.items():
-            value, choices = given.get(name, parameter.default), self._choices[name]
-            yield choices.index(value) if choices else value
-
-    def _empty(self, shape: tuple[int, ...], port: PortType) -> NDArray[Any]:
-        array: NDArray[Any] = np.empty(shape, port.dtype)
-        if self.poison is not None:
-            array.view(np.uint8)[...] = self.poison
-        return array
-
-    def _function(self, sizes: Mapping[str, int]) -> Callable[..., None]:
+    def _function(self, fixed: tuple[int, ...]) -> Callable[..., None]:
         """The function compiled for the sizes that are fixed when it is."""
-        fixed = tuple(sizes[symbol] for symbol in self.node.fixed)
         if fixed not in self._functions:
             self._functions[fixed] = _compiled(self.node, fixed)
         return self._functions[fixed]
@@ -149,35 +171,10 @@ def _arguments(node: Node) -> Iterator[tuple[str, Any]]:
         yield name, types.intp
 
 
-def _choices(parameter: Parameter) -> tuple[Any, ...]:
-    """What a parameter's index counts, if it is a choice."""
+def _number(value: Any, parameter: Parameter) -> Any:
+    """A parameter's value; of a choice its index."""
     found = scalar_type(parameter.annotation)
-    return found[2] if found else ()
-
-
-def _by_port(node: Node, args: tuple[Any, ...]) -> dict[str, Any]:
-    """The inputs, records taken apart; None for one that is left out."""
-    inputs: dict[str, Any] = {}
-    names = dict.fromkeys(name.partition(".")[0] for name in node.inputs)
-    for name, value in zip_longest(names, args):
-        if name in node.input_records:
-            inputs |= {f"{name}.{field}": part for field, part in value._asdict().items()}
-        else:
-            inputs[name] = value
-    return inputs
-
-
-def _sizes(node: Node, inputs: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, int]:
-    sizes: dict[str, int] = {}
-    for name, port in node.inputs.items():
-        if port.kind == "array" and inputs[name] is not None:
-            for dim, size in zip(port.dims, inputs[name].shape, strict=True):
-                if isinstance(dim, str):
-                    sizes[dim] = size
-    for symbol, parts in node.derived.items():
-        settled = {parts.by: settings.get(parts.by, node.parameters[parts.by].default)}
-        sizes.setdefault(symbol, parts.size(sizes[parts.of], settled))
-    return sizes
+    return found[2].index(value) if found and found[2] else value
 
 
 def _as_argument(value: Any, port: PortType) -> Any:
@@ -191,13 +188,11 @@ def _as_argument(value: Any, port: PortType) -> Any:
     )
 
 
-def _share(work: Callable[[int, int], object], rows: int, elements: int) -> None:
-    """Call `work` with the first and the end of some rows, for all of them, in threads."""
-    count = min(rows, 4 * (os.cpu_count() or 1), elements // PIECE)
-    if count < 2:
-        work(0, rows)
+def _share(work: Callable[[int, int], object], ends: list[int]) -> None:
+    """Call `work` with the first row and the end of each piece, in threads if it is many."""
+    if len(ends) == 2:
+        work(*ends)
         return
-    ends = [rows * i // count for i in range(count + 1)]
     for _ in _threads().map(work, ends[:-1], ends[1:]):
         pass
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 
 from tactograph.graph.backends.opencl import OpenCL
@@ -91,4 +92,8 @@ def no_numba() -> str | None:
     """Why nothing can be compiled for the host, or None."""
     if importlib.util.find_spec("numba") is None:
         return "numba is not installed (pip install 'tactograph[numba]')"
+    try:
+        importlib.import_module("numba")
+    except ImportError as error:  # it does not know every new NumPy
+        return f"numba cannot be imported: {error}"
     return None

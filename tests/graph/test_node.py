@@ -134,6 +134,24 @@ def test_only_a_declared_kernel_counts() -> None:
     assert each.grid == ("H", "W")
 
 
+def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:
+    @node
+    def each(light: Light) -> Light: ...
+
+    assert each.backends == {"numpy"}
+    each.numba(rows="H", fixed="K")
+    assert each.backends == {"numpy", "numba"}
+    assert (each.rows, each.fixed) == ("H", ("K",))
+
+
+def test_numba_takes_no_objects() -> None:
+    @node
+    def worded(light: Light, name: str) -> Light: ...
+
+    with pytest.raises(TypeError, match="worded: numba takes arrays and numbers"):
+        worded.numba(rows="H")
+
+
 @pytest.mark.parametrize(("size", "refused"), [(2, True), (3, False), (8, False), (9, True)])
 def test_a_size_limit_refuses_what_lies_outside(size: int, refused: bool) -> None:
     assert SizeLimit(3, 8, "why").refuses(size) is refused

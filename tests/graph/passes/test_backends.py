@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 from importlib.machinery import ModuleSpec
+from types import ModuleType
 
 import pytest
 
@@ -204,6 +206,21 @@ def test_with_neither_device_nor_numba_both_reasons_are_told(
         "numba is next, but numba is not installed (pip install 'tactograph[numba]')",
         f"lit runs on numpy: opencl is preferred, but {ABSENT}",
     ]
+
+
+def test_a_numba_that_cannot_be_imported_is_not_used(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    load = importlib.import_module
+
+    def load_others(name: str, package: str | None = None) -> ModuleType:
+        if name == "numba":
+            raise ImportError("Numba needs NumPy 2.5 or less")
+        return load(name, package)
+
+    monkeypatch.setattr(importlib, "import_module", load_others)
+    light = planned(write(LIGHT), None).fallbacks[0]
+    assert "numba is next, but numba cannot be imported: Numba needs NumPy 2.5 or less" in light
 
 
 def test_if_numba_is_preferred_nodes_without_a_function_are_no_fallback(write: Write) -> None:
