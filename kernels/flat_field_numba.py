@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from tactograph.graph.backends.numba import inlined
 
 F4 = np.float32
 HALF, TWO = F4(0.5), F4(2)
@@ -24,12 +25,12 @@ def flat_field(image, flat, dark, drift, out, floor, first, last):
                 out[k, row, column] = (image[k, row, column] - dark[row, column]) / rest
 
 
-@njit(forceinline=True)
+@inlined
 def gain_at(c, u, v):
     """The polynomial of a drift, see `film_drift`."""
     return c[0] + c[1] * u + c[2] * v + c[3] * u * u + c[4] * u * v + c[5] * v * v
 
 
-@njit(forceinline=True)
+@inlined
 def larger(low, value):
     return low if low > value else value

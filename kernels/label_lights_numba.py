@@ -10,7 +10,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from tactograph.graph.backends.numba import inlined
 
 F4 = np.float32
 STEPS = 1
@@ -29,8 +30,6 @@ ZERO, HALF, ONE, TWO, TINY = F4(0), F4(0.5), F4(1), F4(2), F4(1e-20)
 
 N = 128
 """Pixels side by side, few enough for the fastest cache."""
-
-inlined = njit(forceinline=True, error_model="numpy")
 
 
 class Pixels(NamedTuple):

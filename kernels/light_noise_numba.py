@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from tactograph.graph.backends.numba import inlined
 
 ZERO = np.float32(0)
 
@@ -18,6 +19,6 @@ def light_noise(image, flat, noise, out, floor, first, last):
                 out[k, row, column] = np.sqrt(variance) / larger(floor, flat[k, row, column])
 
 
-@njit(forceinline=True)
+@inlined
 def larger(low, value):
     return low if low > value else value

@@ -5,12 +5,11 @@ host, a row after the other, so that each normal is found once.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from tactograph.graph.backends.numba import inlined
 
 F4 = np.float32
 HALF, ONE, TWELFTH = F4(0.5), F4(1), F4(1 / 12)
-
-inlined = njit(forceinline=True, error_model="numpy")
 
 
 def pixel_mean_slope(slope, out, most, first, last):

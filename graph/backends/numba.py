@@ -31,6 +31,11 @@ from tactograph.graph.node import Node, Parameter
 from tactograph.graph.ports import PortType
 from tactograph.graph.wanted import EVERYTHING, Wanted
 
+inlined = numba.njit(
+    forceinline=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
+"""For what a node's function calls: made a part of its loop, and of use there alone."""
+
 PIECE = 16384
 """Elements that are worth a thread's while."""
 ROWS = ("first", "last")

@@ -10,7 +10,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numba as compiler
 import numpy as np
 import pytest
 
@@ -135,7 +134,7 @@ def few(name: str) -> list[Case]:
 
 def as_plain_python(name: str, text: str, monkeypatch: pytest.MonkeyPatch) -> Compiled:
     """The function without the compiler, which would take long for every mutant."""
-    monkeypatch.setattr(compiler, "njit", lambda **_: lambda function: function)
+    monkeypatch.setattr(numba, "inlined", lambda function: function)
     module = ModuleType(name)
     exec(text, vars(module))
 
