@@ -76,7 +76,10 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
 
 @integrate_dct.opencl(requires=REQUIRES, in_place=True)
 def _launch(run: Launch) -> None:
-    """Divergence, DCT-II, division by the eigenvalues, DCT-III."""
+    """Divergence, transform, division by the eigenvalues, and back."""
+    if run.lanes > 1:
+        _launch_in_lanes(run)
+        return
     height, width = shape = run.sizes["H"], run.sizes["W"]
     out = run.outputs["integrate_dct"]
     inverse = run.keep(("inverse", shape), lambda: run.upload(inverse_laplacian(shape)))
@@ -85,3 +88,47 @@ def _launch(run: Launch) -> None:
     cosine.forward(out)
     run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))
     cosine.inverse(out)
+
+
+def _launch_in_lanes(run: Launch) -> None:
+    """Transform the columns alone; along the rows each frequency is a tridiagonal system.
+
+    Half the transforms, for one sweep to the right and one to the left.
+    """
+    height, width = shape = run.sizes["H"], run.sizes["W"]
+    turns = run.keep(("turns", height), lambda: run.upload(_turns(height)))
+    pivots = run.keep(("pivots", shape), lambda: run.upload(_pivots(shape)))
+    pairs = -(-width // (2 * run.lanes))
+    scratch = run.scratch((pairs, 2, height, 2, run.lanes))
+    spectrum = run.scratch((width, height))
+    slope, out = run.inputs["slope"], run.outputs["integrate_dct"]
+    # Kernels leave a factor of four, two of the divergence and two of the transform.
+    to_mm = 0.25 * float(run.inputs["pixel"])
+    grid = (-(-height // run.lanes),)
+    run.kernel("transform", (pairs,), slope, turns, scratch, spectrum, height, width, local=(1,))
+    run.kernel("solve", grid, spectrum, pivots, height, width, to_mm, local=(1,))
+    run.kernel("transform_back", (pairs,), spectrum, turns, scratch, out, height, width, local=(1,))
+
+
+def _turns(count: int) -> F4:
+    """Real and imaginary part of exp(-i pi t / 2 count) for t < 4 count."""
+    turn = np.exp(-0.5j * np.pi / count * np.arange(4 * count)).astype(np.complex64)
+    return turn.view(np.float32).reshape(-1, 2)
+
+
+def _pivots(shape: tuple[int, int]) -> F4:
+    """One over the pivots of the tridiagonal systems along the rows, W x H.
+
+    There is one for each frequency v down the columns, with 4 - 2 cos(pi v / H) on its
+    diagonal, one less at both ends.  The last pivot of v = 0 is none: the mean is free.
+    """
+    rows, columns = shape
+    diagonal = 4 - 2 * np.cos(np.pi * np.arange(rows) / rows)
+    pivots = np.empty((columns, rows))
+    before = np.zeros(rows)
+    for column in range(columns):
+        ends = (column == 0) + (column == columns - 1)
+        pivot = diagonal - ends - before
+        before = np.divide(1, pivot, out=np.zeros(rows), where=pivot > 1e-9)
+        pivots[column] = before
+    return pivots.astype(np.float32)
