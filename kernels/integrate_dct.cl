@@ -95,6 +95,26 @@ LANED __kernel void transform(
     }
 }
 
+// Sweep to the right and to the left through the tridiagonal systems of LANES frequencies; the
+// sum of what comes out.
+static floats sweep(
+    __global float *spectrum, __global const float *pivots, const int H, const int W,
+    const int count, const float scale)
+{
+    floats z = 0.0f, sum = 0.0f;
+    for (int i = 0; i < H * W; i += H) {
+        z = (z - scale * load_floats(spectrum + i, count)) * load_floats(pivots + i, count);
+        store_floats(z, spectrum + i, count);
+    }
+    z = 0.0f;
+    for (int i = H * W - H; i >= 0; i -= H) {
+        z = load_floats(spectrum + i, count) + z * load_floats(pivots + i, count);
+        store_floats(z, spectrum + i, count);
+        sum += z;
+    }
+    return sum;
+}
+
 // The Poisson equation along the rows whose columns are transformed: each frequency v is a
 // tridiagonal system -z[x-1] + (2 + c) z[x] - z[x+1] = -spectrum[x], whose pivots' inverses are
 // known.  Frequency 0 leaves the height free by a constant, and gets a mean of zero.
@@ -105,20 +125,9 @@ LANED __kernel void solve(
     const float scale)
 {
     GRID_LANES(v, count, H)
-    const floats none = 0.0f;
-    floats z = none, sum = none;
-    for (int x = 0; x < W; ++x) {
-        const int i = x * H + v;
-        z = (z - scale * load_floats(spectrum + i, count)) * load_floats(pivots + i, count);
-        store_floats(z, spectrum + i, count);
-    }
-    z = none;
-    for (int x = W - 1; x >= 0; --x) {
-        const int i = x * H + v;
-        z = load_floats(spectrum + i, count) + z * load_floats(pivots + i, count);
-        store_floats(z, spectrum + i, count);
-        sum += z;
-    }
+    __global float *here = spectrum + v;
+    const floats sum = count == LANES ? sweep(here, pivots + v, H, W, LANES, scale)
+                                      : sweep(here, pivots + v, H, W, count, scale);
     if (v > 0) return;
     float sums[LANES];
     STORE_LANES(sum, sums);
