@@ -1,82 +1,24 @@
 #include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
 #include "cells.clh"
-#include "float_keys.clh"
+#include "group.clh"
 
-#define GROUP 64
 #define TERMS 6
 #define PAIRS 21
 #define MOST 8
 #define SUMS (PAIRS + MOST * (TERMS + 1))
-#define WORKERS 256
 #define DARKEST 0.02f
 #define FEWEST 0.05f
 #define HELD 0.003f
 #define AROUND 5
 
-static void terms_at(float *t, const int i, const int H, const int W)
-{
-    const int y = i / W, x = i % W;
-    const float scale = 2.0f / (float)W;
-    const float u = ((float)x - 0.5f * (float)(W - 1)) * scale;
-    const float v = ((float)y - 0.5f * (float)(H - 1)) * scale;
-    t[0] = 1.0f;
-    t[1] = u;
-    t[2] = v;
-    t[3] = u * u;
-    t[4] = u * v;
-    t[5] = v * v;
-}
-
-static float gain_at(__global const float *c, const float *t)
-{
-    float gain = 0.0f;
-    for (int j = 0; j < TERMS; ++j) gain += c[j] * t[j];
-    return gain;
-}
-
-// What of a cell's light counts as noise.
-static float share_of(__global const float *sigma, const float share, const int i)
-{
-    return share > 0.0f ? share * sigma[i] : 0.0f;
-}
-
-// The mean of what lies around each cell; beyond the frame its border goes on.
-__kernel void look_around(
-    __global const float *restrict light, __global float *restrict around,
-    const int K, const int H, const int W)
-{
-    GRID_3(k, y, x, K, H, W)
-    float total = 0.0f;
-    for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy)
-        for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx)
-            total += light[(k * H + clamp(y + dy, 0, H - 1)) * W + clamp(x + dx, 0, W - 1)];
-    around[(k * H + y) * W + x] = total / (float)(AROUND * AROUND);
-}
-
-static int is_calm(
-    __global const float *light,
-    __global const float *sigma,
-    __global const float *drift,
-    const float *t,
-    const int i, const int K, const int size,
-    const float share,
-    const float beyond)
-{
-    for (int k = 0; k < K; ++k) {
-        const float gain = gain_at(drift + TERMS * k, t), mean = light[k * size + i];
-        if (!(fabs(mean - gain) < gain * (share_of(sigma, share, k * size + i) + beyond))) return 0;
-    }
-    return 1;
-}
-
-// The place number j of the outermost ring of H x W cells.
-static int on_ring(const int j, const int H, const int W)
-{
-    if (j < W) return j;
-    if (j < 2 * W) return (H - 1) * W + j - W;
-    const int side = j - 2 * W;
-    return (1 + side / 2) * W + (side & 1 ? W - 1 : 0);
-}
+// K x H x W cells: light, the mean around each, and noise as a share of which it counts.
+typedef struct {
+    __global const float *light, *around, *sigma;
+    int K, H, W;
+    float share;
+} Film;
 
 __kernel void halve(
     __global const float *restrict light,
@@ -88,165 +30,182 @@ __kernel void halve(
     halved[(k * h + y) * w + x] = mean_of_cell(light + k * H * W, y, x, H, W, 2);
 }
 
-__kernel void begin(
-    __global const float *before, __global float *restrict old, __global int *heed,
-    const int has_before, const int K)
+// The mean of what lies around each cell; beyond the frame its border goes on.
+LANED __kernel void look_around(
+    __global const float *restrict light, __global float *restrict around,
+    const int K, const int H, const int W)
 {
-    GRID_1(i, TERMS * K)
-    if (i == 0) heed[0] = 0;
-    old[i] = has_before ? before[i] : i % TERMS == 0 ? 1.0f : 0.0f;
-}
-
-// The drift before, times the lower median of light over it along the border: by bisection
-// on the bits, a work-group per LED.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void border_level(
-    __global const float *restrict light,
-    __global const float *restrict old,
-    __global float *restrict other,
-    const int H, const int W)
-{
-    __local int counts[GROUP];
-    __local uint low, high;
-    const int me = get_local_id(0), k = get_group_id(0);
-    const int thin = min(H, W) <= 2;
-    const int ring = thin ? H * W : 2 * W + 2 * (H - 2);
-    if (me == 0) {
-        low = 0u;
-        high = 0xffffffffu;
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int bit = 0; bit < 32; ++bit) {
-        const uint pivot = low + (high - low) / 2;
-        int below = 0;
-        for (int j = me; j < ring; j += GROUP) {
-            const int i = thin ? j : on_ring(j, H, W);
-            float t[TERMS];
-            terms_at(t, i, H, W);
-            const float gain = fmax(gain_at(old + TERMS * k, t), DARKEST);
-            below += key_of(light[k * H * W + i] / gain) <= pivot;
-        }
-        counts[me] = below;
-        barrier(CLK_LOCAL_MEM_FENCE);
-        if (me == 0) {
-            int total = 0;
-            for (int i = 0; i < GROUP; ++i) total += counts[i];
-            if (total > (ring - 1) / 2) high = pivot;
-            else low = pivot + 1;
-        }
-        barrier(CLK_LOCAL_MEM_FENCE);
-    }
-    if (me < TERMS) other[TERMS * k + me] = value_of(low) * old[TERMS * k + me];
-}
-
-__kernel void count_calm(
-    __global const float *restrict light,
-    __global const float *restrict sigma,
-    __global const float *restrict old,
-    __global const float *restrict other,
-    __global int *restrict counts,
-    const int K, const int H, const int W,
-    const float share,
-    const float beyond)
-{
-    GRID_1(me, WORKERS)
-    int calm[2] = {0, 0};
-    for (int i = me; i < H * W; i += WORKERS) {
-        float t[TERMS];
-        terms_at(t, i, H, W);
-        calm[0] += is_calm(light, sigma, old, t, i, K, H * W, share, beyond);
-        calm[1] += is_calm(light, sigma, other, t, i, K, H * W, share, beyond);
-    }
-    counts[2 * me] = calm[0];
-    counts[2 * me + 1] = calm[1];
-}
-
-// Start from the drift under which more of the film is calm.
-__kernel void choose(
-    __global const float *restrict old,
-    __global const float *restrict other,
-    __global const int *restrict counts,
-    __global float *restrict drift,
-    const int K)
-{
-    GRID_1(i, TERMS * K)
-    int more = 0;
-    for (int g = 0; g < WORKERS; ++g) more += counts[2 * g + 1] - counts[2 * g];
-    drift[i] = more > 0 ? other[i] : old[i];
-}
-
-// How many cells are calm, and so is what lies around them.
-__kernel void count_clear(
-    __global const float *restrict light,
-    __global const float *restrict around,
-    __global const float *restrict sigma,
-    __global const float *judge,
-    __global int *restrict counts,
-    const int K, const int H, const int W,
-    const float share,
-    const float beyond)
-{
-    GRID_1(me, WORKERS)
-    int clear = 0;
-    for (int i = me; i < H * W; i += WORKERS) {
-        float t[TERMS];
-        terms_at(t, i, H, W);
-        clear += is_calm(light, sigma, judge, t, i, K, H * W, share, beyond)
-            && is_calm(around, sigma, judge, t, i, K, H * W, share / AROUND, beyond);
-    }
-    counts[me] = clear;
-}
-
-// Whether what lies around a cell has to be calm too: if enough is left.
-__kernel void heed_around(
-    __global const int *restrict counts, __global int *heed, const int size)
-{
-    if (get_global_id(0) > 0) return;
-    int clear = 0;
-    for (int g = 0; g < WORKERS; ++g) clear += counts[g];
-    heed[0] = clear >= FEWEST * (float)size;
-}
-
-// Sums over the cells that are calm under `judge`, of what `known` leaves.
-__kernel void tally(
-    __global const float *restrict light,
-    __global const float *restrict around,
-    __global const int *heed,
-    __global const float *restrict sigma,
-    __global const float *judge,
-    __global const float *known,
-    __global float *restrict sums,
-    const int K, const int H, const int W,
-    const float share,
-    const float beyond)
-{
-    GRID_1(me, WORKERS)
-    const int size = H * W;
-    float mine[SUMS];
-    for (int j = 0; j < SUMS; ++j) mine[j] = 0.0f;
-    for (int i = me; i < size; i += WORKERS) {
-        float t[TERMS];
-        terms_at(t, i, H, W);
-        if (!is_calm(light, sigma, judge, t, i, K, size, share, beyond)) continue;
-        if (heed[0] && !is_calm(around, sigma, judge, t, i, K, size, share / AROUND, beyond))
-            continue;
-        for (int a = 0, j = 0; a < TERMS; ++a)
-            for (int b = 0; b <= a; ++b, ++j) mine[j] += t[a] * t[b];
-        for (int k = 0; k < K; ++k) {
-            const float left = light[k * size + i] - gain_at(known + TERMS * k, t);
-            for (int a = 0; a < TERMS; ++a) mine[PAIRS + TERMS * k + a] += t[a] * left;
-            const float chance = share_of(sigma, share, k * size + i);
-            mine[PAIRS + MOST * TERMS + k] += chance * chance;
+    const int x = LANES * (int)get_global_id(0), y = get_global_id(1), k = get_global_id(2);
+    if (x >= W || y >= H || k >= K) return;
+    floats total = 0.0f;
+    for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy) {
+        __global const float *row = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
+        for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx) {
+            if (x + dx >= 0 && x + dx + LANES <= W) {
+                total += LOAD_LANES(row + x + dx);
+            } else {
+                float edge[LANES];
+                for (int l = 0; l < LANES; ++l) edge[l] = row[clamp(x + l + dx, 0, W - 1)];
+                total += LOAD_LANES(edge);
+            }
         }
     }
-    for (int j = 0; j < SUMS; ++j) sums[j * WORKERS + me] = mine[j];
+    const floats mean = total / (float)(AROUND * AROUND);
+    store_floats(mean, around + (k * H + y) * W + x, min(LANES, W - x));
 }
 
-static float total_of(__global const float *sums, const int j)
+// 1, u, v, u^2, u v, v^2 at cells that follow one another.
+static void terms_at(floats *t, const int i, const int H, const int W)
 {
-    float total = 0.0f;
-    for (int g = 0; g < WORKERS; ++g) total += sums[j * WORKERS + g];
-    return total;
+    floats u, v;
+    places(i, H, W, 2.0f / (float)W, &u, &v);
+    t[0] = 1.0f;
+    t[1] = u;
+    t[2] = v;
+    t[3] = u * u;
+    t[4] = u * v;
+    t[5] = v * v;
+}
+
+static floats gain_of(__global const float *c, const floats *t)
+{
+    floats gain = c[0];
+    for (int j = 1; j < TERMS; ++j) gain += c[j] * t[j];
+    return gain;
+}
+
+// Whether the light of all LEDs is that of the drift, beyond what counts as noise.
+static ints is_calm(
+    const Film *film, __global const float *light, __global const float *drift, const floats *t,
+    const int i, const int count, const float share, const float beyond)
+{
+    ints calm = filled(count);
+    for (int k = 0; k < film->K; ++k) {
+        const int at = k * film->H * film->W + i;
+        const floats gain = gain_of(drift + TERMS * k, t), none = 0.0f;
+        const floats noise = share > 0.0f ? share * load_floats(film->sigma + at, count) : none;
+        calm &= fabs(load_floats(light + at, count) - gain) < gain * (noise + beyond);
+    }
+    return calm;
+}
+
+static ints is_clear(
+    const Film *film, __global const float *drift, const floats *t, const int i, const int count,
+    const float beyond)
+{
+    return is_calm(film, film->light, drift, t, i, count, film->share, beyond)
+        & is_calm(film, film->around, drift, t, i, count, film->share / AROUND, beyond);
+}
+
+static float count_calm(
+    const Film *film, __global const float *drift, const float beyond, __local float *parts)
+{
+    const floats one = 1.0f, none = 0.0f;
+    floats calm = none;
+    EACH_OF_GROUP(i, count, film->H * film->W)
+    {
+        floats t[TERMS];
+        terms_at(t, i, film->H, film->W);
+        calm += is_calm(film, film->light, drift, t, i, count, film->share, beyond) ? one : none;
+    }
+    return group_sum(calm, parts);
+}
+
+static float count_clear(
+    const Film *film, __global const float *drift, const float beyond, __local float *parts)
+{
+    const floats one = 1.0f, none = 0.0f;
+    floats clear = none;
+    EACH_OF_GROUP(i, count, film->H * film->W)
+    {
+        floats t[TERMS];
+        terms_at(t, i, film->H, film->W);
+        clear += is_clear(film, drift, t, i, count, beyond) ? one : none;
+    }
+    return group_sum(clear, parts);
+}
+
+// The place number j of the outermost ring of H x W cells.
+static int on_ring(const int j, const int H, const int W)
+{
+    if (min(H, W) <= 2 || j < W) return j;
+    if (j < 2 * W) return (H - 1) * W + j - W;
+    const int side = j - 2 * W;
+    return (1 + side / 2) * W + (side & 1 ? W - 1 : 0);
+}
+
+// The lower median of the light of LED k over its drift, along the border.
+static float border_level(
+    const Film *film, const int k, __global const float *drift, __global float *ring,
+    __local float *parts)
+{
+    const int H = film->H, W = film->W;
+    const int size = min(H, W) <= 2 ? H * W : 2 * W + 2 * (H - 2);
+    const floats darkest = DARKEST;
+    EACH_OF_GROUP(j, count, size)
+    {
+        float light[LANES], lanes[TERMS][LANES];
+        for (int l = 0; l < LANES; ++l) {
+            const int i = on_ring(min(j + l, size - 1), H, W);
+            const float scale = 2.0f / (float)W;
+            const float u = ((float)(i % W) - 0.5f * (float)(W - 1)) * scale;
+            const float v = ((float)(i / W) - 0.5f * (float)(H - 1)) * scale;
+            light[l] = film->light[k * H * W + i];
+            lanes[0][l] = 1.0f;
+            lanes[1][l] = u;
+            lanes[2][l] = v;
+            lanes[3][l] = u * u;
+            lanes[4][l] = u * v;
+            lanes[5][l] = v * v;
+        }
+        floats t[TERMS];
+        for (int a = 0; a < TERMS; ++a) t[a] = LOAD_LANES(lanes[a]);
+        const floats gain = gain_of(drift, t);
+        store_floats(LOAD_LANES(light) / MORE_OF(gain, darkest), ring + j, count);
+    }
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    const float level = group_median(ring, size, parts);
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    return level;
+}
+
+// Sums over the cells that are calm under `judge`, of what `known` leaves: of the first `used`
+// terms' products, of terms times light by LED, and of the noise's square by LED.
+static void tally(
+    const Film *film, const int heed, __global const float *judge, __global const float *known,
+    const int used, const float beyond, __global float *shares, __local float *sums)
+{
+    const floats none = 0.0f;
+    floats mine[SUMS];
+    for (int j = 0; j < SUMS; ++j) mine[j] = none;
+    EACH_OF_GROUP(i, count, film->H * film->W)
+    {
+        floats t[TERMS], counted[TERMS];
+        terms_at(t, i, film->H, film->W);
+        const ints calm = heed
+            ? is_clear(film, judge, t, i, count, beyond)
+            : is_calm(film, film->light, judge, t, i, count, film->share, beyond);
+        if (!ANY(calm)) continue;
+        for (int a = 0; a < used; ++a) counted[a] = calm ? t[a] : none;
+        for (int a = 0, j = 0; a < used; ++a)
+            for (int b = 0; b <= a; ++b, ++j) mine[j] += counted[a] * t[b];
+        for (int k = 0; k < film->K; ++k) {
+            const int at = k * film->H * film->W + i;
+            const floats left = load_floats(film->light + at, count) - gain_of(known + TERMS * k, t);
+            for (int a = 0; a < used; ++a) mine[PAIRS + TERMS * k + a] += counted[a] * left;
+            if (film->share <= 0.0f) continue;
+            const floats chance = film->share * load_floats(film->sigma + at, count);
+            mine[PAIRS + MOST * TERMS + k] += calm ? chance * chance : none;
+        }
+    }
+    for (int j = 0; j < SUMS; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    for (int j = get_local_id(0); j < SUMS; j += GROUP) {
+        float sum = 0.0f;
+        for (int g = 0; g < GROUP; ++g) sum += shares[j * GROUP + g];
+        sums[j] = sum;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
 }
 
 // x with A x = b by Cholesky; A symmetric, its rows below the diagonal.
@@ -271,59 +230,116 @@ static void solve(const float *a, const float *b, float *x, const int n)
     }
 }
 
-// The drift of an LED from the sums: `next`; its shape follows by `rate`.
-__kernel void settle(
-    __global const float *restrict sums,
-    __global const float *restrict old,
-    __global float *restrict next,
-    __global float *restrict explained,
-    const int K, const int size,
-    const int count,
-    const float rate)
+// The drift of LED k from the sums; its shape follows by `rate`.  Returns the sum of squares
+// that the change explains.
+static float settle(
+    __local const float *sums, __global const float *old, __global float *next, const int k,
+    const int size, const int used, const float rate)
 {
-    GRID_1(k, K)
-    float a[PAIRS], b[TERMS], change[TERMS];
-    for (int j = 0; j < PAIRS; ++j) a[j] = total_of(sums, j);
+    float a[PAIRS], b[TERMS], change[TERMS], explained = 0.0f;
+    for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
     // Without calm film the sums are empty; what comes out is not used.
     a[0] = fmax(a[0], 1.0f);
-    for (int j = 1; j < TERMS; ++j) a[j * (j + 3) / 2] += HELD * (float)size;
-    for (int j = 0; j < TERMS; ++j) b[j] = total_of(sums, PAIRS + TERMS * k + j);
-    solve(a, b, change, count);
-    explained[k] = 0.0f;
+    for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += HELD * (float)size;
+    for (int j = 0; j < used; ++j) b[j] = sums[PAIRS + TERMS * k + j];
+    solve(a, b, change, used);
     for (int j = 0; j < TERMS; ++j) {
-        next[TERMS * k + j] = old[TERMS * k + j];
-        if (j >= count) continue;
-        explained[k] += change[j] * b[j];
-        next[TERMS * k + j] += j > 0 ? rate * change[j] : change[j];
+        const float found = j < used ? change[j] : 0.0f;
+        explained += j < used ? found * b[j] : 0.0f;
+        next[TERMS * k + j] = old[TERMS * k + j] + (j > 0 ? rate * found : found);
     }
+    return explained;
 }
 
-// Remember whether too little of the film was calm in any round.
-__kernel void watch(__global const float *restrict sums, __global int *few, const int size,
-                    const int first)
+// The old drift, and what the border makes of it if more of the film is calm under that.
+LANED __kernel ONE_GROUP void begin(
+    __global const float *restrict light,
+    __global const float *restrict sigma,
+    __global const float *before,
+    __global float *restrict ring,
+    __global float *old,
+    __global float *drift,
+    __global int *few,
+    const int K, const int H, const int W,
+    const int has_before,
+    const float share,
+    const float beyond)
 {
-    if (get_global_id(0) > 0) return;
-    const int now = total_of(sums, 0) < FEWEST * (float)size;
-    few[0] = first ? now : few[0] || now;
+    __local float parts[GROUP];
+    const int me = get_local_id(0);
+    const Film film = {light, light, sigma, K, H, W, share};
+    for (int i = me; i < TERMS * K; i += GROUP)
+        old[i] = has_before ? before[i] : i % TERMS == 0 ? 1.0f : 0.0f;
+    if (me == 0) few[0] = 0;
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    for (int k = 0; k < K; ++k) {
+        const float level = border_level(&film, k, old + TERMS * k, ring, parts);
+        for (int j = me; j < TERMS; j += GROUP) drift[TERMS * k + j] = level * old[TERMS * k + j];
+    }
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    const float calm_before = count_calm(&film, old, beyond, parts);
+    const float calm_beside = count_calm(&film, drift, beyond, parts);
+    for (int i = me; i < TERMS * K; i += GROUP)
+        drift[i] = calm_beside > calm_before ? drift[i] : old[i];
+}
+
+// The drift anew, from the cells that are calm under the one found so far.
+LANED __kernel ONE_GROUP void follow(
+    __global const float *restrict light,
+    __global const float *restrict around,
+    __global const float *restrict sigma,
+    __global const float *restrict old,
+    __global const float *restrict drift,
+    __global float *restrict next,
+    __global float *restrict shares,
+    __global int *restrict few,
+    __global float *restrict explained,
+    const int K, const int H, const int W,
+    const int last,
+    const int used,
+    const float share,
+    const float beyond,
+    const float rate)
+{
+    __local float parts[GROUP], sums[SUMS];
+    const int me = get_local_id(0);
+    const Film film = {light, around, sigma, K, H, W, share};
+    const float fewest = FEWEST * (float)(H * W);
+    // In the last round what lies around a cell has to be calm too, if enough is left.
+    const int heed = last ? count_clear(&film, drift, beyond, parts) >= fewest : 0;
+    tally(&film, heed, drift, old, used, beyond, shares, sums);
+    if (me == 0) few[0] |= sums[0] < fewest;
+    for (int k = me; k < K; k += GROUP)
+        explained[k] = settle(sums, old, next, k, H * W, used, rate);
 }
 
 // The level once more, and the old drift where nothing real was found.
-__kernel void finish(
-    __global const float *restrict sums,
+LANED __kernel ONE_GROUP void finish(
+    __global const float *restrict light,
+    __global const float *restrict around,
+    __global const float *restrict sigma,
     __global const float *restrict old,
+    __global const float *restrict judge,
     __global const float *restrict drift,
-    __global const float *restrict explained,
+    __global float *restrict shares,
     __global const int *restrict few,
+    __global const float *restrict explained,
     __global float *restrict out,
-    const int K,
+    const int K, const int H, const int W,
+    const int used,
+    const float share,
+    const float beyond,
     const float doubt)
 {
-    GRID_1(k, K)
-    const float calm = fmax(total_of(sums, 0), 1.0f);
-    const float chance = total_of(sums, PAIRS + MOST * TERMS + k) / calm;
-    const int real = !few[0] && explained[k] > doubt * chance;
-    for (int j = 0; j < TERMS; ++j) {
-        const float level = j == 0 ? total_of(sums, PAIRS + TERMS * k) / calm : 0.0f;
-        out[TERMS * k + j] = real ? drift[TERMS * k + j] + level : old[TERMS * k + j];
+    __local float parts[GROUP], sums[SUMS];
+    const Film film = {light, around, sigma, K, H, W, share};
+    const int heed = count_clear(&film, judge, beyond, parts) >= FEWEST * (float)(H * W);
+    tally(&film, heed, judge, drift, used, beyond, shares, sums);
+    const float calm = fmax(sums[0], 1.0f);
+    for (int i = get_local_id(0); i < TERMS * K; i += GROUP) {
+        const int k = i / TERMS, j = i % TERMS;
+        const float level = j == 0 ? sums[PAIRS + i] / calm : 0.0f;
+        const int real = !few[0] && explained[k] > doubt * sums[PAIRS + MOST * TERMS + k] / calm;
+        out[i] = real ? drift[i] + level : old[i];
     }
 }

@@ -1,57 +1,39 @@
 #include "common.clh"
-#include "float_keys.clh"
+#include "lanes.clh"
+#include "group.clh"
 
-#define GROUP 64
+// The place of the j-th pixel of the border: top, bottom, and both ends of the rows between.
+static int on_border(const int j, const int H, const int W, const int border)
+{
+    const int across = border * W;
+    if (H <= 2 * border || W <= 2 * border || j < across) return j;
+    if (j < 2 * across) return (H - border) * W + j - across;
+    const int end = (j - 2 * across) % (2 * border), row = border + (j - 2 * across) / (2 * border);
+    return row * W + (end < border ? end : W - 2 * border + end);
+}
 
-// The lower median of the border by bisection on the bits; one work-group.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
-void border_median(
+LANED __kernel ONE_GROUP void border_median(
     __global const float *restrict height,
+    __global float *restrict values,
     __global float *restrict median,
     const int H, const int W,
     const int border)
 {
-    __local int counts[GROUP];
-    __local uint low, high;
-    const int me = get_local_id(0);
-    const int inner = max(H - 2 * border, 0) * max(W - 2 * border, 0);
-    const int middle = (H * W - inner - 1) / 2;
-    if (me == 0) {
-        low = 0u;
-        high = 0xffffffffu;
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int bit = 0; bit < 32; ++bit) {
-        const uint pivot = low + (high - low) / 2;
-        int below = 0;
-        for (int y = 0; y < H; ++y) {
-            const int edge = y < border || y >= H - border;
-            // Rows of the top and bottom count whole, the others by their two ends.
-            const int span = edge ? W : min(2 * border, W);
-            for (int j = me; j < span; j += GROUP) {
-                const int x = edge || j < border ? j : W - 2 * border + j;
-                below += key_of(height[y * W + x]) <= pivot;
-            }
-        }
-        counts[me] = below;
-        barrier(CLK_LOCAL_MEM_FENCE);
-        if (me == 0) {
-            int total = 0;
-            for (int i = 0; i < GROUP; ++i) total += counts[i];
-            if (total > middle) high = pivot;
-            else low = pivot + 1;
-        }
-        barrier(CLK_LOCAL_MEM_FENCE);
-    }
-    if (me == 0) median[0] = value_of(low);
+    __local float parts[GROUP];
+    const int inner = max(H - 2 * border, 0) * max(W - 2 * border, 0), size = H * W - inner;
+    for (int j = get_local_id(0); j < size; j += GROUP)
+        values[j] = height[on_border(j, H, W, border)];
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    const float found = group_median(values, size, parts);
+    if (get_local_id(0) == 0) median[0] = found;
 }
 
-__kernel void subtract(
+LANED __kernel void subtract(
     __global const float *restrict height,
     __global const float *restrict median,
     __global float *restrict out,
     const int H, const int W)
 {
-    GRID_2(y, x, H, W)
-    out[y * W + x] = height[y * W + x] - median[0];
+    GRID_LANES(i, count, H * W)
+    store_floats(load_floats(height + i, count) - median[0], out + i, count);
 }

@@ -15,10 +15,8 @@ from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Light
 from tactograph.nodes.coarsen import coarsen
 
-GROUP, WORKERS, SUMS = 64, 256, 21 + 8 * 7
-"""Of the kernels: work-items that share a median, that share the sums, and sums of each."""
-TERMS, TERMS_OF = 6, (1, 3, 6)
-"""1, u, v, u^2, u v, v^2; and how many of them each degree has."""
+TERMS, TERMS_OF, SUMS = 6, (1, 3, 6), 21 + 8 * 7
+"""1, u, v, u^2, u v, v^2; how many of them each degree has; and the kernels' sums."""
 DARKEST = np.float32(0.02)
 SEARCH = (0.03, 0.01, 0.0)
 """Departures that count as calm in round after round, beyond the noise."""
@@ -212,7 +210,7 @@ def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]
     return drift, np.asarray((change * seen).sum(axis=0), np.float32)
 
 
-@film_drift.opencl(on_cpu="a dozen small kernels for a few thousand cells")
+@film_drift.opencl()
 def _launch(run: Launch) -> None:
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
@@ -221,42 +219,29 @@ def _launch(run: Launch) -> None:
     while height * width > MOST_CELLS:
         light, noisy = (_launch_halved(run, plane, height, width) for plane in (light, noisy))
         height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
-    sizes = [lights, height, width]
+    sizes = lights, height, width
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
-    shape = (lights, TERMS)
-    old, drift, spare = run.scratch(shape), run.scratch(shape), run.scratch(shape)
-    each = (lights * TERMS,)
-    heed = run.scratch((1,), np.int32)
-    known = out if before is None else before
-    run.kernel("begin", each, known, old, heed, int(before is not None), lights)
-    group = (GROUP,)
-    run.kernel("border_level", (lights * GROUP,), light, old, spare, *sizes[1:], local=group)
-    around = run.scratch(tuple(sizes))
-    run.kernel("look_around", tuple(sizes), light, around, *sizes)
-    counts = run.scratch((2 * WORKERS,), np.int32)
-    rough = float(run.settings["rough"])
-    widest = rough + SEARCH[0]
-    run.kernel("count_calm", (WORKERS,), light, noisy, old, spare, counts, *sizes, share, widest)
-    run.kernel("choose", each, old, spare, counts, drift, lights)
-
-    sums, explained = run.scratch((SUMS * WORKERS,)), run.scratch((lights,))
-    few, count = run.scratch((1,), np.int32), TERMS_OF[run.settings["degree"]]
-    seen = light, around, heed, noisy
-    for number, beyond in enumerate(SEARCH):
-        last, judged = number == len(SEARCH) - 1, (*sizes, share, rough + beyond)
-        if last:
-            run.kernel("count_clear", (WORKERS,), light, around, noisy, drift, counts, *judged)
-            run.kernel("heed_around", (1,), counts, heed, height * width)
-        run.kernel("tally", (WORKERS,), *seen, drift, old, sums, *judged)
-        run.kernel("watch", (1,), sums, few, height * width, int(number == 0))
-        rate = float(run.settings["rate"]) if last else 1.0
-        run.kernel(
-            "settle", (lights,), sums, old, spare, explained, lights, height * width, count, rate
-        )
+    used, rough = TERMS_OF[run.settings["degree"]], float(run.settings["rough"])
+    around, ring = run.scratch(sizes), run.scratch((height * width,))
+    old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
+    shares = run.scratch((SUMS, run.group))
+    few, explained = run.scratch((1,), np.int32), run.scratch((lights,))
+    across = -(-width // run.lanes)
+    run.kernel("look_around", (lights, height, across), light, around, *sizes)
+    group = (run.group,)
+    start = light, noisy, out if before is None else before, ring, old, drift, few
+    numbers = int(before is not None), share, rough + SEARCH[0]
+    run.kernel("begin", group, *start, *sizes, *numbers, local=group)
+    for beyond in SEARCH:
+        last = beyond == SEARCH[-1]
+        planes = light, around, noisy, old, drift, spare, shares, few, explained
+        numbers = int(last), used, share, rough + beyond, float(run.settings["rate"]) if last else 1.0
+        run.kernel("follow", group, *planes, *sizes, *numbers, local=group)
         drift, spare = spare, drift
-    run.kernel("tally", (WORKERS,), *seen, spare, drift, sums, *judged)
     doubt = 1 + float(run.settings["flat_noise"]) ** 2
-    run.kernel("finish", (lights,), sums, old, drift, explained, few, out, lights, doubt)
+    planes = light, around, noisy, old, spare, drift, shares, few, explained, out
+    numbers = used, share, rough + SEARCH[-1], doubt
+    run.kernel("finish", group, *planes, *sizes, *numbers, local=group)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:

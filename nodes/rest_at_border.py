@@ -11,8 +11,6 @@ from tactograph.graph import node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import Height
 
-GROUP = 64
-
 
 @node(neutral="height")
 def rest_at_border(
@@ -39,11 +37,14 @@ def rest_at_border(
     return height - np.partition(border, middle)[middle]
 
 
-@rest_at_border.opencl(on_cpu="the median is one work-group's search")
+@rest_at_border.opencl()
 def _launch(run: Launch) -> None:
     height, out = run.inputs["height"], run.outputs["rest_at_border"]
-    rows, columns = shape = run.sizes["H"], run.sizes["W"]
-    median = run.scratch((1,))
+    rows, columns = run.sizes["H"], run.sizes["W"]
     border = int(run.settings["width_px"])
-    run.kernel("border_median", (GROUP,), height, median, rows, columns, border, local=(GROUP,))
-    run.kernel("subtract", shape, height, median, out, rows, columns)
+    inner = max(rows - 2 * border, 0) * max(columns - 2 * border, 0)
+    values, median = run.scratch((rows * columns - inner,)), run.scratch((1,))
+    group = (run.group,)
+    run.kernel("border_median", group, height, values, median, rows, columns, border, local=group)
+    grid = (-(-rows * columns // run.lanes),)
+    run.kernel("subtract", grid, height, median, out, rows, columns)

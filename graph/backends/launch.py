@@ -82,6 +82,11 @@ class Launch:
         return self._device.lanes
 
     @property
+    def group(self) -> int:
+        """Work-items of a kernel that is a single work-group; the kernels' GROUP."""
+        return 1 if self.lanes > 1 else 128
+
+    @property
     def shares_memory(self) -> bool:
         """Whether `on_host` costs next to nothing."""
         return self._device.shares_memory
