@@ -35,23 +35,24 @@ LANED __kernel void look_around(
     __global const float *restrict light, __global float *restrict around,
     const int K, const int H, const int W)
 {
-    const int x = LANES * (int)get_global_id(0), y = get_global_id(1), k = get_global_id(2);
-    if (x >= W || y >= H || k >= K) return;
+    const int across = (W + LANES - 1) / LANES, item = get_global_id(0), row = item / across;
+    if (row >= K * H) return;
+    const int k = row / H, y = row - k * H, x = LANES * (item - row * across);
     floats total = 0.0f;
     for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy) {
-        __global const float *row = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
+        __global const float *line = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
         for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx) {
             if (x + dx >= 0 && x + dx + LANES <= W) {
-                total += LOAD_LANES(row + x + dx);
+                total += LOAD_LANES(line + x + dx);
             } else {
                 float edge[LANES];
-                for (int l = 0; l < LANES; ++l) edge[l] = row[clamp(x + l + dx, 0, W - 1)];
+                for (int l = 0; l < LANES; ++l) edge[l] = line[clamp(x + l + dx, 0, W - 1)];
                 total += LOAD_LANES(edge);
             }
         }
     }
     const floats mean = total / (float)(AROUND * AROUND);
-    store_floats(mean, around + (k * H + y) * W + x, min(LANES, W - x));
+    store_floats(mean, around + row * W + x, min(LANES, W - x));
 }
 
 // 1, u, v, u^2, u v, v^2 at cells that follow one another.

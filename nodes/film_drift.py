@@ -226,8 +226,8 @@ def _launch(run: Launch) -> None:
     old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
     shares = run.scratch((SUMS, run.group))
     few, explained = run.scratch((1,), np.int32), run.scratch((lights,))
-    across = -(-width // run.lanes)
-    run.kernel("look_around", (lights, height, across), light, around, *sizes)
+    parts_of_rows = lights * height * -(-width // run.lanes)
+    run.kernel("look_around", (parts_of_rows,), light, around, *sizes)
     group = (run.group,)
     start = light, noisy, out if before is None else before, ring, old, drift, few
     numbers = int(before is not None), share, rough + SEARCH[0]

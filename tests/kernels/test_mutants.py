@@ -80,11 +80,8 @@ MUTANTS = {
     },
     "film_drift": {
         "no memory": ("has_before ? before[i]", "0 ? before[i]"),
-        "touched cells count too": (
-            "return 0;\n    }\n    return 1;",
-            "return 1;\n    }\n    return 1;",
-        ),
-        "skirts count too": ("if (heed[0] && !is_calm", "if (0 && !is_calm"),
+        "touched cells count too": ("calm &= fabs(", "calm &= 0.0f * fabs("),
+        "skirts count too": ("const ints calm = heed", "const ints calm = 0 * heed"),
     },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
@@ -133,9 +130,13 @@ MUTANTS = {
         "u and v swapped": ("monomials(column, row, place)", "monomials(row, column, place)"),
     },
     "integrate_dct": {
-        "half forgotten": ("(p[i] + p[i + 1]) * 0.5f", "(p[i] + p[i + 1])"),
-        "not in mm": ("* inverse[i] * pixel", "* inverse[i]"),
-        "open border": ("x + 1 < W ?", "x < W ?"),
+        "half of the divergence": ("- LOAD_LANES(p + x - 1)", ""),
+        "not in mm": ("scale * load_floats", "load_floats"),
+        "open border": ("p[column + 1] : -p[column]", "p[column + 1] : p[column]"),
+        "rows out of order": ("y & 1 ? N - 1 - y / 2 : y / 2", "y"),
+        "a pair of columns mixed": ("- w.y * (m[0] - z[0])", "+ w.y * (m[0] - z[0])"),
+        "a mean": ("-= mean", "-= 0.0f * mean"),
+        "a stage left out": ("while (done < N)", "while (done < N / 2)"),
     },
     "integrate_frankot_chellappa": {
         "u and v swapped": ("(u * p + v * q) * scale", "(v * p + u * q) * scale"),
@@ -143,9 +144,9 @@ MUTANTS = {
         "mirrored sign": ("out[y * W + x] = -(u", "out[y * W + x] = (u"),
     },
     "rest_at_border": {
-        "upper median": ("total > middle", "total > middle + 1"),
+        "upper median": ("(N - 1) / 2", "N / 2"),
         "added": ("- median[0]", "+ median[0]"),
-        "top rows only": ("|| y >= H - border", ""),
+        "top rows only": ("return (H - border) * W + j", "return j"),
     },
     "integrate_weighted": {
         "film at rest not held": ("? HOLD : 0.0f", "? 0.0f : 0.0f"),
