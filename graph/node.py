@@ -92,7 +92,7 @@ class Node:
     fixed: tuple[str, ...] = ()
     launch: LaunchFunction | None = None
     requires: tuple[str, str] | None = None
-    in_place: bool = False
+    own_lanes: bool = False
     on_cpu: str | None = None
     make_example: Callable[..., dict[str, Any]] | None = None
     kernel_package: str = "tactograph.kernels"
@@ -152,7 +152,7 @@ class Node:
         self,
         *,
         requires: tuple[str, str] | None = None,
-        in_place: bool = False,
+        own_lanes: bool = False,
         on_cpu: str | None = None,
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
@@ -162,7 +162,7 @@ class Node:
         grid: str | None = None,
         lanes: bool = False,
         requires: tuple[str, str] | None = None,
-        in_place: bool = False,
+        own_lanes: bool = False,
         on_cpu: str | None = None,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
@@ -179,15 +179,14 @@ class Node:
             counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.
         requires
             A module that the launch function needs, and what to install to get it.
-        in_place
-            Whether it does without that module where the device shares the host's memory, and
-            the host can work on it in place (`Launch.on_host`).
+        own_lanes
+            Whether it does without that module on devices that do several lanes.
         on_cpu
             Why the NumPy function is the better one if the device is a CPU: it is then
             taken wherever numpy is among the graph's preferences.
         """
         self.requires = requires
-        self.in_place = in_place
+        self.own_lanes = own_lanes
         self.lanes = lanes
         self.on_cpu = on_cpu
         if grid is not None:

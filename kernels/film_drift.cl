@@ -280,6 +280,7 @@ LANED __kernel ONE_GROUP void begin(
     barrier(CLK_GLOBAL_MEM_FENCE);
     const float calm_before = count_calm(&film, old, beyond, parts);
     const float calm_beside = count_calm(&film, drift, beyond, parts);
+    barrier(CLK_GLOBAL_MEM_FENCE);
     for (int i = me; i < TERMS * K; i += GROUP)
         drift[i] = calm_beside > calm_before ? drift[i] : old[i];
 }

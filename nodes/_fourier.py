@@ -1,15 +1,12 @@
-"""Transforms on the device, by VkFFT or in place by SciPy; shared by the integrators."""
+"""Transforms on the device by VkFFT, shared by the integrators."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from scipy.fft import dctn, idctn
 
 from tactograph.graph.backends.launch import DeviceArray, Launch, as_array
-from tactograph.nodes import F4
 
 REQUIRES = ("pyvkfft", "pip install 'tactograph[vkfft]'")
 ON_CPU = "SciPy transforms 1.5 to 10 times as fast as VkFFT"
@@ -38,25 +35,6 @@ class _Vkfft:
         self._app.ifft(as_array(self._queue, found))
 
 
-class _Scipy:
-    """SciPy's cosine transform, of the device's memory where that is the host's own."""
-
-    def __init__(self, run: Launch) -> None:
-        self._run = run
-
-    def forward(self, found: DeviceArray) -> None:
-        self._in_place(dctn, found)
-
-    def inverse(self, found: DeviceArray) -> None:
-        self._in_place(idctn, found)
-
-    def _in_place(self, transform: Callable[..., F4], found: DeviceArray) -> None:
-        with self._run.on_host(found) as plane:
-            made = transform(plane, type=2, norm="ortho", workers=-1, overwrite_x=True)
-            if not np.shares_memory(made, plane):
-                plane[...] = made
-
-
 class _OnePixel:
     """VkFFT refuses to transform nothing; one pixel is its own spectrum."""
 
@@ -67,8 +45,6 @@ class _OnePixel:
 
 def cosine_transform(run: Launch, shape: tuple[int, int]) -> Transform:
     """The two-dimensional DCT-II; its inverse undoes it, scale included."""
-    if run.shares_memory:
-        return _Scipy(run)
     return _planned(run, shape, np.float32, 2)
 
 

@@ -212,6 +212,7 @@ def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]
 
 @film_drift.opencl()
 def _launch(run: Launch) -> None:
+    """Look around, begin, go three rounds and finish; all but the first by one work-group."""
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
     lights, height, width = (run.sizes[name] for name in "KHW")
@@ -219,29 +220,28 @@ def _launch(run: Launch) -> None:
     while height * width > MOST_CELLS:
         light, noisy = (_launch_halved(run, plane, height, width) for plane in (light, noisy))
         height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
-    sizes = lights, height, width
+    sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
     used, rough = TERMS_OF[run.settings["degree"]], float(run.settings["rough"])
+    rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
-    shares = run.scratch((SUMS, run.group))
-    few, explained = run.scratch((1,), np.int32), run.scratch((lights,))
+    shares, explained = run.scratch((SUMS, run.group)), run.scratch((lights,))
+    few = run.scratch((1,), np.int32)
     parts_of_rows = lights * height * -(-width // run.lanes)
     run.kernel("look_around", (parts_of_rows,), light, around, *sizes)
-    group = (run.group,)
     start = light, noisy, out if before is None else before, ring, old, drift, few
-    numbers = int(before is not None), share, rough + SEARCH[0]
-    run.kernel("begin", group, *start, *sizes, *numbers, local=group)
-    for beyond in SEARCH:
-        last = beyond == SEARCH[-1]
+    begin = int(before is not None), share, rough + SEARCH[0]
+    run.kernel("begin", group, *start, *sizes, *begin, local=group)
+    for number, beyond in enumerate(SEARCH, start=1):
+        last = number == len(SEARCH)
         planes = light, around, noisy, old, drift, spare, shares, few, explained
-        numbers = int(last), used, share, rough + beyond, float(run.settings["rate"]) if last else 1.0
-        run.kernel("follow", group, *planes, *sizes, *numbers, local=group)
+        follow = int(last), used, share, rough + beyond, rate if last else 1.0
+        run.kernel("follow", group, *planes, *sizes, *follow, local=group)
         drift, spare = spare, drift
-    doubt = 1 + float(run.settings["flat_noise"]) ** 2
-    planes = light, around, noisy, old, spare, drift, shares, few, explained, out
-    numbers = used, share, rough + SEARCH[-1], doubt
-    run.kernel("finish", group, *planes, *sizes, *numbers, local=group)
+    found = light, around, noisy, old, spare, drift, shares, few, explained, out
+    finish = used, share, rough + SEARCH[-1], doubt
+    run.kernel("finish", group, *found, *sizes, *finish, local=group)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:

@@ -74,7 +74,7 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
     return inverse
 
 
-@integrate_dct.opencl(requires=REQUIRES, in_place=True)
+@integrate_dct.opencl(requires=REQUIRES, own_lanes=True)
 def _launch(run: Launch) -> None:
     """Divergence, transform, division by the eigenvalues, and back."""
     if run.lanes > 1:

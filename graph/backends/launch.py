@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -87,11 +86,6 @@ class Launch:
         return 1 if self.lanes > 1 else 128
 
     @property
-    def shares_memory(self) -> bool:
-        """Whether `on_host` costs next to nothing."""
-        return self._device.shares_memory
-
-    @property
     def queue(self) -> cl.CommandQueue:
         return self._device.queue
 
@@ -140,16 +134,6 @@ class Launch:
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host: for what decides the next launch."""
         return self._device.download(array)
-
-    @contextmanager
-    def on_host(self, array: DeviceArray) -> Iterator[NDArray[Any]]:
-        """Wait for an array, and work on it where it is if the device shares the host's memory."""
-        # What is mapped for writing has its contents, too.
-        write = cl.map_flags.WRITE
-        shape, dtype = array.shape, array.dtype
-        plane, _ = cl.enqueue_map_buffer(self.queue, array.buffer, write, 0, shape, dtype)
-        yield plane
-        self._events.append(plane.base.release(self.queue))
 
     def found(self, symbol: str, size: int) -> None:
         """Say how large a size symbol is that only the data tells, and make the outputs with it."""

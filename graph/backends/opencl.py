@@ -101,8 +101,6 @@ class OpenCL:
         self.name = device.name
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or (16 if self.is_cpu else 1)
-        # With one lane a CPU stands for a GPU.
-        self.shares_memory = self.lanes > 1
         self.context = cl.Context([device.handle])
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)

@@ -104,7 +104,7 @@ class Prepared:
         device, node = self._device, self._node
         assert node.launch is not None
         launch = Launch(device, self._compiled, inputs, outputs, self._settings, self.sizes)
-        if node.requires is None or (node.in_place and device.shares_memory):
+        if node.requires is None or (node.own_lanes and device.lanes > 1):
             node.launch(launch)
             return launch.outputs, launch.timer
         # A library's kernels leave no event.

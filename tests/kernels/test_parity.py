@@ -15,8 +15,8 @@ from tactograph.graph.parity import Case, cases, compare
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]
 """Nodes whose work-items do several elements side by side."""
-LIBRARIES = [name for name in KERNEL_NODES if find_node(name).in_place]
-"""Nodes that need a library where the device does not share the host's memory."""
+LIBRARIES = [name for name in KERNEL_NODES if find_node(name).own_lanes]
+"""Nodes that need a library on a device that does one element at a time."""
 CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name))]
 
 

@@ -103,7 +103,7 @@ def test_if_numpy_is_preferred_nothing_falls_back(write: Write, device: OpenCL) 
 def test_a_library_that_is_missing_is_named_with_its_remedy(
     write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "shares_memory", False)
+    monkeypatch.setattr(device, "lanes", 1)
     plan = planned(write(SLOPES), device)
     assert plan.placements["slope"].backend == "opencl"
     assert plan.fallbacks == [
@@ -115,8 +115,8 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(
 def test_a_library_that_would_not_be_used_is_not_asked_for(
     write: Write, device: OpenCL, without_vkfft: None
 ) -> None:
-    """Neither where the host works on the device's memory, nor where it does it all."""
-    assert device.shares_memory
+    """Neither where the kernels do it in lanes, nor where the host does it all."""
+    assert device.lanes > 1
     other = write(SLOPES.replace("integrate_dct", "integrate_frankot_chellappa"), "other.yaml")
     here, there = planned(write(SLOPES), device), planned(other, device)
     assert here.placements["again"].backend == "opencl"
@@ -154,7 +154,7 @@ def test_a_node_that_is_bound_to_what_cannot_run_it_is_refused(
 def test_a_bound_node_whose_library_is_missing_is_refused(
     write: Write, device: OpenCL, without_vkfft: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "shares_memory", False)
+    monkeypatch.setattr(device, "lanes", 1)
     text = SLOPES.replace("{op: integrate_dct", "{backend: opencl, op: integrate_dct")
     with pytest.raises(GraphError, match="bound to opencl, but pyvkfft is not installed"):
         planned(write(text), device)
