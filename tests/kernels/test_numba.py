@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -112,6 +113,19 @@ def test_it_is_the_mutation_that_parity_catches(name: str, monkeypatch: pytest.M
     other = as_plain_python(name, source(name), monkeypatch)
     for case in few(name):
         assert compare(other.node, other, case) is None, str(case)
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_what_is_kept_on_disk_is_as_new_as_its_file(name: str) -> None:
+    """It is compiled anew when its own file changes, not when another does."""
+    lines = [line for line in source(name).splitlines() if re.match(r"\s*(from|import) ", line)]
+    assert set(lines) <= {
+        "from __future__ import annotations",
+        "from collections.abc import Callable",
+        "from typing import Any, NamedTuple",
+        "import numpy as np",
+        "from tactograph.graph.backends.numba import inlined",
+    }
 
 
 def test_every_function_has_mutants() -> None:
