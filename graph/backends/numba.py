@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import numba
@@ -198,11 +198,20 @@ def _share(work: Callable[[int, int], object], ends: list[int]) -> None:
     if len(ends) == 2:
         work(*ends)
         return
-    for _ in _threads().map(work, ends[:-1], ends[1:]):
-        pass
+    pieces = iter([*pairwise(ends)])
+
+    def take_pieces() -> None:
+        for piece in pieces:
+            work(*piece)
+
+    threads = _threads(os.getpid())
+    others = [threads.submit(take_pieces) for _ in range(1, os.cpu_count() or 1)]
+    take_pieces()
+    for other in others:
+        other.result()
 
 
 @cache
-def _threads() -> ThreadPoolExecutor:
-    """Threads for all nodes; they take turns with one another, and end with the process."""
-    return ThreadPoolExecutor(os.cpu_count())
+def _threads(process: int) -> ThreadPoolExecutor:
+    """Threads beside the caller's, for all nodes of a process; one that is forked has none."""
+    return ThreadPoolExecutor(max(1, (os.cpu_count() or 1) - 1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import click
 
 
@@ -18,7 +20,9 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     read = with_changes(read_graph(graph), read_settings(settings))
     bound = any(entry.backend == "opencl" for entry in read.nodes.values())
     device, reason = open_device(read, None) if bound else (None, "no device was looked for")
-    plan = make_plan(read, placeholders(read), device=device, no_device=reason)
+    # Where nodes run is not told here, so that nothing is loaded to find out.
+    anywhere = replace(read, prefer=("numpy",))
+    plan = make_plan(anywhere, placeholders(read), device=device, no_device=reason)
     click.echo(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
     click.echo(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
     for unused in plan.unused:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import subprocess
 import sys
 from dataclasses import replace
@@ -46,6 +47,16 @@ def test_images_in_any_memory_are_read_alike(compiled: Compiled) -> None:
     frozen.flags.writeable = False
     for image in (frozen, IMAGE[:, ::-1], np.asfortranarray(IMAGE)):
         np.testing.assert_array_equal(compiled(image).low, image * np.float32(0.5))
+
+
+def test_a_process_that_is_forked_has_threads_of_its_own(compiled: Compiled) -> None:
+    """As data loaders do it: the parent's threads are not there."""
+    compiled(IMAGE)
+    child = multiprocessing.get_context("fork").Process(target=compiled, args=(IMAGE,))
+    child.start()
+    child.join(20)
+    child.kill()
+    assert child.exitcode == 0
 
 
 def test_any_number_of_planes_is_compiled_for_itself(compiled: Compiled) -> None:
