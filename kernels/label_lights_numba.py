@@ -206,6 +206,7 @@ def try_set(K, pixels, count, out, lit, pair, price, one_sided):
 
 @inlined
 def keep(K, pixels, i, normal, twin, labels, number, lit, least, one_sided):
+    """Take normals for the best if they cost less, and no LED that they need surely is dark."""
     misfit, excess, missing = ZERO, ZERO, ZERO
     for k in range(K):
         light = pixels.light[k, i]

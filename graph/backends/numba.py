@@ -87,6 +87,7 @@ class Compiled:
         return made[0] if self.node.output_record is None else self.node.output_record(*made)
 
     def _call(self, inputs: Sequence[Any], keywords: Mapping[str, Any]) -> _Call:
+        """Work out what a call on such inputs takes."""
         node = self.node
         sizes: dict[str, int] = {}
         for port, value in zip(node.inputs.values(), inputs, strict=True):
@@ -156,14 +157,9 @@ def _compiled(node: Node, fixed: tuple[int, ...]) -> Callable[..., None]:
 def _arguments(node: Node) -> Iterator[tuple[str, Any]]:
     """Name and numba's type of each argument: inputs, outputs, parameters, rows."""
     for port in node.inputs.values():
-        if port.kind == "array":
-            kind = types.Array(numba.from_dtype(port.dtype), len(port.dims), "C", readonly=True)
-            yield port.name.replace(".", "_"), kind
-        elif port.kind == "number":
-            yield port.name.replace(".", "_"), types.float32
+        yield port.name, _array(port, readonly=True) if port.kind == "array" else types.float32
     for port in node.outputs.values():
-        name = port.name if node.output_record else "out"
-        yield name, types.Array(numba.from_dtype(port.dtype), len(port.dims), "C")
+        yield port.name if node.output_record else "out", _array(port, readonly=False)
     for parameter in node.parameters.values():
         found = scalar_type(parameter.annotation)
         if found is None or found[1] != 1:
@@ -176,6 +172,10 @@ def _arguments(node: Node) -> Iterator[tuple[str, Any]]:
         yield name, types.intp
 
 
+def _array(port: PortType, *, readonly: bool) -> Any:
+    return types.Array(numba.from_dtype(port.dtype), len(port.dims), "C", readonly=readonly)
+
+
 def _number(value: Any, parameter: Parameter) -> Any:
     """A parameter's value; of a choice its index."""
     found = scalar_type(parameter.annotation)
@@ -186,11 +186,9 @@ def _as_argument(value: Any, port: PortType) -> Any:
     """An array as one piece of memory; one that is not there as an array of no size."""
     if port.kind != "array":
         return value
-    return (
-        np.empty((0,) * len(port.dims), port.dtype)
-        if value is None
-        else np.ascontiguousarray(value)
-    )
+    if value is None:
+        return np.empty((0,) * len(port.dims), port.dtype)
+    return np.ascontiguousarray(value)
 
 
 def _share(work: Callable[[int, int], object], ends: list[int]) -> None:

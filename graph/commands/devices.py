@@ -23,4 +23,4 @@ def command(require: bool) -> None:
         return
     if require:
         raise InputError(f"{reason}; on Debian or Ubuntu: apt-get install pocl-opencl-icd")
-    click.echo(f"{reason}; graphs run on numpy")
+    click.echo(f"{reason}; graphs run on the host")

@@ -462,7 +462,7 @@ def test_without_a_device_devices_says_so(
 ) -> None:
     monkeypatch.setattr("tactograph.graph.backends.devices._handles", lambda: iter(()))
     done = tactograph("devices")
-    assert (done.code, done.out) == (0, "no OpenCL device works here; graphs run on numpy\n")
+    assert (done.code, done.out) == (0, "no OpenCL device works here; graphs run on the host\n")
     assert "apt-get install" in one_line(tactograph("devices", "--require"))
 
 
@@ -476,7 +476,7 @@ def test_a_device_that_computes_wrongly_is_passed_over(
     done = tactograph("devices")
     assert done.code == 0
     assert "bad  " in done.out
-    assert "graphs run on numpy" in done.out
+    assert "graphs run on the host" in done.out
     assert "gave wrong numbers" in one_line(tactograph("devices", "--require"))
 
 
