@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -24,6 +24,7 @@ from tactograph.graph.errors import (
     NodeError,
     TactographError,
     collect_warnings,
+    did_you_mean,
     warn,
 )
 from tactograph.graph.find import find_node
@@ -495,6 +496,7 @@ def load(
     device: str | None = None,
     strict: bool = False,
     changes: Mapping[str, Any] | None = None,
+    outputs: Collection[str] | None = None,
     **given: Any,
 ) -> Pipeline:
     """Read, verify, plan and compile a graph, to be called with arrays.
@@ -511,6 +513,9 @@ def load(
         Refuse to run anything elsewhere than it was wanted.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
+    outputs
+        Those of the graph's outputs that are wanted; what only the others need is not
+        computed, nor copied from the device.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -531,6 +536,8 @@ def load(
     (480, 640)
     """
     graph = with_changes(read_graph(name), changes or {})
+    if outputs is not None:
+        graph = _with_outputs(graph, outputs)
     return open_pipeline(
         graph,
         given,
@@ -591,6 +598,16 @@ def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
         places = {"": Place("--set", 0, 0, target)}
         graph = apply_patch(graph, {"set": node_id, "settings": {setting: value}}, places)
     return graph
+
+
+def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
+    for name in wanted:
+        if name not in graph.outputs:
+            raise InputError(
+                f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
+                f" (it has: {', '.join(graph.outputs) or 'none'})"
+            )
+    return replace(graph, outputs={name: graph.outputs[name] for name in wanted})
 
 
 def placeholders(graph: Graph) -> dict[str, Any]:

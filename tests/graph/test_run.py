@@ -171,6 +171,14 @@ def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) 
     assert not [word for word in toys if word.startswith("noted")]
 
 
+def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
+    pipeline = load("reconstruct", backend="numpy", calibration="no.npz", outputs=["slope"])
+    assert "slope" in pipeline.plan.tasks
+    assert not {"raw", "height", "score"} & set(pipeline.plan.tasks)
+    with pytest.raises(InputError, match=r"has no output 'hight'; did you mean 'height'\?"):
+        load("reconstruct", backend="numpy", calibration="no.npz", outputs=["hight"])
+
+
 def test_an_optional_input_of_a_stand_in_is_absent(toys: list[str], write: Write) -> None:
     found = load(write(WAITING), backend="opencl")(frames=np.ones((3, 4, 5), np.float32))
     assert found["score"]["truth"] == -1
