@@ -88,6 +88,7 @@ class Node:
     endless: bool = False
     grid: tuple[str, ...] | None = None
     lanes: bool = False
+    whole: str | None = None
     rows: str | None = None
     fixed: tuple[str, ...] = ()
     launch: LaunchFunction | None = None
@@ -145,7 +146,7 @@ class Node:
         return tuple(seen)
 
     @typing.overload
-    def opencl(self, *, grid: str, lanes: bool = False) -> Node: ...
+    def opencl(self, *, grid: str, lanes: bool = False, whole: str | None = None) -> Node: ...
 
     @typing.overload
     def opencl(
@@ -161,6 +162,7 @@ class Node:
         *,
         grid: str | None = None,
         lanes: bool = False,
+        whole: str | None = None,
         requires: tuple[str, str] | None = None,
         own_lanes: bool = False,
         on_cpu: str | None = None,
@@ -177,6 +179,9 @@ class Node:
         lanes
             Whether a work-item does LANES consecutive elements of the grid, which is then
             counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.
+        whole
+            An input, images as fractions of full scale, that the kernel also reads as the
+            unsigned integers which they were; see ``pixels.clh``.
         requires
             A module that the launch function needs, and what to install to get it.
         own_lanes
@@ -188,6 +193,7 @@ class Node:
         self.requires = requires
         self.own_lanes = own_lanes
         self.lanes = lanes
+        self.whole = whole
         self.on_cpu = on_cpu
         if grid is not None:
             self.grid = tuple(grid.split())

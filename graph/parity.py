@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
 FILLS = ("random", "zero", "low", "high", "edges", "nan")
+WHOLE = {"8 bits": np.dtype(np.uint8), "16 bits": np.dtype(np.uint16)}
+"""Fills of nodes whose kernels read a camera's integers as they came."""
 RUBBISH = 0xA5
 
 
@@ -48,6 +50,7 @@ class Case:
 def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case]:
     """Every shape with every fill at default parameters, and every setting on one shape."""
     fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
+    fills += [] if node.whole is None else list(WHOLE)
     settings = dict(_settings(node))
     default = settings["default"]
     found = [
@@ -105,6 +108,11 @@ def _on_device(
     node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs as they are afterwards."""
+    if case.fill in WHOLE:
+        assert node.whole is not None
+        dtype = WHOLE[case.fill]
+        whole = np.rint(inputs[node.whole] * np.iinfo(dtype).max).astype(dtype)
+        inputs = {**inputs, node.whole: whole}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value
         for name, value in inputs.items()
@@ -113,6 +121,8 @@ def _on_device(
     outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
     found = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
+    if case.fill in WHOLE:
+        after[node.whole] = after[node.whole] / np.float32(np.iinfo(dtype).max)
     return found, after
 
 
@@ -142,6 +152,9 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
         array = np.full(shape, low if case.fill == "low" else high)
     elif case.fill == "edges":
         array = rng.choice([low, high, (low + high) / 2, 0.0], shape)
+    elif case.fill in WHOLE and not whole:
+        full = np.iinfo(WHOLE[case.fill]).max
+        array = rng.integers(0, full + 1, shape) / np.float32(full)
     elif whole:
         array = rng.integers(int(low), int(high) + 1, shape)
     else:

@@ -103,6 +103,7 @@ class Pipeline:
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stand_ins = {task.id: self._goes_up(task) for task in tasks if task.stand_in}
+        self._read_whole = {v for t in tasks for v in t.edges.values() if self._is_read_whole(v)}
         self._once = self._split(stream=False)
         self._stream = self._split(stream=True)
         with collect_warnings(self._notes):
@@ -342,6 +343,15 @@ class Pipeline:
         host = value in self.plan.outputs.values() or value in self._recalled
         return not host and bool(readers) and all(step.backend == "opencl" for step in readers)
 
+    def _is_read_whole(self, value: Value) -> bool:
+        """Whether every reader's kernel takes a camera's integers."""
+        return all(
+            task.node.whole == name
+            for task in self.plan.tasks.values()
+            for name, found in task.edges.items()
+            if found == value and not task.filled
+        )
+
     def _execute(
         self,
         step: Step,
@@ -376,9 +386,9 @@ class Pipeline:
             self._arriving[value] = timer[1]
         elif (array := self._host[value]) is not None:
             port = self.plan.tasks[value.node].node.outputs[value.port]
-            as_it_came = array.dtype != port.dtype
+            as_float = array.dtype != port.dtype and value not in self._read_whole
             device = self._device
-            start = device.start_upload_of_fraction if as_it_came else device.start_upload
+            start = device.start_upload_of_fraction if as_float else device.start_upload
             self._remote[value], timer = start(array)
         else:
             return

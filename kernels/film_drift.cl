@@ -1,6 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
+#include "pixels.clh"
 #include "cells.clh"
 #include "group.clh"
 

@@ -1,12 +1,13 @@
 #include "common.clh"
 #include "lanes.clh"
+#include "pixels.clh"
 #include "near_light.clh"
 #include "drift.clh"
 
 // Light relative to the film at rest, per LED: (image - dark) / flat, the flat image having
 // drifted with its LED.
 LANED __kernel void flat_field(
-    __global const float *restrict image,
+    __global const PIXEL *restrict image,
     __global const float *restrict flat,
     __global const float *restrict dark,
     __global const float *restrict drift,
@@ -23,6 +24,6 @@ LANED __kernel void flat_field(
         floats rest = load_floats(flat + i, count);
         rest = MORE_OF(rest, low);
         if (drift) rest *= drift_gain(drift, k, u, v);
-        store_floats((load_floats(image + i, count) - level) / rest, out + i, count);
+        store_floats((load_fractions(image + i, count) - level) / rest, out + i, count);
     }
 }

@@ -1,9 +1,10 @@
 #include "common.clh"
 #include "lanes.clh"
+#include "pixels.clh"
 
 // Standard deviation of the light relative to the film at rest: shot and read noise.
 __kernel void light_noise(
-    __global const float *restrict image,
+    __global const PIXEL *restrict image,
     __global const float *restrict flat,
     __global const float *restrict noise,
     __global float *restrict out,
@@ -14,7 +15,7 @@ __kernel void light_noise(
     const floats low = floor_, none = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int i = k * H * W + pixel;
-        const floats light = load_floats(image + i, count), rest = load_floats(flat + i, count);
+        const floats light = load_fractions(image + i, count), rest = load_floats(flat + i, count);
         const floats variance = noise[0] * MORE_OF(light, none) + noise[1];
         store_floats(sqrt(variance) / MORE_OF(rest, low), out + i, count);
     }

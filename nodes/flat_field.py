@@ -52,5 +52,5 @@ def flat_field(
     return light
 
 
-flat_field.opencl(grid="H W", lanes=True)
+flat_field.opencl(grid="H W", lanes=True, whole="image")
 flat_field.numba(rows="H")

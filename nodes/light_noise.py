@@ -43,5 +43,5 @@ def light_noise(
     return sigma
 
 
-light_noise.opencl(grid="H W", lanes=True)
+light_noise.opencl(grid="H W", lanes=True, whole="image")
 light_noise.numba(rows="H")

@@ -51,7 +51,8 @@ def expected_arguments(node: Node) -> list[Argument]:
     for port in node.inputs.values():
         name = port.name.replace(".", "_")
         if port.kind == "array":
-            arguments.append((f"{_c_type(port.dtype)}*", name))
+            c_type = "PIXEL" if port.name == node.whole else _c_type(port.dtype)
+            arguments.append((f"{c_type}*", name))
         elif port.kind == "number":
             arguments.append(("float", name))
     for port in node.outputs.values():

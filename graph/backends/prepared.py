@@ -19,7 +19,7 @@ from tactograph.graph.backends.launch import (
 from tactograph.graph.wanted import Wanted
 
 if TYPE_CHECKING:
-    from tactograph.graph.backends.opencl import Compiled, OpenCL
+    from tactograph.graph.backends.opencl import Compiled, Kernel, OpenCL
 
 Timer = tuple[cl.Event, cl.Event]
 
@@ -60,7 +60,7 @@ class Prepared:
         grid = tuple(self.sizes[symbol] for symbol in symbols)
         if node.lanes:
             grid = (-(-math.prod(grid) // self._device.lanes),)
-        self._kernel = self._compiled.kernels[node.name]
+        self._kernels = {np.dtype(np.float32): self._compiled.kernels[node.name]}
         self._local = local_size(len(grid))
         self._work_items = global_size(grid, self._local)
         self._taken = [
@@ -94,9 +94,18 @@ class Prepared:
         for name in self._node.outputs:
             arguments.append(outputs[name].buffer if name in outputs else None)
         arguments += self._plain
-        queue = self._device.queue
-        event = self._kernel.enqueue(queue, self._work_items, self._local, arguments)
+        queue, kernel = self._device.queue, self._kernel(inputs)
+        event = kernel.enqueue(queue, self._work_items, self._local, arguments)
         return outputs, (event, event)
+
+    def _kernel(self, inputs: Mapping[str, Any]) -> Kernel:
+        """The kernel, compiled for the integers of images that came as they were."""
+        node = self._node
+        dtype = np.dtype(np.float32) if node.whole is None else inputs[node.whole].dtype
+        if dtype not in self._kernels:
+            compiled = self._device.compile(node, {"FULL": np.iinfo(dtype).max})
+            self._kernels[dtype] = compiled.kernels[node.name]
+        return self._kernels[dtype]
 
     def _by_function(
         self, inputs: Mapping[str, Any], outputs: dict[str, DeviceArray]
