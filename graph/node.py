@@ -88,6 +88,7 @@ class Node:
     endless: bool = False
     grid: tuple[str, ...] | None = None
     lanes: bool = False
+    row_lanes: bool = False
     whole: str | None = None
     rows: str | None = None
     fixed: tuple[str, ...] = ()
@@ -146,7 +147,9 @@ class Node:
         return tuple(seen)
 
     @typing.overload
-    def opencl(self, *, grid: str, lanes: bool = False, whole: str | None = None) -> Node: ...
+    def opencl(
+        self, *, grid: str, lanes: bool = False, row_lanes: bool = False, whole: str | None = None
+    ) -> Node: ...
 
     @typing.overload
     def opencl(
@@ -162,6 +165,7 @@ class Node:
         *,
         grid: str | None = None,
         lanes: bool = False,
+        row_lanes: bool = False,
         whole: str | None = None,
         requires: tuple[str, str] | None = None,
         own_lanes: bool = False,
@@ -179,6 +183,8 @@ class Node:
         lanes
             Whether a work-item does LANES consecutive elements of the grid, which is then
             counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.
+        row_lanes
+            The same, but no work-item goes on into the next row of the grid's last axis.
         whole
             An input, images as fractions of full scale, that the kernel also reads as the
             unsigned integers which they were; see ``pixels.clh``.
@@ -193,6 +199,7 @@ class Node:
         self.requires = requires
         self.own_lanes = own_lanes
         self.lanes = lanes
+        self.row_lanes = row_lanes
         self.whole = whole
         self.on_cpu = on_cpu
         if grid is not None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
 FILLS = ("random", "zero", "low", "high", "edges", "nan")
-WHOLE = {"8 bits": np.dtype(np.uint8), "16 bits": np.dtype(np.uint16)}
+WHOLE: dict[str, tuple[type, int]] = {"8 bits": (np.uint8, 255), "16 bits": (np.uint16, 65535)}
 """Fills of nodes whose kernels read a camera's integers as they came."""
 RUBBISH = 0xA5
 
@@ -108,11 +108,10 @@ def _on_device(
     node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any]
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs as they are afterwards."""
-    if case.fill in WHOLE:
-        assert node.whole is not None
-        dtype = WHOLE[case.fill]
-        whole = np.rint(inputs[node.whole] * np.iinfo(dtype).max).astype(dtype)
-        inputs = {**inputs, node.whole: whole}
+    whole = node.whole if case.fill in WHOLE else None
+    if whole is not None:
+        dtype, full = WHOLE[case.fill]
+        inputs = {**inputs, whole: np.rint(inputs[whole] * full).astype(dtype)}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value
         for name, value in inputs.items()
@@ -121,8 +120,8 @@ def _on_device(
     outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
     found = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
-    if case.fill in WHOLE:
-        after[node.whole] = after[node.whole] / np.float32(np.iinfo(dtype).max)
+    if whole is not None:
+        after[whole] = after[whole] / np.float32(full)
     return found, after
 
 
@@ -153,7 +152,7 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
     elif case.fill == "edges":
         array = rng.choice([low, high, (low + high) / 2, 0.0], shape)
     elif case.fill in WHOLE and not whole:
-        full = np.iinfo(WHOLE[case.fill]).max
+        full = WHOLE[case.fill][1]
         array = rng.integers(0, full + 1, shape) / np.float32(full)
     elif whole:
         array = rng.integers(int(low), int(high) + 1, shape)

@@ -4,8 +4,8 @@
 #include "cells.clh"
 
 // The mean, or the first, of every cell of factor x factor pixels; beyond the border its pixels
-// count again.
-__kernel void coarsen(
+// count again.  A work-item does LANES cells of a row.
+LANED __kernel void coarsen(
     __global const PIXEL *restrict light,
     __global float *restrict out,
     const int K, const int H, const int W,
@@ -13,12 +13,16 @@ __kernel void coarsen(
     const int factor,
     const int take)
 {
-    GRID_3(k, row, column, K, h, w)
+    GRID_PARTS_OF_ROWS(line, column, count, K * h, w)
+    const int k = line / h, row = line - k * h;
     __global const PIXEL *plane = light + k * H * W;
-    const int x = column * factor, cell = (k * h + row) * w + column;
+    __global float *cells = out + line * w + column;
     if (take) {
-        out[cell] = FRACTION(convert_float, plane[row * factor * W + x]);
+        for (int l = 0; l < count; ++l) {
+            const PIXEL corner = plane[row * factor * W + (column + l) * factor];
+            cells[l] = convert_float(corner) / (float)FULL;
+        }
         return;
     }
-    out[cell] = mean_of_cell(plane, row, column, H, W, factor);
+    store_floats(mean_of_cells(plane, row, column, H, W, factor), cells, count);
 }

@@ -21,14 +21,16 @@ typedef struct {
     float share;
 } Film;
 
-__kernel void halve(
+LANED __kernel void halve(
     __global const float *restrict light,
     __global float *restrict halved,
     const int K, const int h, const int w,
     const int H, const int W)
 {
-    GRID_3(k, y, x, K, h, w)
-    halved[(k * h + y) * w + x] = mean_of_cell(light + k * H * W, y, x, H, W, 2);
+    GRID_PARTS_OF_ROWS(row, column, count, K * h, w)
+    const int k = row / h;
+    const floats mean = mean_of_cells(light + k * H * W, row - k * h, column, H, W, 2);
+    store_floats(mean, halved + row * w + column, count);
 }
 
 // The mean of what lies around each cell; beyond the frame its border goes on.
@@ -36,9 +38,8 @@ LANED __kernel void look_around(
     __global const float *restrict light, __global float *restrict around,
     const int K, const int H, const int W)
 {
-    const int across = (W + LANES - 1) / LANES, item = get_global_id(0), row = item / across;
-    if (row >= K * H) return;
-    const int k = row / H, y = row - k * H, x = LANES * (item - row * across);
+    GRID_PARTS_OF_ROWS(row, x, count, K * H, W)
+    const int k = row / H, y = row - k * H;
     floats total = 0.0f;
     for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy) {
         __global const float *line = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
@@ -53,7 +54,7 @@ LANED __kernel void look_around(
         }
     }
     const floats mean = total / (float)(AROUND * AROUND);
-    store_floats(mean, around + row * W + x, min(LANES, W - x));
+    store_floats(mean, around + row * W + x, count);
 }
 
 // 1, u, v, u^2, u v, v^2 at cells that follow one another.

@@ -247,7 +247,8 @@ def _launch(run: Launch) -> None:
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:
     shape = (run.sizes["K"], (height + 1) // 2, (width + 1) // 2)
     halved = run.scratch(shape)
-    run.kernel("halve", shape, light, halved, *shape, height, width)
+    parts_of_rows = shape[0] * shape[1] * -(-shape[2] // run.lanes)
+    run.kernel("halve", (parts_of_rows,), light, halved, *shape, height, width)
     return halved
 
 

@@ -58,8 +58,11 @@ class Prepared:
         """Work out all that the node's own kernel is launched with, buffers excepted."""
         node = self._node
         grid = tuple(self.sizes[symbol] for symbol in symbols)
+        lanes = self._device.lanes
         if node.lanes:
-            grid = (-(-math.prod(grid) // self._device.lanes),)
+            grid = (-(-math.prod(grid) // lanes),)
+        elif node.row_lanes:
+            grid = (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
         self._kernels = {np.dtype(np.float32): self._compiled.kernels[node.name]}
         self._local = local_size(len(grid))
         self._work_items = global_size(grid, self._local)

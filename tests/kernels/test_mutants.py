@@ -59,11 +59,11 @@ MUTANTS = {
     },
     "coarsen": {
         "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
-        "rows only": ("min(x + i, W - 1)", "x"),
-        "a column left out": ("+ sum.z", ""),
+        "rows only": ("total += every(sums, factor, j)", "total += every(sums, factor, 0)"),
+        "a column twice": ("return (float16)(a.s26ae", "return (float16)(a.s159d"),
         "the corner's neighbour": (
-            "row * factor * W + x]",
-            "row * factor * W + min(x + 1, W - 1)]",
+            "(column + l) * factor]",
+            "min((column + l) * factor + 1, W - 1)]",
         ),
         "beyond the border": ("min(row * factor + j, H - 1)", "(row * factor + j) % H"),
         "one plane for all": ("light + k * H * W", "light"),
@@ -87,6 +87,7 @@ MUTANTS = {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
         "variance instead": ("sqrt(variance)", "variance"),
         "of the image as captured": ("/ MORE_OF(rest, low)", ""),
+        "integers no fractions": ("over_full(TO_FLOATS(value))", "TO_FLOATS(value)"),
     },
     "lut_nearest": {
         "boxes too small to reach": (
