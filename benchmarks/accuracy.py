@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes import Labels
 from tactograph.nodes.cast_shadows import cast_shadows
 from tactograph.nodes.evaluate_shadow import evaluate_shadow

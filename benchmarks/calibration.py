@@ -17,8 +17,8 @@ import numpy as np
 from accuracy import PIXEL_MM, ROOT, measure, number, row
 
 from tactograph.graph import load
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes.read_capture import Layout, read_images
 
 RIGS = ("far28", "near33")

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.graph.strict_yaml import Place
 from tactograph.nodes.expose import expose
 from tactograph.nodes.height_slopes import height_slopes

@@ -25,8 +25,8 @@ from error_band import SHAPES as SIMULATED
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes.cast_shadows import cast_shadows
 from tactograph.nodes.shadow_confidence import shadow_confidence
 

@@ -26,8 +26,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tactograph.graph import Provenance, Session
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes import F4, U1
 from tactograph.nodes._frames import RawFrame
 from tactograph.nodes._live_picture import draw_touch, round_up

@@ -22,8 +22,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes.find_presses import find_presses
 from tactograph.nodes.fit_reflectance_map import (
     Bench,

@@ -21,9 +21,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from tactograph.graph.model import Graph
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.patch import apply_patch
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import Result, open_pipeline
+from tactograph.graph.run import Result
 from tactograph.graph.strict_yaml import Place
 from tactograph.nodes.write_result import LED_COLOURS
 

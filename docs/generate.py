@@ -8,8 +8,8 @@ from tactograph.graph.describe import describe, node_page
 from tactograph.graph.draw import to_mermaid
 from tactograph.graph.find import builtin_names, find_node
 from tactograph.graph.model import Graph
+from tactograph.graph.open import open_pipeline, placeholders
 from tactograph.graph.read import read_graph, shipped_names
-from tactograph.graph.run import open_pipeline, placeholders
 
 
 def write_nodes() -> None:

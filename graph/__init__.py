@@ -25,7 +25,8 @@ from tactograph.graph.tolerance import Close, Exact, Flips
 from tactograph.graph.wanted import EVERYTHING, Wanted
 
 if TYPE_CHECKING:
-    from tactograph.graph.run import Pipeline, load
+    from tactograph.graph.open import load
+    from tactograph.graph.run import Pipeline
 
 __all__ = [
     "EVERYTHING",
@@ -53,8 +54,12 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     # The planner pulls in networkx and pydantic; a node file needs neither.
-    if name in ("load", "Pipeline"):
-        from tactograph.graph import run
+    if name == "load":
+        from tactograph.graph.open import load
 
-        return getattr(run, name)
+        return load
+    if name == "Pipeline":
+        from tactograph.graph.run import Pipeline
+
+        return Pipeline
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

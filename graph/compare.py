@@ -17,8 +17,9 @@ from typing import Any
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.model import Graph
 from tactograph.graph.node import Node
+from tactograph.graph.open import open_pipeline, with_changes
 from tactograph.graph.plan import Step
-from tactograph.graph.run import Result, open_pipeline, with_changes
+from tactograph.graph.run import Result
 from tactograph.graph.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.views import save_views, views_of
 from tactograph.graph.whole import whole_files

@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import platform
 from dataclasses import dataclass
 from typing import Any
+
+_VERSIONS = (
+    "tactograph",
+    "numpy",
+    "scipy",
+    "pyopencl",
+    "pyvkfft",
+    "numba",
+    "opencv-contrib-python-headless",
+)
 
 
 @dataclass(frozen=True)
@@ -33,3 +45,14 @@ class Provenance:
             "warnings": self.warnings,
             "fallbacks": self.fallbacks,
         }
+
+
+def versions() -> dict[str, str]:
+    """The versions a result depends on."""
+    found = {"python": platform.python_version()}
+    for name in _VERSIONS:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found

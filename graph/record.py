@@ -13,8 +13,8 @@ from tactograph.graph.compare import Row, Study, content_hash
 from tactograph.graph.dump import dump_graph
 from tactograph.graph.errors import InputError
 from tactograph.graph.given import read_words
+from tactograph.graph.provenance import versions
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import versions
 from tactograph.graph.sweep import read_sweep
 from tactograph.graph.whole import whole_file
 

@@ -26,14 +26,14 @@ class RunOptions:
     def read(self, graph: str) -> Graph:
         """Read a graph with ``--set`` worked in."""
         from tactograph.graph.given import read_settings
+        from tactograph.graph.open import with_changes
         from tactograph.graph.read import read_graph
-        from tactograph.graph.run import with_changes
 
         return with_changes(read_graph(graph), read_settings(self.settings))
 
     def open(self, graph: Graph, given: Mapping[str, Any], *, sinks: bool = True) -> Pipeline:
         """Plan and compile a graph where the options say."""
-        from tactograph.graph.run import open_pipeline
+        from tactograph.graph.open import open_pipeline
 
         return open_pipeline(
             graph,

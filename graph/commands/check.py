@@ -13,9 +13,9 @@ import click
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
     from tactograph.graph.given import read_settings
+    from tactograph.graph.open import open_device, placeholders, with_changes
     from tactograph.graph.plan import make_plan
     from tactograph.graph.read import read_graph
-    from tactograph.graph.run import open_device, placeholders, with_changes
 
     read = with_changes(read_graph(graph), read_settings(settings))
     bound = any(entry.backend == "opencl" for entry in read.nodes.values())

@@ -24,7 +24,7 @@ def command(
     """Draw the plan of GRAPH: nodes by back end, and the transfers between them."""
     from tactograph.graph.draw import to_dot, to_mermaid
     from tactograph.graph.errors import InputError
-    from tactograph.graph.run import placeholders
+    from tactograph.graph.open import placeholders
     from tactograph.graph.whole import whole_file
 
     read = options.read(graph)

@@ -21,7 +21,7 @@ def command(
     from rich.table import Table
 
     from tactograph.graph.given import read_words
-    from tactograph.graph.run import placeholders
+    from tactograph.graph.open import placeholders
 
     read = options.read(graph)
     given = {**placeholders(read), **read_words(read, values)}

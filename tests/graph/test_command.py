@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from tactograph.graph import command, run
+from tactograph.graph import command
 from tactograph.graph.commands.run import _in_rows
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph, shipped_names
-from tactograph.graph.run import open_pipeline
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
 
 WRITING = """
@@ -204,7 +204,9 @@ def test_a_warning_is_printed_once(toys: list[str], tactograph: Command, write: 
 def test_a_fallback_is_one_line_on_the_terminal(
     toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, "no OpenCL device works"))
+    monkeypatch.setattr(
+        "tactograph.graph.open.choose_device", lambda text=None: (None, "no OpenCL device works")
+    )
     done = tactograph("run", write(STREAM))
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
     assert (done.code, done.err) == (0, f"fallback: {line}\n")
@@ -223,7 +225,9 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, "no OpenCL device works"))
+    monkeypatch.setattr(
+        "tactograph.graph.open.choose_device", lambda text=None: (None, "no OpenCL device works")
+    )
     file = write(WRITING)
     out = tmp_path / "out"
     done = tactograph("run", file, f"capture={captures}", f"file={height_file}", f"out={out}")
@@ -394,7 +398,7 @@ def test_explain_prints_brackets_as_they_are(
     tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
-    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, why))
+    monkeypatch.setattr("tactograph.graph.open.choose_device", lambda text=None: (None, why))
     assert "tactograph[vkfft]" in " ".join(tactograph("explain", write(SLOPES)).out.split())
 
 

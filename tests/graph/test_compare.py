@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from tactograph.graph import compare, run
+from tactograph.graph import compare
+from tactograph.graph.open import open_pipeline
 from tests.graph.conftest import Command, Write
 
 GRAPH = """
@@ -125,7 +126,7 @@ def test_a_run_that_fails_does_not_end_the_rest(
     failure: str,
 ) -> None:
     if failure == "the engine":
-        ordinary = run.open_pipeline
+        ordinary = open_pipeline
 
         def broken(graph: Any, *args: Any, **keywords: Any) -> Any:
             if graph.name == "third":
@@ -159,7 +160,9 @@ def test_a_fallback_is_told(
     write: Write,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, "no OpenCL device works"))
+    monkeypatch.setattr(
+        "tactograph.graph.open.choose_device", lambda text=None: (None, "no OpenCL device works")
+    )
     graph = write(GRAPH.replace("prefer: [numpy]\n", ""), "first.yaml")
     done = tactograph("compare", graph, "--over", captures[0], "--out", tmp_path / "report")
     line = "light runs on numba: opencl is preferred, but no OpenCL device works"

@@ -11,9 +11,9 @@ import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.draw import edges, to_dot, to_mermaid
+from tactograph.graph.open import placeholders
 from tactograph.graph.plan import Plan, make_plan
 from tactograph.graph.read import read_graph, shipped_names
-from tactograph.graph.run import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 

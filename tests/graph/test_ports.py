@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.graph import GraphError, Port
+from tactograph.graph.open import placeholders
 from tactograph.graph.plan import make_plan
 from tactograph.graph.ports import is_record, read_port, record_ports
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tactograph.graph import GraphError, InputError, NodeError, load, run
+from tactograph.graph import InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import Pipeline, open_pipeline, with_changes
+from tactograph.graph.run import Pipeline
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "numba", "opencl"])
@@ -22,11 +23,6 @@ WAITING = STREAM.replace(", default: 3}", "}")
 
 def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
     return open_pipeline(read_graph(graph), given, backend=backend)
-
-
-@pytest.fixture
-def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, "choose_device", lambda text=None: (None, "no OpenCL device works"))
 
 
 @BACKENDS
@@ -164,19 +160,6 @@ def test_a_pipeline_with_a_stream_of_its_own_is_not_called(toys: list[str], writ
     with pytest.raises(InputError, match=r"'frames' yields a stream of its own; go through items"):
         pipeline()
     assert len(list(pipeline.items())) == 2
-
-
-def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) -> None:
-    load(write(WAITING), backend="numpy")(frames=np.ones((3, 4, 5), np.float32))
-    assert not [word for word in toys if word.startswith("noted")]
-
-
-def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
-    pipeline = load("reconstruct", backend="numpy", calibration="no.npz", outputs=["slope"])
-    assert "slope" in pipeline.plan.tasks
-    assert not {"raw", "height", "score"} & set(pipeline.plan.tasks)
-    with pytest.raises(InputError, match=r"has no output 'hight'; did you mean 'height'\?"):
-        load("reconstruct", backend="numpy", calibration="no.npz", outputs=["hight"])
 
 
 def test_an_optional_input_of_a_stand_in_is_absent(toys: list[str], write: Write) -> None:
@@ -343,84 +326,6 @@ def test_a_warning_is_in_the_result_and_said_once(toys: list[str], write: Write)
     text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
     results = list(opened(write(text)).items())
     assert [result.warnings for result in results] == [["a warning"]] * 3
-
-
-def test_a_fallback_is_in_the_plan(toys: list[str], write: Write, no_device: None) -> None:
-    pipeline = opened(write(STREAM), None)
-    assert pipeline.plan.fallbacks == [
-        "light runs on numpy: opencl is preferred, but no OpenCL device works"
-    ]
-    assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
-
-
-def test_strict_refuses_a_fallback(toys: list[str], write: Write, no_device: None) -> None:
-    with pytest.raises(InputError, match="--strict: light runs on numpy: opencl is preferred"):
-        load(write(WAITING), strict=True)
-
-
-def test_strict_is_content_where_nothing_falls_back(toys: list[str], write: Write) -> None:
-    load(write(WAITING), strict=True)
-    load(write(WAITING), strict=True, backend="numpy")
-
-
-def test_opencl_that_was_demanded_and_is_not_there_is_an_error(
-    toys: list[str], write: Write, no_device: None
-) -> None:
-    with pytest.raises(InputError, match="--backend opencl: no OpenCL device works"):
-        load(write(WAITING), backend="opencl")
-
-
-def test_a_back_end_that_does_not_exist_is_refused(toys: list[str], write: Write) -> None:
-    with pytest.raises(InputError, match="there is no back end 'cuda'"):
-        load(write(WAITING), backend="cuda")
-
-
-def test_a_device_that_does_not_exist_is_refused(toys: list[str], write: Write) -> None:
-    with pytest.raises(InputError, match="no OpenCL device's name contains 'abacus'"):
-        load(write(WAITING), device="abacus")
-
-
-def test_numpy_looks_for_no_device(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(run, "choose_device", None)
-    assert load(write(WAITING), backend="numpy").plan.device is None
-
-
-def test_changes_change_parameters_of_nodes(toys: list[str], write: Write) -> None:
-    pipeline = load(write(WAITING), backend="numpy", changes={"cal.level": 0.5})
-    assert float(pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max()) == 2
-
-
-@pytest.mark.parametrize(
-    ("target", "message"),
-    [
-        ("call.level", "--set: call.level: set: there is no node 'call'; did you mean 'cal'?"),
-        ("cal", "--set cal: write it as node.param=value"),
-        ("cal.", "--set cal.: write it as node.param=value"),
-    ],
-)
-def test_a_change_of_what_is_not_there_is_refused(
-    toys: list[str], write: Write, target: str, message: str
-) -> None:
-    with pytest.raises(InputError) as caught:
-        with_changes(read_graph(write(STREAM)), {target: 1})
-    assert str(caught.value) == message
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"cal.levle": 1}, "--set: cal.levle: node 'at_rest' has no parameter 'levle'; did you"),
-        ({"cal.level": "x"}, "--set: cal.level: input should be a valid number"),
-    ],
-)
-def test_a_change_that_is_wrong_is_blamed_on_the_change(
-    toys: list[str], write: Write, change: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(GraphError) as caught:
-        load(write(WAITING), backend="numpy", changes=change)
-    assert str(caught.value).startswith(message)
 
 
 def test_pipelines_of_several_threads_do_not_disturb_one_another(

@@ -16,8 +16,8 @@ from PIL import Image
 from surfalize import Surface
 
 from tactograph.graph import InputError
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes._height_files import PNG_TEXT, WRITERS, read_tmd, write_tmd
 from tactograph.nodes.export_height import export_height

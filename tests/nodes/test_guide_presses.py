@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import EndOfStream, InputError
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes import Metrics
 from tactograph.nodes.end_when_good import end_when_good
 from tactograph.nodes.guide_presses import guide_presses

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import Result, open_pipeline
+from tactograph.graph.run import Result
 from tactograph.nodes import F4
 from tactograph.nodes.advise_press import advise_press
 from tactograph.nodes.ball_slopes import ball_slopes

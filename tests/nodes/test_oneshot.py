@@ -11,8 +11,8 @@ import pytest
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes._reflectance_map import SHADES, TERMS, ball_shape, shades, terms
 from tactograph.nodes.find_ball import find_ball
 from tactograph.nodes.find_presses import find_presses

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactograph.graph.open import open_pipeline
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import open_pipeline
 from tactograph.nodes._mcap_log import log_files
 from tactograph.nodes._mcap_read import McapFile
 from tests.graph.conftest import Command, tactograph

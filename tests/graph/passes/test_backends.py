@@ -12,9 +12,9 @@ import pytest
 from tactograph.graph import GraphError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.find import builtin_names, find_node
+from tactograph.graph.open import placeholders
 from tactograph.graph.plan import Plan, make_plan
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 ABSENT = "no OpenCL device works here"

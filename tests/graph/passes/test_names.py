@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from tactograph.graph import GraphError, InputError
+from tactograph.graph.open import placeholders
 from tactograph.graph.passes.names import bind
 from tactograph.graph.plan import Draft, Value
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.open import placeholders
 from tactograph.graph.plan import Plan, Value, make_plan
 from tactograph.graph.read import read_graph, shipped_names
-from tactograph.graph.run import placeholders
 from tests.graph.conftest import STREAM, Write
 
 

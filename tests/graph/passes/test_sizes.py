@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tactograph.graph import GraphError, InputError
+from tactograph.graph.open import placeholders
 from tactograph.graph.passes.sizes import Bound, Symbol
 from tactograph.graph.plan import Plan, make_plan
 from tactograph.graph.read import read_graph
-from tactograph.graph.run import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 
