@@ -15,12 +15,24 @@
 #define UNKNOWN 1e12f
 #define TINY 1e-20f
 
+// Vectors of LANES pixels that are done side by side, since one's long chain of operations waits
+// less if others are under way; and vectors that a work-item does.
+#if LANES == 1
+#define RUN 1
+#define SHARE 1
+#else
+#define RUN 4
+#define SHARE 32
+#endif
+
 // Pixels under all LEDs: light, its standard deviation, one over its variance, and the vectors
-// of equation N1.
+// of equation N1; the normal believed in before; the LEDs that surely do not reach, as bits, and
+// those of them that have to be left out.
 typedef struct {
     int K;
     floats light[MOST], sigma[MOST], weight[MOST];
-    Vector vector[MOST];
+    Vector vector[MOST], believed;
+    ints below, forced;
 } Pixels;
 
 typedef struct {
@@ -36,6 +48,37 @@ typedef struct {
 typedef struct {
     floats xx, xy, xz, yy, yz, zz;
 } Symmetric;
+
+// Sums of w v v' and of w m v, times `scale`, which is one over the trace of the first: so that
+// products stay small.
+typedef struct {
+    Symmetric a;
+    Vector b;
+    floats scale;
+} Equations;
+
+// The best so far: normals, the LEDs used, what the choice costs, and its sum of squares.
+typedef struct {
+    Normals normals;
+    ints used;
+    floats cost, misfit;
+} Choice;
+
+typedef struct {
+    __global const float *light, *sigma, *lights, *height, *prior;
+    float pixel;
+    int K, H, W;
+} Frame;
+
+typedef struct {
+    __global float *slope, *twin, *variance, *misfit;
+    __global uchar *used, *shadow;
+} Made;
+
+typedef struct {
+    int pair, dark;
+    float floor_, price, one_sided, steepest;
+} Rules;
 
 static floats dot_(const Vector a, const Vector b)
 {
@@ -126,9 +169,7 @@ static Vector gauss_newton(
     return turned;
 }
 
-// The unit normal from three LEDs or more: the normal equations are the sums of w v v' and of
-// w m v, over the trace of the first so that products stay small.
-static Vector least_squares(const Pixels *pixels, const int used)
+static Equations normal_equations(const Pixels *pixels, const int used)
 {
     Symmetric a = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     Vector b = {0.0f, 0.0f, 0.0f};
@@ -146,12 +187,27 @@ static Vector least_squares(const Pixels *pixels, const int used)
             b.z += w.z * pixels->light[k];
         }
     const floats scale = 1.0f / (a.xx + a.yy + a.zz);
-    const Symmetric over_trace = {a.xx * scale, a.xy * scale, a.xz * scale,
-                                  a.yy * scale, a.yz * scale, a.zz * scale};
-    b = scaled(b, scale);
-    Vector normal = visible(unit(solution(over_trace, b)));
-    for (int step = 0; step < STEPS; ++step)
-        normal = unit(visible(gauss_newton(over_trace, b, scale, normal)));
+    const Equations made = {{a.xx * scale, a.xy * scale, a.xz * scale,
+                             a.yy * scale, a.yz * scale, a.zz * scale}, scaled(b, scale), scale};
+    return made;
+}
+
+static Vector linear(const Equations *made)
+{
+    return visible(unit(solution(made->a, made->b)));
+}
+
+static Vector step_from(const Equations *made, const Vector n)
+{
+    return unit(visible(gauss_newton(made->a, made->b, made->scale, n)));
+}
+
+// The unit normal from three LEDs or more.
+static Vector least_squares(const Pixels *pixels, const int used)
+{
+    const Equations made = normal_equations(pixels, used);
+    Vector normal = linear(&made);
+    for (int step = 0; step < STEPS; ++step) normal = step_from(&made, normal);
     return normal;
 }
 
@@ -166,8 +222,7 @@ static floats lit_behind(const Pixels *pixels, const int used, const Vector n)
 }
 
 // The two unit normals that two LEDs allow, the likelier first.
-static Normals pair_of(
-    const Pixels *pixels, const int used, const int attached, const Vector prior)
+static Normals pair_of(const Pixels *pixels, const int used, const int attached)
 {
     int i = -1, j = -1;
     for (int k = 0; k < pixels->K; ++k)
@@ -192,7 +247,7 @@ static Normals pair_of(
         const floats a = lit_behind(pixels, used, first), b = lit_behind(pixels, used, second);
         take = fabs(a - b) < ALIKE ? flatter : a < b;
     } else {
-        take = dot_(first, prior) >= dot_(second, prior);
+        take = dot_(first, pixels->believed) >= dot_(second, pixels->believed);
     }
     take = MORE_OF(first.z, second.z) > AT_REST ? flatter : take;
     const Normals found = {visible(chosen_of(take, first, second)),
@@ -250,8 +305,232 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     return dim;
 }
 
-// The set of LEDs that explains a pixel best, and the slope that follows.
-__kernel void label_lights(
+// The sum of squares over the LEDs that are lit.
+static floats squares_of(const Pixels *pixels, const int lit, const Vector normal)
+{
+    floats squares = 0.0f;
+    for (int k = 0; k < pixels->K; ++k)
+        if (lit >> k & 1) {
+            const floats away = pixels->light[k] - dot_(pixels->vector[k], normal);
+            squares += pixels->weight[k] * away * away;
+        }
+    return squares;
+}
+
+// How much brighter the LEDs left out are than a shadow.
+static floats excess_of(
+    const Pixels *pixels, const int lit, const Vector normal, const float one_sided)
+{
+    const floats none = 0.0f;
+    floats excess = 0.0f;
+    for (int k = 0; k < pixels->K; ++k)
+        if (!(lit >> k & 1)) {
+            const floats light = pixels->light[k], sigma = pixels->sigma[k];
+            const floats over = light - at_least(0.0f, dot_(pixels->vector[k], normal));
+            const floats spread = sqrt(sigma * sigma + STRAY * STRAY);
+            const floats bright = at_least(0.0f, over / spread + one_sided);
+            const floats much = light * (1.0f / SHADE);
+            excess += (pixels->below & (1 << k)) != 0 ? none : bright * bright + much * much;
+        }
+    return excess;
+}
+
+// What follows from the light, its spread, and the pixels' places, once these are known.
+static void prepare(
+    Pixels *here, const Frame *frame, const Rules *rules, const floats x, const floats y,
+    const floats z)
+{
+    const ints nothing = 0;
+    ints below = 0;
+    for (int k = 0; k < frame->K; ++k) {
+        const ints bit = 1 << k;
+        here->sigma[k] = at_least(1e-5f, here->sigma[k]);
+        here->weight[k] = 1.0f / (here->sigma[k] * here->sigma[k]);
+        here->vector[k] = light_vector(frame->lights + 3 * k, x, y, z);
+        below |= here->light[k] < rules->floor_ * here->sigma[k] ? bit : nothing;
+    }
+    here->K = frame->K;
+    here->below = below;
+    here->forced = rules->dark > 0 ? below : nothing;
+}
+
+// Pixels that follow one another, `count` of them.
+static void load_run(
+    Pixels *here, const Frame *frame, const Rules *rules, const int at, const int count)
+{
+    const int size = frame->H * frame->W;
+    floats x, y;
+    places(at, frame->H, frame->W, frame->pixel, &x, &y);
+    for (int k = 0; k < frame->K; ++k) {
+        here->light[k] = load_floats(frame->light + k * size + at, count);
+        here->sigma[k] = load_floats(frame->sigma + k * size + at, count);
+    }
+    prepare(here, frame, rules, x, y, load_floats(frame->height + at, count));
+}
+
+static floats load_any(__global const float *from, const int *at)
+{
+    float found[LANES];
+    for (int l = 0; l < LANES; ++l) found[l] = from[at[l]];
+    return LOAD_LANES(found);
+}
+
+// Pixels that lie anywhere.
+static void load_list(Pixels *here, const Frame *frame, const Rules *rules, const int *at)
+{
+    const int size = frame->H * frame->W;
+    const ints where = LOAD_LANES(at), one = 1, none = 0;
+    // A division of integers is done lane by lane; this may be off by one.
+    ints row = TO_INTS(TO_FLOATS(where) * (1.0f / (float)frame->W));
+    row += where - row * frame->W >= frame->W ? one : none;
+    row -= where - row * frame->W < 0 ? one : none;
+    const floats column = TO_FLOATS(where - row * frame->W);
+    const floats x = (column - 0.5f * (float)(frame->W - 1)) * frame->pixel;
+    const floats y = (TO_FLOATS(row) - 0.5f * (float)(frame->H - 1)) * frame->pixel;
+    for (int k = 0; k < frame->K; ++k) {
+        here->light[k] = load_any(frame->light + k * size, at);
+        here->sigma[k] = load_any(frame->sigma + k * size, at);
+    }
+    prepare(here, frame, rules, x, y, load_any(frame->height, at));
+    here->believed.z = 1.0f;
+    if (!rules->pair) {
+        here->believed.x = -load_any(frame->prior, at);
+        here->believed.y = -load_any(frame->prior + size, at);
+    }
+}
+
+// To pixels that follow one another, or lie anywhere.
+static void put(
+    const floats value, __global float *to, const int first, const int count, const int *at)
+{
+    if (!at) {
+        store_floats(value, to + first, count);
+        return;
+    }
+    float lanes[LANES];
+    STORE_LANES(value, lanes);
+    for (int l = 0; l < count; ++l) to[at[l]] = lanes[l];
+}
+
+static void put_bytes(
+    const ints value, __global uchar *to, const int first, const int count, const int *at)
+{
+    if (!at) {
+        store_bytes(value, to + first, count);
+        return;
+    }
+    int lanes[LANES];
+    STORE_LANES(value, lanes);
+    for (int l = 0; l < count; ++l) to[at[l]] = (uchar)lanes[l];
+}
+
+static void put_choice(
+    const Made *made, const Frame *frame, const Rules *rules, const Pixels *here,
+    const Choice *best, const int first, const int count, const int *at)
+{
+    const int size = frame->H * frame->W, all = (1 << frame->K) - 1;
+    const Vector normal = best->normals.normal;
+    const Slope found = slope_of(normal, rules->steepest);
+    if (made->slope) {
+        put(found.p, made->slope, first, count, at);
+        put(found.q, made->slope + size, first, count, at);
+    }
+    if (made->twin) {
+        const Slope other = slope_of(best->normals.twin, rules->steepest);
+        put(other.p, made->twin, first, count, at);
+        put(other.q, made->twin + size, first, count, at);
+    }
+    if (made->variance) {
+        const Slope spread = variance_of(here, best->used, normal, found);
+        put(spread.p, made->variance, first, count, at);
+        put(spread.q, made->variance + size, first, count, at);
+    }
+    if (made->used) put_bytes(best->used, made->used, first, count, at);
+    if (made->shadow) {
+        ints dim = 0;
+        if (ANY(best->used != all)) {
+            dim = dim_of(here, normal) & ~best->used;
+            dim = best->used == 0 ? here->forced : dim;
+        }
+        put_bytes(dim, made->shadow, first, count, at);
+    }
+    if (made->misfit) put(best->misfit, made->misfit, first, count, at);
+}
+
+// Take every LED to reach `count` pixels, RUN LANES at most; add those that another set may
+// explain better to a list, and return how long it is.
+static int all_lit(
+    const Made *made, const Frame *frame, const Rules *rules, const int start, const int count,
+    int *doubtful, int number)
+{
+    const int all = (1 << frame->K) - 1, vectors = (count + LANES - 1) / LANES;
+    Pixels here[RUN];
+    Equations equations[RUN];
+    Vector normal[RUN];
+    floats squares[RUN];
+    for (int r = 0; r < vectors; ++r) {
+        const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
+        load_run(&here[r], frame, rules, start + r * LANES, filled);
+    }
+    for (int r = 0; r < vectors; ++r) equations[r] = normal_equations(&here[r], all);
+    for (int r = 0; r < vectors; ++r) normal[r] = linear(&equations[r]);
+    for (int step = 0; step < STEPS; ++step)
+        for (int r = 0; r < vectors; ++r) normal[r] = step_from(&equations[r], normal[r]);
+    for (int r = 0; r < vectors; ++r) squares[r] = squares_of(&here[r], all, normal[r]);
+    for (int r = 0; r < vectors; ++r) {
+        const int at = start + r * LANES;
+        const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
+        const Choice lit = {{normal[r], normal[r]}, all, squares[r], squares[r]};
+        put_choice(made, frame, rules, &here[r], &lit, at, filled, 0);
+        // Leaving an LED out costs its price at least.
+        const ints doubt = (here[r].forced != 0) | !(squares[r] <= rules->price);
+        if (!ANY(doubt)) continue;
+        int lanes[LANES];
+        STORE_LANES(doubt, lanes);
+        for (int l = 0; l < filled; ++l)
+            if (lanes[l]) doubtful[number++] = at + l;
+    }
+    return number;
+}
+
+// The set of LEDs that explains some pixels best, LANES of them at most.
+static void any_set(
+    const Made *made, const Frame *frame, const Rules *rules, const int *list, const int count)
+{
+    const int K = frame->K, all = (1 << K) - 1;
+    int at[LANES];
+    for (int l = 0; l < LANES; ++l) at[l] = list[min(l, count - 1)];
+    Pixels here;
+    load_list(&here, frame, rules, at);
+    const ints most = popcount(here.forced) + rules->dark;
+    Choice best = {{{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}}, 0, INFINITY, 0.0f};
+    for (int number = 0; number <= K - 2 && ANY(best.cost > rules->price * number); ++number) {
+        for (int out = (1 << number) - 1; out <= all; out = number ? next_set(out) : all + 1) {
+            const ints open = (best.cost > rules->price * number) & (most >= number)
+                & ((here.forced & ~out) == 0);
+            if (!ANY(open)) continue;
+            const int lit = all & ~out;
+            const ints labels = lit;
+            Normals tried;
+            if (number < K - 2) tried.normal = tried.twin = least_squares(&here, lit);
+            else tried = pair_of(&here, lit, rules->pair);
+            const floats squares = squares_of(&here, lit, tried.normal);
+            const floats excess = excess_of(&here, lit, tried.normal, rules->one_sided);
+            const floats cost = squares + rules->price * number + excess;
+            const ints better = open & (cost < best.cost);
+            best.cost = better ? cost : best.cost;
+            best.misfit = better ? squares : best.misfit;
+            best.used = better ? labels : best.used;
+            best.normals.normal = chosen_of(better, tried.normal, best.normals.normal);
+            best.normals.twin = chosen_of(better, tried.twin, best.normals.twin);
+        }
+    }
+    put_choice(made, frame, rules, &here, &best, 0, count, at);
+}
+
+// The set of LEDs that explains a pixel best, and the slope that follows; see
+// nodes/label_lights.py.  Most pixels are lit by all LEDs, and the others are done together.
+LANED __kernel void label_lights(
     __global const float *restrict light,
     __global const float *restrict sigma,
     __global const float *restrict lights,
@@ -272,88 +551,18 @@ __kernel void label_lights(
     const float one_sided,
     const float steepest)
 {
-    GRID_LANES(at, count, H * W)
-    const int size = H * W, all = (1 << K) - 1;
-    const floats none = 0.0f;
-    const ints nothing = 0;
-    floats x, y;
-    places(at, H, W, pixel, &x, &y);
-    const floats z = load_floats(height + at, count);
-    Vector believed = {0.0f, 0.0f, 1.0f};
-    if (!pair) {
-        believed.x = -load_floats(prior + at, count);
-        believed.y = -load_floats(prior + size + at, count);
-    }
-    Pixels here;
-    here.K = K;
-    ints below = 0;
-    for (int k = 0; k < K; ++k) {
-        const ints bit = 1 << k;
-        here.light[k] = load_floats(light + k * size + at, count);
-        here.sigma[k] = at_least(1e-5f, load_floats(sigma + k * size + at, count));
-        here.weight[k] = 1.0f / (here.sigma[k] * here.sigma[k]);
-        here.vector[k] = light_vector(lights + 3 * k, x, y, z);
-        below |= here.light[k] < floor_ * here.sigma[k] ? bit : nothing;
-    }
-    const ints forced = dark > 0 ? below : nothing, most = popcount(forced) + dark;
-    floats best = INFINITY, best_misfit = 0.0f;
-    ints best_used = 0;
-    Normals best_normals = {{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}};
-    for (int number = 0; number <= K - 2 && ANY(best > price * number); ++number) {
-        for (int out = (1 << number) - 1; out <= all; out = number ? next_set(out) : all + 1) {
-            const ints open = (best > price * number) & (most >= number) & ((forced & ~out) == 0);
-            if (!ANY(open)) continue;
-            const int lit = all & ~out;
-            Normals tried;
-            if (number < K - 2) tried.normal = tried.twin = least_squares(&here, lit);
-            else tried = pair_of(&here, lit, pair, believed);
-            floats squares = 0.0f, excess = 0.0f;
-            for (int k = 0; k < K; ++k) {
-                const floats predicted = dot_(here.vector[k], tried.normal);
-                if (lit >> k & 1) {
-                    const floats away = here.light[k] - predicted;
-                    squares += here.weight[k] * away * away;
-                } else {
-                    const floats over = here.light[k] - at_least(0.0f, predicted);
-                    const floats spread = sqrt(here.sigma[k] * here.sigma[k] + STRAY * STRAY);
-                    const floats bright = at_least(0.0f, over / spread + one_sided);
-                    const floats lit = here.light[k] * (1.0f / SHADE);
-                    excess += (below & (1 << k)) != 0 ? none : bright * bright + lit * lit;
-                }
-            }
-            const floats cost = squares + price * number + excess;
-            const ints better = open & (cost < best);
-            const ints labels = lit;
-            best = better ? cost : best;
-            best_misfit = better ? squares : best_misfit;
-            best_used = better ? labels : best_used;
-            best_normals.normal = chosen_of(better, tried.normal, best_normals.normal);
-            best_normals.twin = chosen_of(better, tried.twin, best_normals.twin);
-        }
-    }
-    const Slope found = slope_of(best_normals.normal, steepest);
-    if (slope) {
-        store_floats(found.p, slope + at, count);
-        store_floats(found.q, slope + size + at, count);
-    }
-    if (twin) {
-        const Slope other = slope_of(best_normals.twin, steepest);
-        store_floats(other.p, twin + at, count);
-        store_floats(other.q, twin + size + at, count);
-    }
-    if (variance) {
-        const Slope spread = variance_of(&here, best_used, best_normals.normal, found);
-        store_floats(spread.p, variance + at, count);
-        store_floats(spread.q, variance + size + at, count);
-    }
-    if (used) store_bytes(best_used, used + at, count);
-    if (shadow) {
-        ints dim = 0;
-        if (ANY(best_used != all)) {
-            dim = dim_of(&here, best_normals.normal) & ~best_used;
-            dim = best_used == 0 ? forced : dim;
-        }
-        store_bytes(dim, shadow + at, count);
-    }
-    if (misfit) store_floats(best_misfit, misfit + at, count);
+    // One work-item does what is its own and that of those after it.
+    const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);
+    if (item % SHARE) return;
+    const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
+    const Made made = {slope, twin, variance, misfit, used, shadow};
+    const Rules rules = {pair, dark, floor_, price, one_sided, steepest};
+    int doubtful[SHARE * LANES], number = 0;
+    for (int at = LANES * item; at < end; at += RUN * LANES)
+        // That a run is whole is known to the compiler where it is.
+        number = end - at >= RUN * LANES
+            ? all_lit(&made, &frame, &rules, at, RUN * LANES, doubtful, number)
+            : all_lit(&made, &frame, &rules, at, end - at, doubtful, number);
+    for (int i = 0; i < number; i += LANES)
+        any_set(&made, &frame, &rules, doubtful + i, min(LANES, number - i));
 }
