@@ -30,6 +30,15 @@ __kernel void divide(
     spectrum[i] = spectrum[i] * inverse[i] * pixel;
 }
 
+// Rows become columns, and the last plane the first: the slopes of an image that is turned over.
+__kernel void turn_over(
+    __global const float *restrict planes, __global float *restrict turned, const int count,
+    const int H, const int W)
+{
+    GRID_3(k, y, x, count, H, W)
+    turned[((count - 1 - k) * W + x) * H + y] = planes[(k * H + y) * W + x];
+}
+
 // Twice the same divergence for pixels that follow one another in a row: a pixel's own slope
 // cancels, except at the border.
 static floats twice_divergence(

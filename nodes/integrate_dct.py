@@ -8,9 +8,12 @@ import numpy as np
 from scipy.fft import dctn, idctn
 
 from tactograph.graph import Close, node
-from tactograph.graph.backends.launch import Launch
+from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes._fourier import REQUIRES, cosine_transform
+
+SMALL_PRIME = 64
+"""Up to this one a prime factor costs less than turning an image over."""
 
 
 @node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
@@ -91,23 +94,47 @@ def _launch(run: Launch) -> None:
 
 
 def _launch_in_lanes(run: Launch) -> None:
+    """Turn the image over first where a large prime divides its height, but not its width."""
+    height, width = run.sizes["H"], run.sizes["W"]
+    slope, out = run.inputs["slope"], run.outputs["integrate_dct"]
+    if _largest_prime(height) <= max(SMALL_PRIME, _largest_prime(width)):
+        _integrate(run, slope, out)
+        return
+    slope_turned, turned = run.scratch((2, width, height)), run.scratch((width, height))
+    run.kernel("turn_over", slope.shape, slope, slope_turned, 2, height, width)
+    _integrate(run, slope_turned, turned)
+    run.kernel("turn_over", (1, width, height), turned, out, 1, width, height)
+
+
+def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
     """Transform the columns alone; along the rows each frequency is a tridiagonal system.
 
     Half the transforms, for one sweep to the right and one to the left.
     """
-    height, width = shape = run.sizes["H"], run.sizes["W"]
+    height, width = shape = out.shape[0], out.shape[1]
     turns = run.keep(("turns", height), lambda: run.upload(_turns(height)))
     pivots = run.keep(("pivots", shape), lambda: run.upload(_pivots(shape)))
     pairs = -(-width // (2 * run.lanes))
     scratch = run.scratch((pairs, 2, height, 2, run.lanes))
     spectrum = run.scratch((width, height))
-    slope, out = run.inputs["slope"], run.outputs["integrate_dct"]
     # Kernels leave a factor of four, two of the divergence and two of the transform.
     to_mm = 0.25 * float(run.inputs["pixel"])
     grid = (-(-height // run.lanes),)
     run.kernel("transform", (pairs,), slope, turns, scratch, spectrum, height, width, local=(1,))
     run.kernel("solve", grid, spectrum, pivots, height, width, to_mm, local=(1,))
     run.kernel("transform_back", (pairs,), spectrum, turns, scratch, out, height, width, local=(1,))
+
+
+@lru_cache(maxsize=8)
+def _largest_prime(number: int) -> int:
+    """Which the time of a transform grows with."""
+    factor, rest = 2, number
+    while factor * factor <= rest:
+        if rest % factor:
+            factor += 1
+        else:
+            rest //= factor
+    return rest
 
 
 def _turns(count: int) -> F4:

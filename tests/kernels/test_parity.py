@@ -50,6 +50,12 @@ def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
         assert compare(node, device, other) is None, str(other)
 
 
+def test_an_image_whose_height_is_prime_is_turned_over(device: OpenCL) -> None:
+    node = find_node("integrate_dct")
+    for case in cases(node, shapes=((67, 48), (71, 70))):
+        assert compare(node, device, case) is None, str(case)
+
+
 def test_a_large_frame_is_looked_up_in_many_cells(device: OpenCL) -> None:
     node = find_node("lut_nearest")
     for case in cases(node, shapes=((190, 180),))[:6]:
