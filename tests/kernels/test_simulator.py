@@ -13,39 +13,50 @@ from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.find import builtin_names, find_node
 
 SCRIPT = """
+import ast
 import sys
 from tactograph.graph.backends import opencl
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.find import find_node
 from tactograph.graph.parity import cases, compare
 
-name, lanes, before, after = sys.argv[1:5]
+name, lanes, shape, before, after = sys.argv[1:6]
 device = opencl.OpenCL(choose_device("oclgrind")[0], lanes=int(lanes))
 if before:
     source = opencl.kernel_source
     opencl.kernel_source = lambda node: source(node).replace(before, after)
 node = find_node(name)
-for case in cases(node, shapes=((1, 1), (3, 5)))[:8]:
+small = cases(node, shapes=((1, 1), (3, 5)))[:8]
+for case in cases(node, shapes=(ast.literal_eval(shape),))[:1] if shape else small:
     wrong = compare(node, device, case)
     assert wrong is None or before, f"{case}: {wrong}"
 """
 # Optimised, a kernel holds vector shuffles that the simulator fails on, and fewer reads.
 AS_WRITTEN = {"PYOPENCL_NO_CACHE": "1", "PYOPENCL_BUILD_OPTIONS": "-cl-opt-disable"}
+NODES = [find_node(name) for name in builtin_names() if find_node(name).has_kernel]
 # VkFFT's own kernels are not ours to prove, and take minutes in a simulator.
-OURS = [
-    name
-    for name in builtin_names()
-    if find_node(name).has_kernel and find_node(name).requires is None
+OURS = [node.name for node in NODES if node.requires is None]
+LANED = [
+    node.name
+    for node in NODES
+    if (node.requires is None or node.own_lanes) and "LANES" in kernel_source(node)
 ]
 
 
-def simulate(name: str, log: Path, before: str = "", after: str = "", lanes: int = 1) -> str:
-    """Run a node's parity cases in the simulator and return what it complained of."""
+def simulate(
+    name: str,
+    log: Path,
+    before: str = "",
+    after: str = "",
+    lanes: int = 1,
+    shape: tuple[int, int] | None = None,
+) -> str:
+    """Run a node's small parity cases, or one of `shape`, and return what the simulator says."""
     checks = {"OCLGRIND_DATA_RACES": "1", "OCLGRIND_LOG": str(log)}
     if lanes == 1:  # the check does not know the built-in functions of 16 lanes
         checks["OCLGRIND_UNINITIALIZED"] = "1"
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, name, str(lanes), before, after],
+        [sys.executable, "-c", SCRIPT, name, str(lanes), str(shape or ""), before, after],
         env={**os.environ, **checks, **AS_WRITTEN},
         capture_output=True,
         text=True,
@@ -61,9 +72,19 @@ def test_a_kernel_is_clean(name: str, tmp_path: Path) -> None:
     assert simulate(name, tmp_path / "log") == ""
 
 
-@pytest.mark.parametrize("name", [n for n in OURS if "LANES" in kernel_source(find_node(n))])
+@pytest.mark.parametrize("name", LANED)
 def test_a_kernel_of_many_lanes_is_clean(name: str, tmp_path: Path) -> None:
     assert simulate(name, tmp_path / "log", lanes=16) == ""
+
+
+@pytest.mark.parametrize("name", LANED)
+def test_a_kernel_whose_lanes_are_filled_is_clean(name: str, tmp_path: Path) -> None:
+    """A row is longer than the lanes, and the image than a run of label_lights."""
+    assert simulate(name, tmp_path / "log", lanes=16, shape=(4, 17)) == ""
+
+
+def test_an_image_that_is_turned_over_is_clean(tmp_path: Path) -> None:
+    assert simulate("integrate_dct", tmp_path / "log", lanes=16, shape=(67, 18)) == ""
 
 
 def test_the_simulator_notices_an_access_out_of_bounds(tmp_path: Path) -> None:
