@@ -186,6 +186,7 @@ class Pipeline:
             if name not in graph.params:
                 raise InputError(f"{graph.name} has no parameter '{name}'")
         words = {f"${name}" for name in values}
+        settings: dict[str, dict[str, Any]] = {}
         for task in self.plan.tasks.values():
             used = [v for v in task.entry.settings.values() if isinstance(v, str) and v in words]
             if used and not task.stream:
@@ -194,7 +195,11 @@ class Pipeline:
                     "it cannot differ from item to item"
                 )
             if used:
-                task.settings = settings_of(task.entry, graph, task.node, given)
+                settings[task.id] = settings_of(task.entry, graph, task.node, given)
+        # Only now that nothing is refused.
+        self.plan.given = given
+        for name, found in settings.items():
+            self.plan.tasks[name].settings = found
         # Sizes and launches may follow from settings.
         self._sized, self._launches = {}, {}
 
@@ -437,7 +442,7 @@ class Pipeline:
         for value, result in zip(step.writes, _results(task, made), strict=True):
             port = task.node.outputs[value.port]
             if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
-                if not (task.id in given and _is_whole(result)):
+                if not (task.stand_in and _is_whole(result)):
                     result = _as_declared(task, port, result)
                 shapes[value.port] = result.shape
             self._host[value] = result

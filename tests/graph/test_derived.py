@@ -72,6 +72,27 @@ def test_other_settings_between_two_items_count_at_the_next(
         assert next(items)["t"].tolist() == np.full((3, 1, 5), 0.25).tolist()
 
 
+AIMED = (
+    STREAM.replace("{count: $count}", "{count: $count, rows: $rows}")
+    .replace("{op: at_rest}", "{op: at_rest, with: {level: $level}}")
+    .replace("default: 3}", "default: 3}\n  rows: {kind: integer}\n  level: {kind: number}")
+)
+
+
+def test_settings_that_were_changed_before_stay(toys: list[str], write: Write) -> None:
+    pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="numpy")
+    pipeline.aim(count=1)
+    pipeline.aim(rows=4)
+    assert len(list(pipeline.items())) == 1
+
+
+def test_a_change_of_settings_that_is_refused_changes_none(toys: list[str], write: Write) -> None:
+    pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="numpy")
+    with pytest.raises(InputError, match="'cal' runs once and takes \\$level"):
+        pipeline.aim(count=1, level=2)
+    assert len(list(pipeline.items())) == 3
+
+
 def test_a_rule_that_names_nothing_is_refused() -> None:
     def thin(image: Light, *, rows: int = 2) -> Light:
         return image

@@ -310,6 +310,15 @@ def test_a_node_that_fails_is_named(
     assert not [word for word in toys if word.startswith("noted")]
 
 
+@BACKENDS
+def test_only_the_caller_may_hand_in_a_cameras_integers(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: byte_touches")
+    with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but made uint8"):
+        list(opened(write(text), backend).items())
+
+
 def test_a_failure_is_not_tried_again_elsewhere(
     toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:

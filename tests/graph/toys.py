@@ -101,6 +101,12 @@ def shrinking_touches() -> Iterator[Touch]:
 
 
 @node
+def byte_touches() -> Iterator[Touch]:
+    """A stream whose images are not of the type that is declared."""
+    yield Touch(np.full((3, 4, 5), 255, np.uint8))
+
+
+@node
 def summed(image: Light, before: Light | None = None) -> Light:
     """The sum of all lights so far."""
     return image if before is None else image + before
@@ -303,5 +309,5 @@ TOYS = (
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
-    "labelled", "bits",
+    "labelled", "bits", "byte_touches",
 )  # fmt: skip
