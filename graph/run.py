@@ -376,6 +376,8 @@ class Pipeline:
             start = device.start_upload_of_fraction if as_float else device.start_upload
             self._remote[value], timer = start(array)
         else:
+            # One may be left there by an item that failed.
+            self._remote.pop(value, None)
             return
         timers[step.name] = timer
 

@@ -40,6 +40,21 @@ def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(
     assert [result["score"]["truth"] for result in results] == [1, -1, 3]
 
 
+def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next(
+    toys: list[str], write: Write
+) -> None:
+    nodes = """  glare: {op: glared, in: {image: light}}
+  whole: {op: failing, in: {image: light}, with: {at: 3}}
+  sum: {op: summed, in: {image: whole, before: glare.glare}}
+  save:"""
+    text = WAITING.replace("  save:", nodes).replace("{light: light", "{light: sum")
+    pipeline = load(write(text), backend="opencl")
+    dim, bright = np.ones((3, 4, 5), np.float32), np.full((3, 4, 5), 3, np.float32)
+    with pytest.raises(NodeError):
+        pipeline(frames=bright)
+    np.testing.assert_array_equal(pipeline(frames=dim)["light"], dim)
+
+
 @BACKENDS
 def test_what_does_not_depend_on_the_stream_runs_once(
     toys: list[str], write: Write, backend: str

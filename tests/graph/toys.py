@@ -115,6 +115,17 @@ def summed(image: Light, before: Light | None = None) -> Light:
 summed.opencl(grid="K H W")
 
 
+class Glare(NamedTuple):
+    image: Light
+    glare: Light | None = None
+
+
+@node
+def glared(image: Light) -> Glare:
+    """An image, and once more if it is bright."""
+    return Glare(image, image if image.mean() >= 2 else None)
+
+
 @node
 def counted(before: int | None = None, image: Light | None = None) -> int:
     """How many items there were."""
@@ -309,5 +320,5 @@ TOYS = (
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
-    "labelled", "bits", "byte_touches",
+    "labelled", "bits", "byte_touches", "glared",
 )  # fmt: skip
