@@ -3,7 +3,8 @@
 Positional arguments are input ports, keyword-only arguments are parameters, the return
 annotation gives the output port, or a record of ports.  A function that returns an iterator
 is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
-`Node.opencl` declares that ``kernels/<name>.cl`` holds the same algorithm.
+`Node.opencl` declares that ``kernels/<name>.cl`` holds the same algorithm, `Node.numba` that
+``kernels/<name>_numba.py`` does.
 """
 
 from __future__ import annotations
@@ -275,7 +276,7 @@ def node(
         What stands in when a variant takes the node out: a constant for the output, or the
         name of the input that is passed on.  None: the node cannot be taken out.
     tolerance
-        How far the OpenCL output may differ from the NumPy one, and why.
+        How far other back ends' output may differ from the NumPy one, and why.
     sizes
         Limits on size symbols, with the sentence a user reads when they are not met.
     derived

@@ -184,7 +184,7 @@ def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
 
 
 def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:
-    """H and W as given, the lights as few as the node allows plus one, the rest their product.
+    """H and W as given, four lights or as many as the node needs, the rest H times W.
 
     Sizes that the node derives from others are what its parameters make of those.
     """

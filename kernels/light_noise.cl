@@ -3,7 +3,7 @@
 #include "pixels.clh"
 
 // Standard deviation of the light relative to the film at rest: shot and read noise.
-__kernel void light_noise(
+LANED __kernel void light_noise(
     __global const PIXEL *restrict image,
     __global const float *restrict flat,
     __global const float *restrict noise,

@@ -44,7 +44,7 @@ static floats within(const floats value, const floats limit)
 }
 
 // Slopes corrected for the change of the normal within a pixel.
-__kernel void pixel_mean_slope(
+LANED __kernel void pixel_mean_slope(
     __global const float *restrict slope,
     __global float *restrict out,
     const int H, const int W,
