@@ -408,6 +408,19 @@ def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
 
 
 @BACKENDS
+def test_images_of_another_type_are_taken_from_call_to_call(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
+    pipeline = load(write(text.replace(", score: score", "")), backend=backend)
+    expected = np.linspace(0, 1, 60, dtype=np.float32).round().reshape(3, 4, 5)
+    for dtype in (np.uint8, np.float32, np.uint16, np.uint8, np.uint32, np.float64):
+        full = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1
+        stack = expected.astype(dtype) * dtype(full)
+        np.testing.assert_array_equal(pipeline(frames=stack)["light"], expected, str(dtype))
+
+
+@BACKENDS
 def test_labels_of_three_axes_are_no_fractions_of_full_scale(
     toys: list[str], write: Write, backend: str
 ) -> None:
