@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from tactograph.graph.backends.launch import DeviceArray, Launch, as_array
@@ -12,15 +10,9 @@ REQUIRES = ("pyvkfft", "pip install 'tactograph[vkfft]'")
 ON_CPU = "SciPy transforms 1.5 to 10 times as fast as VkFFT"
 
 
-class Transform(Protocol):
+class _Vkfft:
     """A planned transform of one shape, in place."""
 
-    def forward(self, found: DeviceArray) -> None: ...
-
-    def inverse(self, found: DeviceArray) -> None: ...
-
-
-class _Vkfft:
     def __init__(self, run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> None:
         from pyvkfft.opencl import VkFFTApp
 
@@ -41,6 +33,9 @@ class _OnePixel:
     def forward(self, found: DeviceArray) -> None: ...
 
     def inverse(self, found: DeviceArray) -> None: ...
+
+
+Transform = _Vkfft | _OnePixel
 
 
 def cosine_transform(run: Launch, shape: tuple[int, int]) -> Transform:
