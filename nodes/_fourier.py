@@ -7,7 +7,6 @@ import numpy as np
 from tactograph.graph.backends.launch import DeviceArray, Launch, as_array
 
 REQUIRES = ("pyvkfft", "pip install 'tactograph[vkfft]'")
-ON_CPU = "SciPy transforms 1.5 to 10 times as fast as VkFFT"
 
 
 class _Vkfft:

@@ -12,7 +12,7 @@ from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes._fourier import ON_CPU, REQUIRES, cosine_transform, fourier_transform
+from tactograph.nodes._fourier import REQUIRES, cosine_transform, fourier_transform
 
 C8 = NDArray[np.complex64]
 
@@ -103,7 +103,7 @@ def _inverse(u: F4, v: F4) -> F4:
     return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
 
 
-@integrate_frankot_chellappa.opencl(requires=REQUIRES, on_cpu=ON_CPU)
+@integrate_frankot_chellappa.opencl(requires=REQUIRES, on_cpu="SciPy transforms faster than VkFFT")
 def _launch(run: Launch) -> None:
     """Transform both slopes, combine them, transform back."""
     if run.settings["border"] == "periodic":
