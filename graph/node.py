@@ -222,10 +222,13 @@ class Node:
         Raises
         ------
         TypeError
-            If an input is no array or number.
+            If an input is no array or number, or a size is none of the node's.
         """
         if any(port.kind == "object" for port in self.inputs.values()) or self.input_records:
             raise TypeError(f"{self.name}: numba takes arrays and numbers, no objects or records")
+        for symbol in (rows, *fixed.split()):
+            if symbol not in self.symbols:
+                raise TypeError(f"{self.name}: {symbol} is none of its sizes: {self.symbols}")
         self.rows = rows
         self.fixed = tuple(fixed.split())
         return self

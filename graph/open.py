@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
@@ -44,8 +45,8 @@ def load(
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
-        Those of the graph's outputs that are wanted; what only the others need is not
-        computed, nor copied from the device.
+        Names of those of the graph's outputs that are wanted; what only the others need is
+        not computed, nor copied from the device.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -53,6 +54,7 @@ def load(
     Returns
     -------
     Pipeline
+        What runs elsewhere than it was wanted is told by a warning.
 
     Raises
     ------
@@ -68,7 +70,7 @@ def load(
     graph = with_changes(read_graph(name), changes or {})
     if outputs is not None:
         graph = _with_outputs(graph, outputs)
-    return open_pipeline(
+    pipeline = open_pipeline(
         graph,
         given,
         backend=backend,
@@ -77,6 +79,9 @@ def load(
         sinks=False,
         stand_ins=_ungiven_streams(graph, given),
     )
+    for line in pipeline.plan.fallbacks:
+        warnings.warn(f"fallback: {line}", stacklevel=2)
+    return pipeline
 
 
 def open_pipeline(
@@ -131,7 +136,11 @@ def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
 
 
 def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
+    if isinstance(wanted, str | bytes) or not wanted:
+        raise InputError(f"outputs={wanted!r}: a list of names is needed: {list(graph.outputs)}")
     for name in wanted:
+        if not isinstance(name, str):
+            raise InputError(f"outputs: {name!r} is no name; there are {', '.join(graph.outputs)}")
         if name not in graph.outputs:
             raise InputError(
                 f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"

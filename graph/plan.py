@@ -117,10 +117,14 @@ class Plan:
 
     @property
     def fallbacks(self) -> list[str]:
+        """What runs elsewhere than it was wanted, a line for each reason."""
+        alike: dict[Placement, list[str]] = {}
+        for node_id, placement in self.placements.items():
+            if placement.fallback:
+                alike.setdefault(placement, []).append(node_id)
         return [
-            f"{node_id} runs on {placement.backend}: {placement.why}"
-            for node_id, placement in self.placements.items()
-            if placement.fallback
+            f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} on {place.backend}: {place.why}"
+            for place, ids in alike.items()
         ]
 
 

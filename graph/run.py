@@ -31,13 +31,12 @@ from tactograph.graph.provenance import Provenance, versions
 from tactograph.graph.session import Session
 
 
-@dataclass
-class Result:
-    """What one item gave: the graph's outputs, and how long each step took.
-
-    ``result["height"]`` is the output of that name.  `times` is in milliseconds, by step.
-    `item` is what the stream's source yielded; `total` the milliseconds from there to the
-    last output, as a clock on the wall sees them.
+@dataclass(eq=False)
+class Result(Mapping[str, Any]):
+    """What one item gave: the graph's outputs by name, and how long each step took.
+    `times` is in milliseconds, by step.
+      `item` is what the stream's source yielded; `total` the milliseconds from there to the
+      last output, as a clock on the wall sees them.
     """
 
     outputs: dict[str, Any]
@@ -48,7 +47,15 @@ class Result:
     total: float = 0.0
 
     def __getitem__(self, name: str) -> Any:
+        if name not in self.outputs:
+            raise KeyError(f"no output {name!r}; there are {', '.join(self.outputs) or 'none'}")
         return self.outputs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.outputs)
+
+    def __len__(self) -> int:
+        return len(self.outputs)
 
 
 class Pipeline:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import inspect
 import math
 import os
+import re
 import typing
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -24,6 +25,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
+from numba.core.errors import NumbaError
 
 from tactograph.graph.backends.kernel_source import scalar_type
 from tactograph.graph.errors import NodeError, warn
@@ -125,14 +127,21 @@ def _compiled(node: Node, fixed: tuple[int, ...]) -> Callable[..., None]:
     Raises
     ------
     NodeError
-        If there is no such function, or its arguments are not the declaration's.
+        If there is no such function, its arguments are not the declaration's, or it does
+        not compile.
     """
     file = f"{node.name}_numba"
     try:
         found = getattr(import_module(f"{node.kernel_package}.{file}"), node.name)
-    except (ModuleNotFoundError, AttributeError) as error:
+    except (ModuleNotFoundError, AttributeError, SyntaxError) as error:
         raise NodeError(f"node '{node.name}': {node.kernel_package}: {error}") from error
-    function = found(*fixed) if fixed else found
+    try:
+        function = found(*fixed) if fixed else found
+    except TypeError:
+        raise NodeError(
+            f"node '{node.name}': {file}.py: the function has to take {', '.join(node.fixed)}, "
+            "and to return the function that takes the arguments"
+        ) from None
     expected, kinds = zip(*_arguments(node), strict=True)
     names = tuple(name.rstrip("_") for name in inspect.signature(function).parameters)
     if names != expected:
@@ -143,6 +152,8 @@ def _compiled(node: Node, fixed: tuple[int, ...]) -> Callable[..., None]:
     options = {"nogil": True, "error_model": "numpy"}
     try:
         compiled = numba.njit(types.void(*kinds), cache=True, **options)(function)
+    except NumbaError as error:
+        raise NodeError(f"node '{node.name}': {file}.py: {_first_cause(error)}") from None
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
@@ -152,6 +163,15 @@ def _compiled(node: Node, fixed: tuple[int, ...]) -> Callable[..., None]:
         )
         compiled = numba.njit(types.void(*kinds), **options)(function)
     return typing.cast("Callable[..., None]", compiled)
+
+
+def _first_cause(error: NumbaError) -> str:
+    """A line of numba's many: where, and what."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    what = next((line for line in lines if not line.startswith("Failed in")), "does not compile")
+    where = re.search(r'File "[^"]*", line (\d+)', text)
+    return f"line {where[1]}: {what}" if where else what
 
 
 def _arguments(node: Node) -> Iterator[tuple[str, Any]]:

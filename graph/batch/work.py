@@ -36,6 +36,7 @@ class Tally:
     done: int = 0
     failed: int = 0
     reason: str = ""
+    fallbacks: tuple[str, ...] = ()
 
 
 def do_chunk(chunk: Chunk) -> Tally:
@@ -59,7 +60,8 @@ def do_chunk(chunk: Chunk) -> Tally:
         store.write(entries)
     reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
     done = len(chunk.captures) - len(reasons)
-    return Tally(done, len(reasons), reasons[0] if reasons else "")
+    reason = reasons[0] if reasons else ""
+    return Tally(done, len(reasons), reason, tuple(pipeline.plan.fallbacks))
 
 
 def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, MapType]:

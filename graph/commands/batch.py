@@ -96,7 +96,7 @@ def command(
         to_do = sum(len(each.captures) for each in chunks)
         before = len(store) - to_do
         click.echo(f"{len(store)} captures, {before} of them finished before; {who.name}")
-        _show(run_batch(place, store, chunks, who), to_do)
+        _show(_with_fallbacks(run_batch(place, store, chunks, who)), to_do)
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
         raise SystemExit(1)
@@ -118,6 +118,17 @@ def _workers(number: int, scheduler: str | None, scheduler_file: str | None) -> 
     from tactograph.graph.batch.serial import Serial
 
     return Serial()
+
+
+def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
+    """Tell once what workers run elsewhere than it was wanted."""
+    told: set[str] = set()
+    for tally in tallies:
+        for line in tally.fallbacks:
+            if line not in told:
+                click.echo(f"fallback: {line}", err=True)
+        told.update(tally.fallbacks)
+        yield tally
 
 
 def _show(tallies: Iterator[Tally], total: int) -> None:

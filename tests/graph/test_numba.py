@@ -6,6 +6,7 @@ import multiprocessing
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -82,6 +83,36 @@ def test_a_file_that_is_missing_is_named(toys: list[str]) -> None:
     node = replace(find_node("halves"), name="thirds", fixed=())
     with pytest.raises(NodeError, match=r"node 'thirds': .*thirds_numba"):
         Compiled(node)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("    out[0] = imgae[0]\n", "flat_field_numba.py: NameError: name 'imgae' is not defined"),
+        ("    out[0] = 'abc' + floor\n", "flat_field_numba.py: line 2: No implementation of"),
+        ("  pass\n    pass\n", "unindent|unexpected indent"),
+    ],
+)
+def test_a_function_that_does_not_compile_is_told_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, message: str
+) -> None:
+    package = tmp_path / "careless"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    head = "def flat_field(image, flat, dark, drift, out, floor, first, last):\n"
+    (package / "flat_field_numba.py").write_text(head + body)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "modules", dict(sys.modules))
+    node = replace(find_node("flat_field"), kernel_package="careless", fixed=())
+    with pytest.raises(NodeError, match=message) as caught:
+        Compiled(node)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_size_that_the_node_does_not_have_is_refused() -> None:
+    node = find_node("flat_field")
+    with pytest.raises(TypeError, match=r"flat_field: Z is none of its sizes: \('K', 'H', 'W'\)"):
+        replace(node).numba(rows="Z")
 
 
 def test_a_graph_runs_on_it(toys: list[str], write: Write) -> None:

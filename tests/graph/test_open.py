@@ -9,6 +9,7 @@ import pytest
 
 from tactograph.graph import GraphError, InputError, load
 from tactograph.graph.open import open_pipeline, with_changes
+from tactograph.graph.plan import make_plan
 from tactograph.graph.read import read_graph
 from tests.graph.conftest import STREAM, Write
 
@@ -41,6 +42,28 @@ def test_a_fallback_is_in_the_plan(toys: list[str], write: Write, no_device: Non
         "light runs on numpy: opencl is preferred, but no OpenCL device works"
     ]
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
+
+
+def test_a_loaded_pipeline_warns_of_a_fallback(
+    toys: list[str], write: Write, no_device: None
+) -> None:
+    with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
+        load(write(WAITING))
+
+
+def test_what_falls_back_for_one_reason_is_one_line() -> None:
+    given = {"capture": "x", "calibration": "x"}
+    plan = make_plan(read_graph("paper"), given, device=None, no_device="none")
+    whole = [line for line in plan.fallbacks if "run on numpy" in line]
+    assert len(plan.fallbacks) <= 2
+    assert len(whole) == 1
+    assert whole[0].count(",") > 3
+
+
+@pytest.mark.parametrize("outputs", ["height", [], [1]])
+def test_outputs_are_a_list_of_names(outputs: Any) -> None:
+    with pytest.raises(InputError, match="outputs"):
+        load("reconstruct", backend="numpy", calibration="no.npz", outputs=outputs)
 
 
 def test_strict_refuses_a_fallback(toys: list[str], write: Write, no_device: None) -> None:

@@ -100,6 +100,14 @@ def test_every_step_of_the_plan_has_its_time(toys: list[str], write: Write) -> N
         assert all(ms >= 0 for ms in result.times.values())
 
 
+def test_a_result_is_a_mapping_of_its_outputs(toys: list[str], write: Write) -> None:
+    (result, *_) = opened(write(STREAM)).items()
+    assert set(result) == {"light", "score"}
+    assert "height" not in result
+    with pytest.raises(KeyError, match="no output 'height'; there are light, score"):
+        result["height"]
+
+
 @BACKENDS
 def test_an_array_stands_in_for_a_source(toys: list[str], write: Write, backend: str) -> None:
     pipeline = load(write(WAITING), backend=backend)

@@ -104,6 +104,21 @@ def test_every_capture_is_in_the_store_as_if_it_were_alone(
         np.testing.assert_array_equal(lit(store, number), expected(capture))
 
 
+def test_what_runs_elsewhere_than_wanted_is_told_once(
+    tactograph: Command,
+    write: Write,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tactograph.graph.open.choose_device", lambda text=None: (None, "none"))
+    graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    assert code == 0
+    assert err == "fallback: lit runs on numpy: opencl is preferred, but none\n"
+
+
 def test_the_store_reads_without_this_package(
     tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:

@@ -82,14 +82,13 @@ def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Writ
     plan = planned(write(SLOPES), None)
     assert {p.backend for p in plan.placements.values()} == {"numpy"}
     assert plan.fallbacks == [
-        f"slope runs on numpy: opencl is preferred, but {ABSENT}",
-        f"again runs on numpy: opencl is preferred, but {ABSENT}",
+        f"slope, again run on numpy: opencl is preferred, but {ABSENT}",
     ]
 
 
 def test_if_nothing_but_opencl_will_do_numpy_is_a_fallback_too(write: Write) -> None:
     plan = planned(write(SLOPES.replace("nodes:", "prefer: [opencl]\nnodes:", 1)), None)
-    assert plan.fallbacks[0] == f"slope runs on numpy: opencl was asked for, but {ABSENT}"
+    assert plan.fallbacks[0] == f"slope, again run on numpy: opencl was asked for, but {ABSENT}"
 
 
 def test_if_numpy_is_preferred_nothing_falls_back(write: Write, device: OpenCL) -> None:
