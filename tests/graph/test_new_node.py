@@ -84,7 +84,7 @@ def test_a_second_node_of_a_package_says_what_to_register(
     [
         (["flat_field"], "there is a node 'flat_field' already"),
         (["Flat"], "lower-case"),
-        (["class"], "lower-case"),
+        (["class"], "a word of Python's own"),
         (["a/b"], "lower-case"),
         (["brighten", "--package", "1nodes"], "cannot be a package"),
     ],
