@@ -135,6 +135,26 @@ class Node:
         others = {"opencl": self.has_kernel, "numba": self.rows is not None}
         return frozenset({"numpy", *(name for name, has in others.items() if has)})
 
+    def library(self, lanes: int) -> tuple[str, str] | None:
+        """The module that it needs on a device of so many lanes, and its remedy; or None."""
+        return None if self.own_lanes and lanes > 1 else self.requires
+
+    def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
+        """Inputs by port as positional arguments, records put together; None for those left out."""
+        if not self.input_records:
+            return [inputs.get(name) for name in self.inputs]
+        arguments: dict[str, Any] = {}
+        for name in self.inputs:
+            record, dot, member = name.partition(".")
+            if dot:
+                arguments.setdefault(record, {})[member] = inputs.get(name)
+            else:
+                arguments[name] = inputs.get(name)
+        return [
+            self.input_records[name](**found) if name in self.input_records else found
+            for name, found in arguments.items()
+        ]
+
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
         """The shape of an output whose symbols are all known; a KeyError names one that is not."""
         return tuple(d if isinstance(d, int) else sizes[d] for d in self.outputs[port].dims)

@@ -71,7 +71,7 @@ def compare(node: Node, other: OpenCL | Compiled, case: Case) -> str | None:
     """Run one case on NumPy and on a device, or compiled; return None, or what differs."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
-    reference = by_port(node, node(*in_order(node, inputs), **case.settings))
+    reference = by_port(node, node(*node.in_order(inputs), **case.settings))
     changed = _changed(inputs, kept)
     if changed:
         return f"the NumPy function changed its input '{changed}'"
@@ -80,7 +80,7 @@ def compare(node: Node, other: OpenCL | Compiled, case: Case) -> str | None:
         if isinstance(other, OpenCL):
             found, inputs = _on_device(node, other, case, inputs)
         else:
-            found = by_port(node, other(*in_order(node, inputs), **case.settings))
+            found = by_port(node, other(*node.in_order(inputs), **case.settings))
     finally:
         other.poison = poisoned
     changed = _changed(inputs, kept)
@@ -161,21 +161,6 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
     if case.fill == "nan" and port.port.nan and not whole:
         array = np.where(rng.random(shape) < 0.2, np.nan, array)
     return np.ascontiguousarray(array.astype(port.dtype))
-
-
-def in_order(node: Node, inputs: Mapping[str, Any]) -> list[Any]:
-    """Inputs by port as a node's positional arguments."""
-    arguments: dict[str, Any] = {}
-    for name in node.inputs:
-        record, dot, field = name.partition(".")
-        if dot:
-            arguments.setdefault(record, {})[field] = inputs.get(name)
-        else:
-            arguments[name] = inputs.get(name)
-    return [
-        node.input_records[name](**value) if name in node.input_records else value
-        for name, value in arguments.items()
-    ]
 
 
 def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 _VERSIONS = (
@@ -49,7 +51,13 @@ class Provenance:
 
 def versions() -> dict[str, str]:
     """The versions a result depends on."""
-    found = {"python": platform.python_version()}
+    return {"python": platform.python_version(), **_installed()}
+
+
+@cache
+def _installed() -> Mapping[str, str]:
+    """Looked up once: every item of a stream asks."""
+    found: dict[str, str] = {}
     for name in _VERSIONS:
         try:
             found[name] = importlib.metadata.version(name)

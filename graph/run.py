@@ -34,9 +34,9 @@ from tactograph.graph.session import Session
 @dataclass(eq=False)
 class Result(Mapping[str, Any]):
     """What one item gave: the graph's outputs by name, and how long each step took.
-    `times` is in milliseconds, by step.
-      `item` is what the stream's source yielded; `total` the milliseconds from there to the
-      last output, as a clock on the wall sees them.
+
+    `times` is in milliseconds, by step.  `item` is what the stream's source yielded; `total`
+    the milliseconds from there to the last output, as a clock on the wall sees them.
     """
 
     outputs: dict[str, Any]
@@ -90,7 +90,8 @@ class Pipeline:
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stand_ins = {task.id: self._goes_up(task) for task in tasks if task.stand_in}
-        self._read_whole = {v for t in tasks for v in t.edges.values() if self._is_read_whole(v)}
+        made = {Value(t.id, port) for t in tasks if t.stand_in for port in t.node.outputs}
+        self._read_whole = {value for value in made if self._is_read_whole(value)}
         self._once = self._split(stream=False)
         self._stream = self._split(stream=True)
         with collect_warnings(self._notes):
@@ -523,22 +524,10 @@ def _sent(task: Task) -> list[tuple[str, Value, bool]]:
 
 
 def _positional(task: Task, host: Mapping[Value, Any], recalled: Mapping[str, Any]) -> list[Any]:
-    """The node's positional arguments; records put together again."""
+    """The node's positional arguments, of this item and of the one before."""
     reads = task.reads
     inputs = {n: host[reads[n]] if n in reads else recalled.get(n) for n in task.node.inputs}
-    if not task.node.input_records:
-        return [*inputs.values()]
-    arguments: dict[str, Any] = {}
-    for name, found in inputs.items():
-        record, dot, fieldname = name.partition(".")
-        if dot:
-            arguments.setdefault(record, {})[fieldname] = found
-        else:
-            arguments[name] = found
-    return [
-        task.node.input_records[name](**found) if name in task.node.input_records else found
-        for name, found in arguments.items()
-    ]
+    return task.node.in_order(inputs)
 
 
 def _results(task: Task, made: Any) -> tuple[Any, ...]:

@@ -57,17 +57,23 @@ LANED __kernel void look_around(
     store_floats(mean, around + row * W + x, count);
 }
 
-// 1, u, v, u^2, u v, v^2 at cells that follow one another.
-static void terms_at(floats *t, const int i, const int H, const int W)
+// 1, u, v, u^2, u v, v^2.
+static void terms_of(floats *t, const floats u, const floats v)
 {
-    floats u, v;
-    places(i, H, W, 2.0f / (float)W, &u, &v);
     t[0] = 1.0f;
     t[1] = u;
     t[2] = v;
     t[3] = u * u;
     t[4] = u * v;
     t[5] = v * v;
+}
+
+// The same at cells that follow one another.
+static void terms_at(floats *t, const int i, const int H, const int W)
+{
+    floats u, v;
+    places(i, H, W, 2.0f / (float)W, &u, &v);
+    terms_of(t, u, v);
 }
 
 static floats gain_of(__global const float *c, const floats *t)
@@ -92,16 +98,20 @@ static ints is_calm(
     return calm;
 }
 
-static ints is_clear(
-    const Film *film, __global const float *drift, const floats *t, const int i, const int count,
-    const float beyond)
+// Whether a cell counts: if it is calm, and so is what lies around it where that is heeded.
+static ints counts(
+    const Film *film, const int heed, __global const float *drift, const floats *t, const int i,
+    const int count, const float beyond)
 {
-    return is_calm(film, film->light, drift, t, i, count, film->share, beyond)
-        & is_calm(film, film->around, drift, t, i, count, film->share / AROUND, beyond);
+    const ints calm = is_calm(film, film->light, drift, t, i, count, film->share, beyond);
+    if (!heed) return calm;
+    return calm & is_calm(film, film->around, drift, t, i, count, film->share / AROUND, beyond);
 }
 
+// How many cells count.
 static float count_calm(
-    const Film *film, __global const float *drift, const float beyond, __local float *parts)
+    const Film *film, const int heed, __global const float *drift, const float beyond,
+    __local float *parts)
 {
     const floats one = 1.0f, none = 0.0f;
     floats calm = none;
@@ -109,23 +119,9 @@ static float count_calm(
     {
         floats t[TERMS];
         terms_at(t, i, film->H, film->W);
-        calm += is_calm(film, film->light, drift, t, i, count, film->share, beyond) ? one : none;
+        calm += counts(film, heed, drift, t, i, count, beyond) ? one : none;
     }
     return group_sum(calm, parts);
-}
-
-static float count_clear(
-    const Film *film, __global const float *drift, const float beyond, __local float *parts)
-{
-    const floats one = 1.0f, none = 0.0f;
-    floats clear = none;
-    EACH_OF_GROUP(i, count, film->H * film->W)
-    {
-        floats t[TERMS];
-        terms_at(t, i, film->H, film->W);
-        clear += is_clear(film, drift, t, i, count, beyond) ? one : none;
-    }
-    return group_sum(clear, parts);
 }
 
 // The place number j of the outermost ring of H x W cells.
@@ -147,24 +143,14 @@ static float border_level(
     const floats darkest = DARKEST;
     EACH_OF_GROUP(j, count, size)
     {
-        float light[LANES], lanes[TERMS][LANES];
-        for (int l = 0; l < LANES; ++l) {
-            const int i = on_ring(min(j + l, size - 1), H, W);
-            const float scale = 2.0f / (float)W;
-            const float u = ((float)(i % W) - 0.5f * (float)(W - 1)) * scale;
-            const float v = ((float)(i / W) - 0.5f * (float)(H - 1)) * scale;
-            light[l] = film->light[k * H * W + i];
-            lanes[0][l] = 1.0f;
-            lanes[1][l] = u;
-            lanes[2][l] = v;
-            lanes[3][l] = u * u;
-            lanes[4][l] = u * v;
-            lanes[5][l] = v * v;
-        }
-        floats t[TERMS];
-        for (int a = 0; a < TERMS; ++a) t[a] = LOAD_LANES(lanes[a]);
+        int at[LANES];
+        for (int l = 0; l < LANES; ++l) at[l] = on_ring(min(j + l, size - 1), H, W);
+        floats u, v, t[TERMS];
+        places_of(at, H, W, 2.0f / (float)W, &u, &v);
+        terms_of(t, u, v);
         const floats gain = gain_of(drift, t);
-        store_floats(LOAD_LANES(light) / MORE_OF(gain, darkest), ring + j, count);
+        const floats light = gather_floats(film->light + k * H * W, at);
+        store_floats(light / MORE_OF(gain, darkest), ring + j, count);
     }
     barrier(CLK_GLOBAL_MEM_FENCE);
     const float level = group_median(ring, size, parts);
@@ -185,9 +171,7 @@ static void tally(
     {
         floats t[TERMS], counted[TERMS];
         terms_at(t, i, film->H, film->W);
-        const ints calm = heed
-            ? is_clear(film, judge, t, i, count, beyond)
-            : is_calm(film, film->light, judge, t, i, count, film->share, beyond);
+        const ints calm = counts(film, heed, judge, t, i, count, beyond);
         if (!ANY(calm)) continue;
         for (int a = 0; a < used; ++a) counted[a] = calm ? t[a] : none;
         for (int a = 0, j = 0; a < used; ++a)
@@ -280,8 +264,8 @@ LANED __kernel ONE_GROUP void begin(
         for (int j = me; j < TERMS; j += GROUP) drift[TERMS * k + j] = level * old[TERMS * k + j];
     }
     barrier(CLK_GLOBAL_MEM_FENCE);
-    const float calm_before = count_calm(&film, old, beyond, parts);
-    const float calm_beside = count_calm(&film, drift, beyond, parts);
+    const float calm_before = count_calm(&film, 0, old, beyond, parts);
+    const float calm_beside = count_calm(&film, 0, drift, beyond, parts);
     barrier(CLK_GLOBAL_MEM_FENCE);
     for (int i = me; i < TERMS * K; i += GROUP)
         drift[i] = calm_beside > calm_before ? drift[i] : old[i];
@@ -310,7 +294,7 @@ LANED __kernel ONE_GROUP void follow(
     const Film film = {light, around, sigma, K, H, W, share};
     const float fewest = FEWEST * (float)(H * W);
     // In the last round what lies around a cell has to be calm too, if enough is left.
-    const int heed = last ? count_clear(&film, drift, beyond, parts) >= fewest : 0;
+    const int heed = last ? count_calm(&film, 1, drift, beyond, parts) >= fewest : 0;
     tally(&film, heed, drift, old, used, beyond, shares, sums);
     if (me == 0) few[0] |= sums[0] < fewest;
     for (int k = me; k < K; k += GROUP)
@@ -337,7 +321,7 @@ LANED __kernel ONE_GROUP void finish(
 {
     __local float parts[GROUP], sums[SUMS];
     const Film film = {light, around, sigma, K, H, W, share};
-    const int heed = count_clear(&film, judge, beyond, parts) >= FEWEST * (float)(H * W);
+    const int heed = count_calm(&film, 1, judge, beyond, parts) >= FEWEST * (float)(H * W);
     tally(&film, heed, judge, drift, used, beyond, shares, sums);
     const float calm = fmax(sums[0], 1.0f);
     for (int i = get_local_id(0); i < TERMS * K; i += GROUP) {

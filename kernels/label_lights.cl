@@ -368,34 +368,21 @@ static void load_run(
     prepare(here, frame, rules, x, y, load_floats(frame->height + at, count));
 }
 
-static floats load_any(__global const float *from, const int *at)
-{
-    float found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = from[at[l]];
-    return LOAD_LANES(found);
-}
-
 // Pixels that lie anywhere.
 static void load_list(Pixels *here, const Frame *frame, const Rules *rules, const int *at)
 {
     const int size = frame->H * frame->W;
-    const ints where = LOAD_LANES(at), one = 1, none = 0;
-    // A division of integers is done lane by lane; this may be off by one.
-    ints row = TO_INTS(TO_FLOATS(where) * (1.0f / (float)frame->W));
-    row += where - row * frame->W >= frame->W ? one : none;
-    row -= where - row * frame->W < 0 ? one : none;
-    const floats column = TO_FLOATS(where - row * frame->W);
-    const floats x = (column - 0.5f * (float)(frame->W - 1)) * frame->pixel;
-    const floats y = (TO_FLOATS(row) - 0.5f * (float)(frame->H - 1)) * frame->pixel;
+    floats x, y;
+    places_of(at, frame->H, frame->W, frame->pixel, &x, &y);
     for (int k = 0; k < frame->K; ++k) {
-        here->light[k] = load_any(frame->light + k * size, at);
-        here->sigma[k] = load_any(frame->sigma + k * size, at);
+        here->light[k] = gather_floats(frame->light + k * size, at);
+        here->sigma[k] = gather_floats(frame->sigma + k * size, at);
     }
-    prepare(here, frame, rules, x, y, load_any(frame->height, at));
+    prepare(here, frame, rules, x, y, gather_floats(frame->height, at));
     here->believed.z = 1.0f;
     if (!rules->pair) {
-        here->believed.x = -load_any(frame->prior, at);
-        here->believed.y = -load_any(frame->prior + size, at);
+        here->believed.x = -gather_floats(frame->prior, at);
+        here->believed.y = -gather_floats(frame->prior + size, at);
     }
 }
 

@@ -7,28 +7,24 @@ typedef struct {
     floats x, y, z;
 } Vector;
 
-// The normals of pixels that follow one another.
-static Vector normals(
-    __global const float *slope, const int size, const int at, const int count)
+static Vector normals_of(const floats p, const floats q)
 {
-    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
     const Vector n = {-p * nz, -q * nz, nz};
     return n;
 }
 
+// The normals of pixels that follow one another.
+static Vector normals(
+    __global const float *slope, const int size, const int at, const int count)
+{
+    return normals_of(load_floats(slope + at, count), load_floats(slope + size + at, count));
+}
+
 // The normals at pixels that lie anywhere.
 static Vector normals_at(__global const float *slope, const int size, const int *at)
 {
-    float p[LANES], q[LANES];
-    for (int l = 0; l < LANES; ++l) {
-        p[l] = slope[at[l]];
-        q[l] = slope[size + at[l]];
-    }
-    const floats ps = LOAD_LANES(p), qs = LOAD_LANES(q);
-    const floats nz = 1.0f / sqrt(1.0f + ps * ps + qs * qs);
-    const Vector n = {-ps * nz, -qs * nz, nz};
-    return n;
+    return normals_of(gather_floats(slope, at), gather_floats(slope + size, at));
 }
 
 static Vector difference(const Vector a, const Vector b, const floats share)

@@ -228,8 +228,7 @@ def _launch(run: Launch) -> None:
     old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
     shares, explained = run.scratch((SUMS, run.group)), run.scratch((lights,))
     few = run.scratch((1,), np.int32)
-    parts_of_rows = lights * height * -(-width // run.lanes)
-    run.kernel("look_around", (parts_of_rows,), light, around, *sizes)
+    run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, few
     begin = int(before is not None), share, rough + SEARCH[0]
     run.kernel("begin", group, *start, *sizes, *begin, local=group)
@@ -247,8 +246,7 @@ def _launch(run: Launch) -> None:
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:
     shape = (run.sizes["K"], (height + 1) // 2, (width + 1) // 2)
     halved = run.scratch(shape)
-    parts_of_rows = shape[0] * shape[1] * -(-shape[2] // run.lanes)
-    run.kernel("halve", (parts_of_rows,), light, halved, *shape, height, width)
+    run.kernel("halve", run.in_row_lanes(*shape), light, halved, *shape, height, width)
     return halved
 
 

@@ -318,7 +318,7 @@ def _launch(run: Launch) -> None:
             run.kernel("err_rises", (ties,), wants.rise, ties, error, np.uint32(key))
 
     run.kernel(
-        "respond", (-(-rows * columns // run.lanes),),
+        "respond", run.in_lanes(rows, columns),
         of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
         by_p, by_q, *frame, pixel,
     )  # fmt: skip

@@ -119,7 +119,7 @@ def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
     spectrum = run.scratch((width, height))
     # Kernels leave a factor of four, two of the divergence and two of the transform.
     to_mm = 0.25 * float(run.inputs["pixel"])
-    grid = (-(-height // run.lanes),)
+    grid = run.in_lanes(height)
     run.kernel("transform", (pairs,), slope, turns, scratch, spectrum, height, width, local=(1,))
     run.kernel("solve", grid, spectrum, pivots, height, width, to_mm, local=(1,))
     run.kernel("transform_back", (pairs,), spectrum, turns, scratch, out, height, width, local=(1,))

@@ -46,5 +46,4 @@ def _launch(run: Launch) -> None:
     values, median = run.scratch((rows * columns - inner,)), run.scratch((1,))
     group = (run.group,)
     run.kernel("border_median", group, height, values, median, rows, columns, border, local=group)
-    grid = (-(-rows * columns // run.lanes),)
-    run.kernel("subtract", grid, height, median, out, rows, columns)
+    run.kernel("subtract", run.in_lanes(rows, columns), height, median, out, rows, columns)

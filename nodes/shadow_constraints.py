@@ -214,7 +214,7 @@ def _launch(run: Launch) -> None:
     top, counts = run.scratch(sizes, np.int32), run.scratch((lights * height,), np.int32)
     pixel = float(of["pixel"])
     run.kernel(
-        "lit_part", (-(-height * width // run.lanes),),
+        "lit_part", run.in_lanes(height, width),
         of["light"], of["slope"], of["height"], of["lights"], part, *sizes, pixel,
     )  # fmt: skip
     run.kernel(

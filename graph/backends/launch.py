@@ -34,6 +34,16 @@ def bytes_for(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
     return -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
 
 
+def in_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
+    """Work-items that do so many elements each of a grid that is counted through as one axis."""
+    return (-(-math.prod(grid) // lanes),)
+
+
+def in_row_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
+    """The same, but none goes on into the next row."""
+    return (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
+
+
 def local_size(axes: int) -> tuple[int, ...]:
     """Work-group size: a run of 128 along the fastest axis, which vectorises on CPUs too."""
     return (128, *(1,) * (axes - 1))
@@ -79,6 +89,14 @@ class Launch:
     def lanes(self) -> int:
         """How many elements a work-item should do side by side; the kernels' LANES."""
         return self._device.lanes
+
+    def in_lanes(self, *grid: int) -> tuple[int]:
+        """The grid of a kernel that does LANES elements of this one in each work-item."""
+        return in_lanes(grid, self.lanes)
+
+    def in_row_lanes(self, *grid: int) -> tuple[int]:
+        """The same for a kernel in which none goes on into the next row."""
+        return in_row_lanes(grid, self.lanes)
 
     @property
     def group(self) -> int:

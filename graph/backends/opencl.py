@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel_source import kernel_source, scalar_type
-from tactograph.graph.backends.launch import DeviceArray, bytes_for, global_size, local_size
+from tactograph.graph.backends.launch import (
+    DeviceArray,
+    bytes_for,
+    global_size,
+    in_lanes,
+    local_size,
+)
 from tactograph.graph.backends.prepared import Prepared, Timer
 from tactograph.graph.errors import NodeError
 from tactograph.graph.node import Node
@@ -185,7 +191,7 @@ class OpenCL:
         full = np.float32(np.iinfo(array.dtype).max)
         kernel = self._fraction[array.dtype.itemsize]
         local = local_size(1)
-        work_items = global_size((-(-array.size // self.lanes),), local)
+        work_items = global_size(in_lanes(array.shape, self.lanes), local)
         arguments = (source.buffer, target.buffer, np.int32(array.size), full)
         return target, (started, kernel.enqueue(self.queue, work_items, local, arguments))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,8 @@ from tactograph.graph.backends.launch import (
     Launch,
     bytes_for,
     global_size,
+    in_lanes,
+    in_row_lanes,
     local_size,
 )
 from tactograph.graph.wanted import Wanted
@@ -58,11 +59,10 @@ class Prepared:
         """Work out all that the node's own kernel is launched with, buffers excepted."""
         node = self._node
         grid = tuple(self.sizes[symbol] for symbol in symbols)
-        lanes = self._device.lanes
         if node.lanes:
-            grid = (-(-math.prod(grid) // lanes),)
+            grid = in_lanes(grid, self._device.lanes)
         elif node.row_lanes:
-            grid = (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
+            grid = in_row_lanes(grid, self._device.lanes)
         self._kernels = {np.dtype(np.float32): self._compiled.kernels[node.name]}
         self._local = local_size(len(grid))
         self._work_items = global_size(grid, self._local)
@@ -116,7 +116,7 @@ class Prepared:
         device, node = self._device, self._node
         assert node.launch is not None
         launch = Launch(device, self._compiled, inputs, outputs, self._settings, self.sizes)
-        if node.requires is None or (node.own_lanes and device.lanes > 1):
+        if node.library(device.lanes) is None:
             node.launch(launch)
             return launch.outputs, launch.timer
         # A library's kernels leave no event.

@@ -81,8 +81,9 @@ def _obstacle(task: Task, backend: str, device: OpenCL | None, no_device: str) -
         return None
     if device is None:
         return no_device
-    if node.requires is not None and not (node.own_lanes and device.lanes > 1):
-        module, remedy = node.requires
+    library = node.library(device.lanes)
+    if library is not None:
+        module, remedy = library
         if importlib.util.find_spec(module) is None:
             return f"{module} is not installed ({remedy})"
     return None

@@ -57,7 +57,10 @@ MUTANTS = {
         "unknown pixels not dark": ("? here->forced : dim", "? dim : dim"),
         "shadows only where all are lit": ("ANY(best->used != all)", "!ANY(best->used != all)"),
         "no other set": ("if (lanes[l]) doubtful", "if (0) doubtful"),
-        "other pixels from the corner": ("(column - 0.5f * (float)", "(column - 0.0f * (float)"),
+        "other pixels from the corner": (
+            "(TO_FLOATS(where - row * W) - 0.5f",
+            "(TO_FLOATS(where - row * W) - 0.0f",
+        ),
         "other pixels a row off": ("ints row = TO_INTS(", "ints row = 2 + TO_INTS("),
         "a list without its end": ("number - i));", "max(number - i - 1, 1)));"),
     },
@@ -85,7 +88,7 @@ MUTANTS = {
     "film_drift": {
         "no memory": ("has_before ? before[i]", "0 ? before[i]"),
         "touched cells count too": ("calm &= fabs(", "calm &= 0.0f * fabs("),
-        "skirts count too": ("const ints calm = heed", "const ints calm = 0 * heed"),
+        "skirts count too": ("if (!heed) return calm;", "return calm;"),
     },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
