@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
 from tactograph.nodes import Labels
-from tactograph.nodes.cast_shadows import cast_shadows
-from tactograph.nodes.evaluate_shadow import evaluate_shadow
-from tactograph.nodes.read_calibration import read_calibration
+from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
+from tactograph.nodes.shadow.cast_shadows import cast_shadows
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}

@@ -17,9 +17,9 @@ import numpy as np
 from accuracy import PIXEL_MM, ROOT, measure, number, row
 
 from tactograph.graph import load
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
-from tactograph.nodes.read_capture import Layout, read_images
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.nodes.capture.read_capture import Layout, read_images
 
 RIGS = ("far28", "near33")
 SHAPES = ("sphere_film", "cat_film", "cat")

@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.patch import apply_patch
-from tactograph.graph.read import read_graph
-from tactograph.graph.strict_yaml import Place
-from tactograph.nodes.expose import expose
-from tactograph.nodes.height_slopes import height_slopes
-from tactograph.nodes.write_capture import write_capture
+from tactograph.graph.files.patch import apply_patch
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.strict_yaml import Place
+from tactograph.graph.run.open import open_pipeline
+from tactograph.nodes.capture.write_capture import write_capture
+from tactograph.nodes.live.expose import expose
+from tactograph.nodes.slope.height_slopes import height_slopes
 
 FINE = 3
 BALL = {"radius_mm": 7.0, "rise_mm": 3.0}

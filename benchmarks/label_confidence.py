@@ -25,10 +25,10 @@ from error_band import SHAPES as SIMULATED
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
-from tactograph.nodes.cast_shadows import cast_shadows
-from tactograph.nodes.shadow_confidence import shadow_confidence
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.nodes.shadow.cast_shadows import cast_shadows
+from tactograph.nodes.shadow.shadow_confidence import shadow_confidence
 
 BOUNDS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.0)
 SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")

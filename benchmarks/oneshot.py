@@ -22,19 +22,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
-from tactograph.nodes.find_presses import find_presses
-from tactograph.nodes.fit_reflectance_map import (
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.nodes.calibrate.find_presses import find_presses
+from tactograph.nodes.calibrate.fit_reflectance_map import (
     Bench,
     fit_reflectance_map,
     make_bench,
     refine_center,
 )
-from tactograph.nodes.level_presses import level_presses
-from tactograph.nodes.rate_presses import judge_contact
-from tactograph.nodes.read_presses import read_presses
-from tactograph.nodes.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.level_presses import level_presses
+from tactograph.nodes.calibrate.rate_presses import judge_contact
+from tactograph.nodes.calibrate.write_press_calibration import write_press_calibration
+from tactograph.nodes.capture.read_presses import read_presses
 
 RADIUS_MM, PIXEL_MM, FOLDS = 6.31 / 2, 0.0634, 5
 UNKNOWN = Provenance({}, None, [], {}, {}, [], [])

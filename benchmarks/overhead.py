@@ -28,9 +28,9 @@ from tactograph.graph import load
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.launch import global_size, local_size
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.passes.backends import no_numba
-from tactograph.graph.run import Pipeline
-from tactograph.nodes.flat_field import flat_field
+from tactograph.graph.plan.backends import no_numba
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.nodes.light.flat_field import flat_field
 
 NODES = 20
 STACK = np.full((3, 2, 2), 0.5, np.float32)

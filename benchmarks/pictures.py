@@ -20,13 +20,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from tactograph.graph.model import Graph
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.patch import apply_patch
-from tactograph.graph.read import read_graph
-from tactograph.graph.run import Result
-from tactograph.graph.strict_yaml import Place
-from tactograph.nodes.write_result import LED_COLOURS
+from tactograph.graph.files.model import Graph
+from tactograph.graph.files.patch import apply_patch
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.strict_yaml import Place
+from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.pipeline import Result
+from tactograph.nodes.write.write_result import LED_COLOURS
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM = 1 / 14

@@ -9,6 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from tactograph.graph.declare.node import Node, Parts, SizeLimit, node
+from tactograph.graph.declare.ports import Port
+from tactograph.graph.declare.provenance import Provenance
+from tactograph.graph.declare.session import Session
+from tactograph.graph.declare.tolerance import Close, Exact, Flips
+from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 from tactograph.graph.errors import (
     EndOfStream,
     GraphError,
@@ -17,16 +23,10 @@ from tactograph.graph.errors import (
     TactographError,
     warn,
 )
-from tactograph.graph.node import Node, Parts, SizeLimit, node
-from tactograph.graph.ports import Port
-from tactograph.graph.provenance import Provenance
-from tactograph.graph.session import Session
-from tactograph.graph.tolerance import Close, Exact, Flips
-from tactograph.graph.wanted import EVERYTHING, Wanted
 
 if TYPE_CHECKING:
-    from tactograph.graph.open import load
-    from tactograph.graph.run import Pipeline
+    from tactograph.graph.run.open import load
+    from tactograph.graph.run.pipeline import Pipeline
 
 __all__ = [
     "EVERYTHING",
@@ -55,11 +55,11 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     # The planner pulls in networkx and pydantic; a node file needs neither.
     if name == "load":
-        from tactograph.graph.open import load
+        from tactograph.graph.run.open import load
 
         return load
     if name == "Pipeline":
-        from tactograph.graph.run import Pipeline
+        from tactograph.graph.run.pipeline import Pipeline
 
         return Pipeline
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

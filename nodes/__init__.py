@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.ports import Port
+from tactograph.graph.declare.ports import Port
 
 F4 = NDArray[np.float32]
 I4 = NDArray[np.int32]

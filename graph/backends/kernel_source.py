@@ -7,8 +7,8 @@ import typing
 from importlib import resources
 from typing import Any, Literal
 
+from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.errors import NodeError
-from tactograph.graph.node import Node, Parameter
 
 _C_TYPES = {
     "float32": "float",
@@ -38,7 +38,7 @@ def kernel_source(node: Node) -> str:
 
 
 def _read(node: Node, file: str) -> str:
-    for package in (node.kernel_package, "tactograph.kernels"):
+    for package in (node.kernel_package, "tactograph.kernels.headers"):
         found = resources.files(package) / file
         if found.is_file():
             return found.read_text(encoding="utf-8")

@@ -28,10 +28,10 @@ from numba import types
 from numba.core.errors import NumbaError
 
 from tactograph.graph.backends.kernel_source import scalar_type
+from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.ports import PortType
+from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 from tactograph.graph.errors import NodeError, warn
-from tactograph.graph.node import Node, Parameter
-from tactograph.graph.ports import PortType
-from tactograph.graph.wanted import EVERYTHING, Wanted
 
 inlined = numba.njit(
     forceinline=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True

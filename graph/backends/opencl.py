@@ -26,9 +26,9 @@ from tactograph.graph.backends.launch import (
     local_size,
 )
 from tactograph.graph.backends.prepared import Prepared, Timer
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 from tactograph.graph.errors import NodeError
-from tactograph.graph.node import Node
-from tactograph.graph.wanted import EVERYTHING, Wanted
 
 
 class Kernel:

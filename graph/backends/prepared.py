@@ -17,7 +17,7 @@ from tactograph.graph.backends.launch import (
     in_row_lanes,
     local_size,
 )
-from tactograph.graph.wanted import Wanted
+from tactograph.graph.declare.wanted_outputs import Wanted
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.opencl import Compiled, Kernel, OpenCL

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store, open_store
 from tactograph.graph.batch.work import Chunk, Tally, find_map_types
-from tactograph.graph.dump import dump_graph
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.model import NOT_GIVEN, Graph
-from tactograph.graph.passes import names
+from tactograph.graph.files.dump import dump_graph
+from tactograph.graph.files.model import NOT_GIVEN, Graph
+from tactograph.graph.plan import names
 
 TRIES = 20
 """So many captures are tried to find out what maps look like."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fsspec
 
-from tactograph.graph.compare import content_hash
+from tactograph.graph.compare.compare import content_hash
 from tactograph.graph.errors import InputError
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
 from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
 from tactograph.graph.errors import InputError, NodeError, TactographError
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
-from tactograph.graph.run import Pipeline, Result
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline, Result
 
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from tactograph.graph.model import Graph
-    from tactograph.graph.run import Pipeline
+    from tactograph.graph.files.model import Graph
+    from tactograph.graph.run.pipeline import Pipeline
 
 
 @dataclass(frozen=True)
@@ -25,15 +25,15 @@ class RunOptions:
 
     def read(self, graph: str) -> Graph:
         """Read a graph with ``--set`` worked in."""
-        from tactograph.graph.given import read_settings
-        from tactograph.graph.open import with_changes
-        from tactograph.graph.read import read_graph
+        from tactograph.graph.files.read import read_graph
+        from tactograph.graph.run.open import with_changes
+        from tactograph.graph.run.typed_values import read_settings
 
         return with_changes(read_graph(graph), read_settings(self.settings))
 
     def open(self, graph: Graph, given: Mapping[str, Any], *, sinks: bool = True) -> Pipeline:
         """Plan and compile a graph where the options say."""
-        from tactograph.graph.open import open_pipeline
+        from tactograph.graph.run.open import open_pipeline
 
         return open_pipeline(
             graph,

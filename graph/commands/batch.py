@@ -73,7 +73,7 @@ def command(
     )
     from tactograph.graph.batch.captures import find_captures
     from tactograph.graph.batch.store import alone_in
-    from tactograph.graph.given import read_words
+    from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
     job = make_job(
@@ -164,7 +164,7 @@ def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, say how it went, and return how many failed."""
     from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.store import DONE, FAILED, STATUS
-    from tactograph.graph.whole import whole_file
+    from tactograph.graph.files.whole_files import whole_file
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]

@@ -15,8 +15,8 @@ import click
 from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
-    from tactograph.graph.model import Graph
-    from tactograph.graph.run import Result
+    from tactograph.graph.files.model import Graph
+    from tactograph.graph.run.pipeline import Result
 
 
 @click.command("bench", short_help="Time a graph on every back end and device.")
@@ -44,8 +44,8 @@ def command(
     reading, indexing and compiling.  Nothing is written but --out.
     """
     from tactograph.graph.errors import InputError
-    from tactograph.graph.given import read_words
-    from tactograph.graph.whole import whole_file
+    from tactograph.graph.files.whole_files import whole_file
+    from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
     given = read_words(read, values)
@@ -75,8 +75,8 @@ def command(
 
 def _places(options: RunOptions, graph: Graph) -> list[RunOptions]:
     from tactograph.graph.backends.devices import find_devices
-    from tactograph.graph.find import find_node
-    from tactograph.graph.passes.backends import no_numba
+    from tactograph.graph.declare.find_node import find_node
+    from tactograph.graph.plan.backends import no_numba
 
     if options.backend is not None or options.device is not None:
         return [options]

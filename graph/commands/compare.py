@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from tactograph.graph.compare import Row, Study
-    from tactograph.graph.record import Record
+    from tactograph.graph.compare.compare import Row, Study
+    from tactograph.graph.compare.record import Record
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
@@ -53,14 +53,14 @@ def command(
     NAME=VALUE goes to every variant.  Folders among the words, as a shell makes them from
     DIR/*, are further captures.  What was finished before is not run again.
     """
-    from tactograph.graph.errors import InputError
-    from tactograph.graph.record import (
+    from tactograph.graph.compare.record import (
         deviation,
         read_record,
         read_rows,
         study_again,
         what_changed,
     )
+    from tactograph.graph.errors import InputError
 
     if again is None:
         values = [word for word in words if "=" in word]
@@ -87,12 +87,12 @@ def _read_study(
     seed: str | None,
     repeats: int,
 ) -> Study:
-    from tactograph.graph.compare import Study
+    from tactograph.graph.compare.compare import Study
+    from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
-    from tactograph.graph.given import read_words
-    from tactograph.graph.model import BACKENDS
-    from tactograph.graph.read import read_graph
-    from tactograph.graph.sweep import read_sweep
+    from tactograph.graph.files.model import BACKENDS
+    from tactograph.graph.files.read import read_graph
+    from tactograph.graph.run.typed_values import read_words
 
     missing = [word for word in over if not Path(word).is_dir()]
     if missing:
@@ -120,10 +120,10 @@ def _read_study(
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:
+    from tactograph.graph.compare.record import make_record, write_record
+    from tactograph.graph.compare.report import write_report
+    from tactograph.graph.compare.tables import print_table, write_tables
     from tactograph.graph.errors import InputError
-    from tactograph.graph.record import make_record, write_record
-    from tactograph.graph.report import write_report
-    from tactograph.graph.tables import print_table, write_tables
 
     study.check()
     rows = _run_all(study, out)
@@ -142,7 +142,7 @@ def _run_all(study: Study, out: Path) -> list[Row]:
     from rich.console import Console
     from rich.progress import Progress
 
-    from tactograph.graph.compare import make_jobs, run_job
+    from tactograph.graph.compare.compare import make_jobs, run_job
 
     jobs = make_jobs(study)
     rows: list[Row] = []

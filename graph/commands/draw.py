@@ -22,10 +22,10 @@ def command(
     options: RunOptions,
 ) -> None:
     """Draw the plan of GRAPH: nodes by back end, and the transfers between them."""
-    from tactograph.graph.draw import to_dot, to_mermaid
     from tactograph.graph.errors import InputError
-    from tactograph.graph.open import placeholders
-    from tactograph.graph.whole import whole_file
+    from tactograph.graph.files.whole_files import whole_file
+    from tactograph.graph.plan.draw import to_dot, to_mermaid
+    from tactograph.graph.run.open import placeholders
 
     read = options.read(graph)
     plan = options.open(read, placeholders(read)).plan

@@ -20,8 +20,8 @@ def command(
     from rich.console import Console
     from rich.table import Table
 
-    from tactograph.graph.given import read_words
-    from tactograph.graph.open import placeholders
+    from tactograph.graph.run.open import placeholders
+    from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
     given = {**placeholders(read), **read_words(read, values)}

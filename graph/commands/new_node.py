@@ -8,14 +8,17 @@ import click
 
 
 @click.command("new-node", short_help="Write the files of a new node.")
-@click.argument("name")
+@click.argument("name", metavar="[ROOM/]NAME")
 @click.option(
     "--package", metavar="FOLDER", type=click.Path(file_okay=False, path_type=Path),
     help="A package of your own, made if it is not there.  [default: the clone you are in]",
 )  # fmt: skip
 def command(name: str, package: Path | None) -> None:
-    """Write the function, the kernel and the tests of a node NAME that works, to be edited."""
-    from tactograph.graph.new_node import write_into_package, write_into_project
+    """Write the function, the kernel and the tests of a node NAME that works, to be edited.
+
+    ROOM is the folder of nodes/ it goes to: capture, light, shadow, slope, height and others.
+    """
+    from tactograph.graph.declare.new_node import write_into_package, write_into_project
 
     if package is None:
         files, line = write_into_project(name, Path()), ""
@@ -28,4 +31,4 @@ def command(name: str, package: Path | None) -> None:
     elif package is not None:
         click.echo(f"try it: pip install -e '{package}[test]' && pytest {package}")
     else:
-        click.echo(f"try it: pytest tests/nodes/test_{name}.py tests/kernels -k {name}")
+        click.echo(f"try it: pytest {files[-1]} tests/kernels -k {files[0].stem}")

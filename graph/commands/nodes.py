@@ -9,21 +9,26 @@ import click
 @click.argument("name", required=False)
 def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
-    from tactograph.graph.describe import node_page
+    from tactograph.graph.declare.describe import node_page
+    from tactograph.graph.declare.find_node import builtin_rooms, find_node, node_names
     from tactograph.graph.errors import TactographError
-    from tactograph.graph.find import find_node, node_names
 
     if name is not None:
         click.echo(node_page(find_node(name)))
         return
-    names = node_names()
+    rooms = builtin_rooms()
+    names = sorted(node_names(), key=lambda name: (rooms.get(name, "~"), name))
     width = max(map(len, names))
+    room = None
     for each in names:
+        if rooms.get(each) != room:
+            room = rooms.get(each)
+            click.echo(f"\n{room or 'of other packages'}")
         try:
             found = find_node(each)
         except TactographError as error:
-            click.echo(f"{each:<{width}}  --  {error}")
+            click.echo(f"  {each:<{width}}  --  {error}")
             continue
         kernel = "cl" if "opencl" in found.backends else "  "
         host = "nb" if "numba" in found.backends else "  "
-        click.echo(f"{each:<{width}}  {kernel} {host}  {found.summary}")
+        click.echo(f"  {each:<{width}}  {kernel} {host}  {found.summary}")

@@ -10,10 +10,10 @@ import click
 @click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Print GRAPH with 'extends' and 'patch' worked in: a graph file by itself."""
-    from tactograph.graph.dump import dump_graph
-    from tactograph.graph.given import read_settings
-    from tactograph.graph.open import with_changes
-    from tactograph.graph.read import read_graph
+    from tactograph.graph.files.dump import dump_graph
+    from tactograph.graph.files.read import read_graph
+    from tactograph.graph.run.open import with_changes
+    from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))
     click.echo(dump_graph(read), nl=False)

@@ -12,7 +12,7 @@ import click
 from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
-    from tactograph.graph.run import Pipeline, Result
+    from tactograph.graph.run.pipeline import Pipeline, Result
 
 
 @click.command("run", short_help="Run a graph.")
@@ -37,7 +37,7 @@ def command(
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
-    from tactograph.graph.given import read_words
+    from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
     pipeline = options.open(read, read_words(read, values))

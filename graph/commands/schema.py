@@ -10,6 +10,6 @@ import click
 @click.command("schema", short_help="Print the JSON schema of graph files.")
 def command() -> None:
     """Print the schema; editors use it for completion and red lines."""
-    from tactograph.graph.schema import make_schema
+    from tactograph.graph.files.schema import make_schema
 
     click.echo(json.dumps(make_schema(), indent=1))

@@ -20,8 +20,8 @@ import pytest
 from markdown_it import MarkdownIt
 
 from tactograph.graph.command import COMMANDS
-from tactograph.graph.read import read_graph, shipped_names
-from tactograph.graph.strict_yaml import read_yaml
+from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.files.strict_yaml import read_yaml
 from tests.conftest import ROOT
 
 PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))

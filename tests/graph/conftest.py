@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tactograph.graph import find
 from tactograph.graph.command import main
+from tactograph.graph.declare import find_node as find
 from tests.graph.toys import CALLS, TOYS
 
 SLOPES = """

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.commands import bench
-from tactograph.graph.read import read_graph
+from tactograph.graph.files.read import read_graph
 from tests.graph.conftest import STREAM, Command, Write
 
 

@@ -17,8 +17,8 @@ from ruamel.yaml import YAML
 
 from tactograph.graph import command
 from tactograph.graph.commands.run import _in_rows
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph, shipped_names
+from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.run.open import open_pipeline
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
 
 WRITING = """
@@ -205,7 +205,8 @@ def test_a_fallback_is_one_line_on_the_terminal(
     toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.open.choose_device", lambda text=None: (None, "no OpenCL device works")
+        "tactograph.graph.run.open.choose_device",
+        lambda text=None: (None, "no OpenCL device works"),
     )
     done = tactograph("run", write(STREAM))
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
@@ -226,7 +227,8 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.open.choose_device", lambda text=None: (None, "no OpenCL device works")
+        "tactograph.graph.run.open.choose_device",
+        lambda text=None: (None, "no OpenCL device works"),
     )
     file = write(WRITING)
     out = tmp_path / "out"
@@ -303,7 +305,7 @@ def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
         raise RuntimeError("two\nlines")
 
     monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
-    monkeypatch.setattr("tactograph.graph.read.read_graph", fail)
+    monkeypatch.setattr("tactograph.graph.files.read.read_graph", fail)
     said = one_line(tactograph("check", "paper"), code=1)
     assert "internal error: RuntimeError: two lines" in said
 
@@ -318,7 +320,7 @@ def test_an_end_from_outside_shows_no_traceback(
     def fail(*args: object, **keywords: object) -> None:
         raise error
 
-    monkeypatch.setattr("tactograph.graph.read.read_graph", fail)
+    monkeypatch.setattr("tactograph.graph.files.read.read_graph", fail)
     done = tactograph("check", "paper")
     assert done.code == code
     assert "Traceback" not in done.err
@@ -398,7 +400,7 @@ def test_explain_prints_brackets_as_they_are(
     tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
-    monkeypatch.setattr("tactograph.graph.open.choose_device", lambda text=None: (None, why))
+    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, why))
     assert "tactograph[vkfft]" in " ".join(tactograph("explain", write(SLOPES)).out.split())
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import EVERYTHING, InputError, Parts, node
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
-from tactograph.graph.run import Result
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.pipeline import Result
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write
 

@@ -14,8 +14,8 @@ import pytest
 from tactograph.graph import InputError, NodeError, Wanted, load
 from tactograph.graph.backends import numba
 from tactograph.graph.backends.numba import Compiled
-from tactograph.graph.find import find_node
-from tactograph.graph.passes import backends
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.plan import backends
 from tests.graph.conftest import STREAM, Write
 from tests.graph.toys import halves
 
@@ -74,7 +74,9 @@ def test_a_choice_and_an_input_that_is_left_out() -> None:
 
 
 def test_a_function_with_other_arguments_than_declared_is_refused(toys: list[str]) -> None:
-    node = replace(find_node("halves"), name="flat_field", kernel_package="tactograph.kernels")
+    node = replace(
+        find_node("halves"), name="flat_field", kernel_package="tactograph.kernels.light"
+    )
     with pytest.raises(NodeError, match=r"flat_field_numba\.py: the function takes image, flat, "):
         Compiled(replace(node, fixed=()))
 

@@ -8,9 +8,9 @@ from tactograph.graph.backends import opencl
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.find import builtin_names, find_node
-from tactograph.graph.node import Node
-from tactograph.graph.parity import cases, compare
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parity import cases, compare
 
 MUTANTS = {
     "flat_field": {

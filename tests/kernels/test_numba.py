@@ -16,9 +16,9 @@ import pytest
 
 from tactograph.graph.backends import numba
 from tactograph.graph.backends.numba import Compiled
-from tactograph.graph.find import builtin_names, find_node
-from tactograph.graph.node import Node
-from tactograph.graph.parity import Case, cases, compare
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parity import Case, cases, compare
 
 NODES = [name for name in builtin_names() if "numba" in find_node(name).backends]
 UNROLLED = [name for name in NODES if find_node(name).fixed]

@@ -9,8 +9,8 @@ import pytest
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.find import builtin_names, find_node
-from tactograph.graph.parity import Case, cases, compare
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.parity import Case, cases, compare
 
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]

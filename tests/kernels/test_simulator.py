@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.find import builtin_names, find_node
+from tactograph.graph.declare.find_node import builtin_names, find_node
 
 SCRIPT = """
 import ast
 import sys
 from tactograph.graph.backends import opencl
 from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.find import find_node
-from tactograph.graph.parity import cases, compare
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.parity import cases, compare
 
 name, lanes, shape, before, after = sys.argv[1:6]
 device = opencl.OpenCL(choose_device("oclgrind")[0], lanes=int(lanes))

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
-from tactograph.nodes._mcap_log import log_files
-from tactograph.nodes._mcap_read import McapFile
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.nodes.recording._mcap_log import log_files
+from tactograph.nodes.recording._mcap_read import McapFile
 from tests.graph.conftest import Command, tactograph
-from tests.nodes.recordings import LEDS, light_of, make_recording, read_numbers
+from tests.nodes.recording.recordings import LEDS, light_of, make_recording, read_numbers
 
 __all__ = ["tactograph"]
 GRAPH = """

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tactograph.graph.open import open_pipeline
-from tactograph.graph.read import read_graph
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
 
 
 def figures(name: str) -> dict[str, float]:

@@ -29,7 +29,7 @@ from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
 from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, alone_in, open_store
 from tactograph.graph.batch.work import Chunk, Tally, do_chunk
-from tactograph.graph.read import read_graph
+from tactograph.graph.files.read import read_graph
 from tests.graph.conftest import Command, Write
 
 LIT = """
@@ -112,7 +112,7 @@ def test_what_runs_elsewhere_than_wanted_is_told_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.open.choose_device", lambda text=None: (None, "none"))
+    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, "none"))
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert code == 0

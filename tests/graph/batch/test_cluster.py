@@ -20,7 +20,7 @@ from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.store import DONE, Store
 from tactograph.graph.batch.work import Chunk
-from tactograph.graph.read import read_graph
+from tactograph.graph.files.read import read_graph
 from tests.graph.batch.test_batch import LIT, expected, lit, make_capture
 from tests.graph.conftest import Write
 

@@ -1,0 +1,1 @@
+"""Variants side by side over captures: runs, tables, pictures, one page."""

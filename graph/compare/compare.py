@@ -1,0 +1,282 @@
+"""Every variant on every capture, back end, swept value and seed, each run kept on disk.
+
+Nothing here knows optics: a row holds whatever figures a graph's outputs hold.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
+from tactograph.graph.compare.views import save_views, views_of
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.files.model import Graph
+from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.plan.plan import Step
+from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.run.pipeline import Result
+
+RUNS = 3
+"""How often an item of a stream is computed, for the median of its times."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is compared with what: everything that decides which runs there are."""
+
+    graphs: Sequence[Graph]
+    given: Mapping[str, Mapping[str, Any]]
+    captures: Sequence[Path] = ()
+    backends: Sequence[str | None] = (None,)
+    device: str | None = None
+    sweeps: Sequence[Sweep] = ()
+    seed: str | None = None
+    repeats: int = 1
+
+    def check(self) -> None:
+        """Refuse what cannot become a comparison.
+
+        Raises
+        ------
+        InputError
+            If a sweep or seed names nothing, captures are missing, or repeats would all be
+            the same.
+        """
+        check_targets(self.graphs, [sweep.target for sweep in self.sweeps], "--sweep")
+        check_targets(self.graphs, [self.seed] if self.seed else [], "--seed")
+        targets = [sweep.target for sweep in self.sweeps]
+        if len({*targets, self.seed}) < len([*targets, self.seed]):
+            raise InputError("a parameter can be swept, or be the seed, only once")
+        if self.repeats > 1 and self.seed is None:
+            known = ", ".join(seed_like(self.graphs)) or "no node has one"
+            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {known})")
+        for graph in self.graphs:
+            if takes_capture(graph) and not self.captures:
+                raise InputError(f"{graph.name} takes captures; say --over DIR")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of the comparison: a graph with a swept point and a seed set in it."""
+
+    graph: Graph
+    backend: str | None
+    capture: Path | None
+    point: Mapping[str, Any] = field(default_factory=dict)
+    seed: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def changed(self) -> Graph:
+        return with_changes(self.graph, {**self.point, **self.seed})
+
+    @property
+    def capture_name(self) -> str:
+        return "" if self.capture is None else self.capture.resolve().name
+
+    @property
+    def label(self) -> str:
+        """The run in words, for people."""
+        set_ = [f"{target}={value}" for target, value in {**self.point, **self.seed}.items()]
+        on = f"on {self.capture_name}" if self.capture else ""
+        return " ".join(filter(None, [self.graph.name, on, *set_]))
+
+    def folder(self, out: Path) -> Path:
+        parts = [self.graph.name, self.backend or "preferred", self.capture_name]
+        parts.append(",".join(f"{target}={value}" for target, value in self.point.items()))
+        parts += [f"seed={value}" for value in self.seed.values()]
+        return out.joinpath(*(part.replace("/", "_") for part in parts if part))
+
+
+@dataclass
+class Row:
+    """What one job gave: figures and times, or the reason why there are none."""
+
+    variant: str
+    capture: str
+    backend: str
+    hash: str
+    figures: dict[str, float] = field(default_factory=dict)
+    milliseconds: dict[str, float] = field(default_factory=dict)
+    backends: dict[str, str] = field(default_factory=dict)
+    device: str | None = None
+    error: str = ""
+    given: dict[str, str] = field(default_factory=dict)
+    fallbacks: list[str] = field(default_factory=list)
+    sweep: dict[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    inputs: dict[str, str] = field(default_factory=dict)
+    items: int = 0
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells this run from the others of its comparison."""
+        return (self.variant, self.capture, self.backend, repr(self.sweep), repr(self.seed))
+
+
+def takes_capture(graph: Graph) -> bool:
+    return "capture" in graph.params
+
+
+def make_jobs(study: Study) -> list[Job]:
+    """All combinations, capture by capture, so that neighbours in the table belong together.
+
+    Raises
+    ------
+    InputError
+        If two of them would write into the same folder.
+    """
+    jobs = [
+        Job(graph, backend, capture, point, seed)
+        for capture in (None, *study.captures)
+        for graph in study.graphs
+        if takes_capture(graph) == (capture is not None)
+        for backend in study.backends
+        for point in points(graph, study.sweeps)
+        for seed in seeds(graph, study.seed, study.repeats, study.given[graph.name])
+    ]
+    taken: set[Path] = set()
+    for job in jobs:
+        folder = job.folder(Path())
+        if folder in taken:
+            raise InputError(f"two of the runs are called {folder}; give them different names")
+        taken.add(folder)
+    return jobs
+
+
+def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
+    """Run one job, or take its row from a former run of the very same graph and values.
+
+    Returns
+    -------
+    The row, and whether it was there already.
+    """
+    folder = job.folder(out)
+    values = {**study.given[job.graph.name], **_places(job, folder)}
+    row = _empty_row(job, values)
+    done = _done(folder, row)
+    if done is not None and (study.device or "").lower() in (done.device or "").lower():
+        return done, True
+    try:
+        results = _run(job, values, study.device, row)
+    except Exception as error:  # whatever it is, it must not end the other runs
+        known = isinstance(error, TactographError)
+        row.error = str(error) if known else f"{type(error).__name__}: {error}"
+        return row, False
+    with whole_files(folder) as stage:
+        save_views(views_of(results), stage)
+        (stage / "row.json").write_text(json.dumps(asdict(row), indent=1) + "\n")
+    return row, False
+
+
+def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> Result:
+    """Run all items, enter them into the row, and return the first for its pictures."""
+    pipeline = open_pipeline(job.changed, values, backend=job.backend, device=device)
+    first: Result | None = None
+    figures: dict[str, list[float]] = {}
+    times: dict[str, list[float]] = {}
+    for result in pipeline.items(repeats=RUNS):
+        first = first or result
+        for name, figure in figures_of(result).items():
+            figures.setdefault(name, []).append(figure)
+        for name, time in _times_of(result).items():
+            times.setdefault(name, []).append(time)
+        row.items += 1
+        row.warnings = result.warnings
+    if first is None:
+        raise InputError(f"{job.graph.name} yielded nothing")
+    row.figures = {name: fmean(many) for name, many in figures.items()}
+    row.milliseconds = {name: fmean(many) for name, many in times.items()}
+    row.backends = {step.name: step.backend for step in _computing(first)}
+    row.device = first.plan.device
+    row.fallbacks = first.plan.fallbacks
+    return first
+
+
+def figures_of(result: Result) -> dict[str, float]:
+    """All named figures among the outputs."""
+    found: dict[str, float] = {}
+    for value in result.outputs.values():
+        if isinstance(value, dict):
+            found |= {name: float(figure) for name, figure in value.items()}
+    return found
+
+
+def _times_of(result: Result) -> dict[str, float]:
+    """Milliseconds of the steps that make an item.
+
+    Reading, writing and rating it are no part of that; nor is what was made once.
+    """
+    return {s.name: result.times.get(s.name, 0.0) for s in _computing(result) if s.stream}
+
+
+def _computing(result: Result) -> list[Step]:
+    tasks = result.plan.tasks
+    return [s for s in result.plan.steps if s.name not in tasks or _computes(tasks[s.name].node)]
+
+
+def _computes(node: Node) -> bool:
+    if node.source or node.sink:
+        return False
+    return any(port.kind != "object" for port in node.outputs.values())
+
+
+def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:
+    return Row(
+        variant=job.graph.name,
+        capture=job.capture_name,
+        backend=job.backend or "preferred",
+        hash=job.changed.hash,
+        given={name: str(value) for name, value in values.items()},
+        sweep=dict(job.point),
+        seed=next(iter(job.seed.values()), None),
+        inputs={
+            name: content_hash(Path(str(value)))
+            for name, value in values.items()
+            if job.graph.params[name].kind == "path" and name != "out" and value is not None
+        },
+    )
+
+
+def _places(job: Job, folder: Path) -> dict[str, str]:
+    """Where the capture is and where results go, as far as the graph wants to know."""
+    places = {"out": str(folder)}
+    if job.capture is not None:
+        places["capture"] = str(job.capture)
+    return {name: place for name, place in places.items() if name in job.graph.params}
+
+
+def _done(folder: Path, wanted: Row) -> Row | None:
+    try:
+        row = Row(**json.loads((folder / "row.json").read_text()))
+    except (OSError, ValueError, TypeError):
+        return None
+    same = (row.hash, row.given, row.inputs) == (wanted.hash, wanted.given, wanted.inputs)
+    return row if same else None
+
+
+def content_hash(path: Path) -> str:
+    """SHA-256 (first 16 digits) of a file, or of the files of a folder with their names."""
+    files = sorted(f for f in path.rglob("*") if f.is_file()) if path.is_dir() else [path]
+    try:
+        stats = [(file, file.stat()) for file in files]
+    except OSError:  # the run itself will say what is wrong with it
+        return ""
+    return _content_hash(path, tuple((f, stat.st_size, stat.st_mtime_ns) for f, stat in stats))
+
+
+@cache
+def _content_hash(path: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
+    digest = hashlib.sha256()
+    for file, size, _ in files:
+        digest.update(f"{file.relative_to(path)}:{size}:".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,73 @@
+"""What sets one graph apart from another, node by node: what exactly was ablated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tactograph.graph.files.model import Entry, Graph
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One thing that is not the same: where, what it was, what it is."""
+
+    node: str
+    what: str
+    before: str
+    after: str
+
+
+def differences(base: Graph, other: Graph) -> list[Difference]:
+    """What must be changed in `base` to make it compute what `other` does."""
+    found = [_removed(n, e) for n, e in base.nodes.items() if n not in other.nodes]
+    for node_id, entry in other.nodes.items():
+        if node_id not in base.nodes:
+            found.append(Difference(node_id, "added", "", _described(entry)))
+        else:
+            found += _changed(node_id, base.nodes[node_id], entry)
+    found += _mapping("outputs", "", base.outputs, other.outputs)
+    defaults = [{n: p.default for n, p in graph.params.items()} for graph in (base, other)]
+    found += _mapping("params", "default of ", *defaults)
+    if base.prefer != other.prefer:
+        found.append(Difference("prefer", "", ", ".join(base.prefer), ", ".join(other.prefer)))
+    return found
+
+
+def _removed(node_id: str, entry: Entry) -> Difference:
+    return Difference(node_id, "removed", _described(entry), "")
+
+
+def _changed(node_id: str, before: Entry, after: Entry) -> Iterator[Difference]:
+    if before.op != after.op:
+        yield Difference(node_id, "op", before.op, after.op)
+    if before.neutral != after.neutral:
+        yield Difference(node_id, "taken out", _yes(before.neutral), _yes(after.neutral))
+    if before.backend != after.backend:
+        was, is_ = before.backend or "as preferred", after.backend or "as preferred"
+        yield Difference(node_id, "back end", was, is_)
+    yield from _mapping(node_id, "input ", before.inputs, after.inputs)
+    yield from _mapping(node_id, "", before.settings, after.settings)
+
+
+def _mapping(
+    node_id: str, prefix: str, before: Mapping[str, Any], after: Mapping[str, Any]
+) -> Iterator[Difference]:
+    for key in dict.fromkeys([*before, *after]):
+        was, is_ = (_shown(side, key) for side in (before, after))
+        if was != is_:
+            yield Difference(node_id, f"{prefix}{key}", was, is_)
+
+
+def _shown(mapping: Mapping[str, Any], key: str) -> str:
+    return str(mapping[key]) if key in mapping else "not set"
+
+
+def _described(entry: Entry) -> str:
+    settings = ", ".join(f"{name}={value}" for name, value in entry.settings.items())
+    return f"{entry.op}({settings})" if settings else entry.op
+
+
+def _yes(value: bool) -> str:
+    return "yes, by its neutral value" if value else "no"

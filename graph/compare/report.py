@@ -1,0 +1,307 @@
+"""One self-contained page that shows a comparison: figures, differences, pictures, curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from numpy.typing import NDArray
+
+from tactograph.graph.compare.compare import Job, Row, Study, make_jobs
+from tactograph.graph.compare.differences import differences
+from tactograph.graph.compare.pictures import (
+    CLIPPED,
+    Curve,
+    draw_curves,
+    draw_errors,
+    draw_labels,
+    draw_maps,
+    draw_planes,
+    draw_section,
+)
+from tactograph.graph.compare.record import Record
+from tactograph.graph.compare.sweep import Sweep
+from tactograph.graph.compare.tables import (
+    Line,
+    columns,
+    higher_is_better,
+    is_best,
+    make_lines,
+    over_all,
+    sweep_columns,
+    words,
+)
+from tactograph.graph.compare.views import View, find_truth, load_views
+from tactograph.graph.files.dump import dump_graph
+from tactograph.graph.files.whole_files import whole_file
+
+FILE = "report.html"
+TRUTH = "truth"
+MOST_PANELS = 7
+"""Runs of a capture that are drawn; of more, these are taken at even distances."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawing as a data URI, and the sentence under it."""
+
+    uri: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """All pictures of one capture."""
+
+    title: str
+    left_out: int
+    pictures: list[Picture]
+
+
+def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -> Path:
+    """Write ``report.html`` and return its path.
+
+    Parameters
+    ----------
+    study, rows
+        What was compared, and what came of it.
+    record
+        How it was made, for the page's last part.
+    out
+        Where the runs are kept: their views are drawn.
+    """
+    lines = make_lines(rows)
+    page = _template().render(
+        title=", ".join(graph.name for graph in study.graphs),
+        record=record,
+        out=out.name or out.resolve().name,
+        graphs=[_variant(graph, study) for graph in study.graphs],
+        table=_table(lines),
+        details=_table(lines, details=True) if columns(lines) != columns(lines, True) else None,
+        steps=_steps(lines),
+        curves=[picture for sweep in study.sweeps for picture in _curves(sweep, lines)],
+        sections=_sections(study, rows, out),
+        failures=[line for line in lines if line.error],
+        fallbacks=list(dict.fromkeys(f"{r.variant}: {t}" for r in rows for t in r.fallbacks)),
+        repeats=study.repeats,
+    )
+    with whole_file(out / FILE) as file:
+        file.write_text(page, encoding="utf-8")
+    return out / FILE
+
+
+def _template() -> Any:
+    text = resources.files("tactograph.graph.compare").joinpath("report.html.j2").read_text("utf-8")
+    return Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    ).from_string(text)
+
+
+def _variant(graph: Any, study: Study) -> dict[str, Any]:
+    base = study.graphs[0]
+    return {
+        "name": graph.name,
+        "title": graph.title,
+        "hash": graph.hash,
+        "is_base": graph is base,
+        "differences": differences(base, graph),
+        "text": dump_graph(graph),
+    }
+
+
+def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
+    """Headings and cells, in blocks of one capture each."""
+    shown = [*lines, *([] if details else over_all(lines))]
+    names, targets = columns(lines, details), sweep_columns(lines)
+    blocks: dict[str, list[dict[str, Any]]] = {}
+    for line in shown:
+        cells = [
+            {"text": str(line.figures.get(name, "")), "best": is_best(line, name, shown)}
+            for name in names
+        ]
+        labels = [line.variant, *(_value(line.sweep.get(t, "")) for t in targets), line.where]
+        blocks.setdefault(line.capture, []).append(
+            {"labels": labels, "cells": cells, "error": line.error}
+        )
+    headings = [{"text": words(name), "higher": higher_is_better(name)} for name in names]
+    return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}
+
+
+def _value(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _steps(lines: Sequence[Line]) -> dict[str, Any] | None:
+    """Milliseconds of every step, for the runs of the first capture."""
+    first = lines[0].capture
+    timed = [x for x in lines if x.capture == first and x.rows[0].milliseconds]
+    if not timed:
+        return None
+    timed = _thinned(timed)
+    names = dict.fromkeys(name for line in timed for name in line.rows[0].milliseconds)
+    cells = [{"name": name, "cells": [_step_cell(line, name) for line in timed]} for name in names]
+    return {"capture": first, "lines": [_label(line, lines) for line in timed], "rows": cells}
+
+
+def _step_cell(line: Line, name: str) -> str:
+    row = line.rows[0]
+    if name not in row.milliseconds:
+        return ""
+    return f"{row.milliseconds[name]:.2f} {row.backends[name]}"
+
+
+def _label(line: Line, lines: Iterable[Line]) -> str:
+    """The run in a few words: only what tells it from the others."""
+    several = len({other.backend for other in lines}) > 1
+    swept = [f"{target.partition('.')[2]} {_value(v)}" for target, v in line.sweep.items()]
+    return ", ".join([line.variant, *swept, *([line.backend] if several else [])])
+
+
+def _curves(sweep: Sweep, lines: Sequence[Line]) -> list[Picture]:
+    """A picture for each capture: every figure over the swept parameter."""
+    pictures = []
+    for capture in dict.fromkeys(line.capture for line in lines):
+        here = [line for line in lines if line.capture == capture]
+        figures = {name: _curves_of(name, sweep, here) for name in columns(here)}
+        figures = {name: curves for name, curves in figures.items() if _varies(curves)}
+        if figures:
+            on = f" on {capture}" if capture else ""
+            caption = f"{sweep.target}{on}. Dashed: variants that do not have the parameter."
+            uri = draw_curves(figures, sweep.target, sweep.log)
+            pictures.append(Picture(uri, caption))
+    return pictures
+
+
+def _curves_of(name: str, sweep: Sweep, lines: Sequence[Line]) -> dict[str, Curve]:
+    """The curves of one figure; a label tells variant, back end and other swept values."""
+    curves: dict[str, tuple[list[Any], list[Any]]] = {}
+    for line in lines:
+        if name not in line.figures:
+            continue
+        rest = {target: v for target, v in line.sweep.items() if target != sweep.target}
+        label = _label(Line(line.variant, "", line.backend, rest, line.rows, {}), lines)
+        values, estimates = curves.setdefault(label, ([], []))
+        estimates.append(line.figures[name])
+        if sweep.target in line.sweep:
+            values.append(line.sweep[sweep.target])
+    return dict(curves)
+
+
+def _varies(curves: Mapping[str, Curve]) -> bool:
+    return len({f"{e.mean:.6g}" for _, estimates in curves.values() for e in estimates}) > 1
+
+
+def _sections(study: Study, rows: Sequence[Row], out: Path) -> list[Section]:
+    """The pictures of each capture, of the first seed of each run."""
+    jobs = [job for job, row in zip(make_jobs(study), rows, strict=True) if not row.error]
+    lines = make_lines(rows)
+    sections = []
+    for capture in dict.fromkeys(job.capture_name for job in jobs):
+        first: dict[str, Job] = {}
+        for job in jobs:
+            if job.capture_name == capture:
+                first.setdefault(_job_label(job, lines), job)
+        drawn = dict(_thinned(list(first.items())))
+        views = {label: load_views(job.folder(out)) for label, job in drawn.items()}
+        pictures = _pictures({label: found for label, found in views.items() if found})
+        sections.append(Section(capture, len(first) - len(drawn), pictures))
+    return sections
+
+
+def _job_label(job: Job, lines: Sequence[Line]) -> str:
+    backend = job.backend or "preferred"
+    return _label(Line(job.graph.name, "", backend, job.point, (), {}), lines)
+
+
+def _thinned(items: list[Any]) -> list[Any]:
+    if len(items) <= MOST_PANELS:
+        return items
+    chosen = np.linspace(0, len(items) - 1, MOST_PANELS).round().astype(int)
+    return [items[i] for i in chosen]
+
+
+def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
+    """The drawings of one capture; `runs` holds the views of each run by its label."""
+    pictures: list[Picture] = []
+    names = dict.fromkeys(name for views in runs.values() for name in views)
+    kinds = {name: next(v[name] for v in runs.values() if name in v) for name in names}
+    for kind, name in product(("planes", "labels", "map"), kinds):
+        view = kinds[name]
+        if view.kind == kind and not view.is_truth:
+            pictures += _DRAW[kind](view, _Shown(name, runs))
+    return pictures
+
+
+class _Shown:
+    """One view of all runs, and its truth, which a swept scene changes from run to run."""
+
+    def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
+        found = {label: views[name] for label, views in runs.items() if name in views}
+        shape = next(iter(found.values())).array.shape
+        self.found = {label: v.array for label, v in found.items() if v.array.shape == shape}
+        truths = {label: find_truth(found[label], runs[label]) for label in self.found}
+        self.truths = {label: truth.array for label, truth in truths.items() if truth is not None}
+
+    @property
+    def truth(self) -> NDArray[Any] | None:
+        """The truth, if it is known and the same for all runs."""
+        distinct = _distinct(self.truths)
+        return next(iter(distinct.values())) if len(distinct) == 1 else None
+
+    @property
+    def panels(self) -> dict[str, NDArray[Any]]:
+        """Every truth there is, and all runs."""
+        if self.truth is not None:
+            return {TRUTH: self.truth, **self.found}
+        return {**{f"{TRUTH}, {k}": v for k, v in _distinct(self.truths).items()}, **self.found}
+
+    @property
+    def errors(self) -> dict[str, NDArray[Any]]:
+        return {label: self.found[label] - truth for label, truth in self.truths.items()}
+
+
+def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """The arrays without those that equal a former one."""
+    found: dict[bytes, tuple[str, NDArray[Any]]] = {}
+    for label, array in arrays.items():
+        found.setdefault(array.tobytes(), (label, array))
+    return dict(found.values())
+
+
+def _draw_planes(view: View, shown: _Shown) -> list[Picture]:
+    name, distinct = words(view.name).capitalize(), _distinct(shown.found)
+    of = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
+    return [Picture(draw_planes(view), f"{name}, {of}.")]
+
+
+def _draw_labels(view: View, shown: _Shown) -> list[Picture]:
+    name = words(view.name).capitalize()
+    caption = f"{name}: a colour for each of the {view.unit}, dark where several are set."
+    return [Picture(draw_labels(shown.panels, view.unit), caption)]
+
+
+def _draw_map(view: View, shown: _Shown) -> list[Picture]:
+    name, panels = words(view.name), shown.panels
+    axis = f"{name} / {view.unit}"
+    pictures = [Picture(draw_maps(panels, axis), f"{name.capitalize()}, one scale for all.")]
+    if shown.errors:
+        uri, end = draw_errors(shown.errors, f"error / {view.unit}")
+        caption = (
+            f"Error of the {name}, one scale for all; it ends at ±{end:.3g} {view.unit}, which "
+            f"{CLIPPED:g} % of the pixels do not reach. Red is too high, blue too low."
+        )
+        pictures.append(Picture(uri, caption))
+    reference = next(iter(panels.values()))
+    row = int(np.unravel_index(int(np.nanargmax(reference)), reference.shape)[0])
+    uri = draw_section(panels, axis, row, TRUTH if TRUTH in panels else None)
+    pictures.append(Picture(uri, f"Section through the peak, row {row}."))
+    return pictures
+
+
+_DRAW = {"planes": _draw_planes, "labels": _draw_labels, "map": _draw_map}

@@ -1,0 +1,172 @@
+"""Sweeps: the values that a comparison tries for a parameter of a node, and its seeds."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import InputError
+from tactograph.graph.files.model import Graph
+from tactograph.graph.files.strict_yaml import parse_scalar
+
+MOST_VALUES = 1000
+HOW = "write it as node.param=0.01..0.2:10, log:0.01..1:5 or a,b,c"
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The values of one parameter, ``node.param``; `log` if they are spaced by a factor."""
+
+    target: str
+    values: tuple[Any, ...]
+    log: bool = False
+    text: str = ""
+
+
+def read_sweep(word: str) -> Sweep:
+    """Read ``node.param=low..high:count``, the same with ``log:`` before it, or ``a,b,c``.
+
+    A range of whole numbers at whole distances gives whole numbers.
+
+    Raises
+    ------
+    InputError
+        If the word is not of that form, or the values are fewer than two.
+    """
+    target, equals, text = word.partition("=")
+    if not equals or not _is_target(target):
+        raise InputError(f"--sweep {word}: {HOW}")
+    log = text.startswith("log:")
+    try:
+        values = _range(text.removeprefix("log:"), log) if ".." in text else _list(text)
+    except (ValueError, InputError) as error:
+        raise InputError(f"--sweep {word}: {error}; {HOW}") from None
+    if len(set(map(repr, values))) < max(2, len(values)):
+        raise InputError(f"--sweep {word}: at least two values, each once, are needed")
+    return Sweep(target, values, log, word)
+
+
+def points(graph: Graph, sweeps: Iterable[Sweep]) -> list[dict[str, Any]]:
+    """All combinations of the values that `graph` can be swept over.
+
+    A graph without the node, or with it taken out, is run once for that sweep.
+    """
+    own = [sweep for sweep in sweeps if has_parameter(graph, sweep.target)]
+    return [
+        dict(zip((sweep.target for sweep in own), values, strict=True))
+        for values in itertools.product(*(sweep.values for sweep in own))
+    ]
+
+
+def seeds(
+    graph: Graph, target: str | None, repeats: int, given: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """The settings of `repeats` runs that differ in a seed: the graph's own, and upwards.
+
+    Raises
+    ------
+    InputError
+        If the parameter is no whole number.
+    """
+    if target is None or not has_parameter(graph, target):
+        return [{}]
+    first = _own_value(graph, target, given)
+    if type(first) is not int:
+        raise InputError(f"--seed {target}: a seed is a whole number, not {first!r}")
+    return [{target: first + i} for i in range(repeats)]
+
+
+def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) -> None:
+    """Refuse a parameter that none of the graphs has.
+
+    Raises
+    ------
+    InputError
+        Naming the nodes, or the parameters of the node, that there are.
+    """
+    for target in targets:
+        if not any(has_parameter(graph, target) for graph in graphs):
+            raise InputError(f"{option} {target}: {_what_there_is(graphs, target)}")
+
+
+def has_parameter(graph: Graph, target: str) -> bool:
+    """Whether the graph has this ``node.param``, in a node that is not taken out."""
+    node_id, _, name = target.partition(".")
+    entry = graph.nodes.get(node_id)
+    return entry is not None and not entry.neutral and name in find_node(entry.op).parameters
+
+
+def seed_like(graphs: Iterable[Graph]) -> list[str]:
+    """The parameters called ``seed`` of all nodes."""
+    found = (
+        f"{node_id}.seed"
+        for graph in graphs
+        for node_id, entry in graph.nodes.items()
+        if has_parameter(graph, f"{node_id}.seed") and entry.op
+    )
+    return list(dict.fromkeys(found))
+
+
+def _is_target(target: str) -> bool:
+    node_id, dot, name = target.partition(".")
+    return bool(dot) and node_id.isidentifier() and name.isidentifier()
+
+
+def _list(text: str) -> tuple[Any, ...]:
+    return tuple(parse_scalar(part.strip()) for part in text.split(","))
+
+
+def _range(text: str, log: bool) -> tuple[float, ...]:
+    ends, colon, count_text = text.partition(":")
+    low_text, _, high_text = ends.partition("..")
+    low, high = (_number(part) for part in (low_text, high_text))
+    if not colon:
+        raise ValueError("the number of values is missing after ':'")
+    count = int(count_text)
+    if not 2 <= count <= MOST_VALUES:
+        raise ValueError(f"from 2 to {MOST_VALUES} values")
+    if log and not (low > 0 and high > 0):
+        raise ValueError("a logarithmic range starts and ends above 0")
+    spaced = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
+    whole = isinstance(low, int) and isinstance(high, int) and (spaced % 1 == 0).all()
+    # Six digits keep 0.1 from being written as 0.10000000000000002 into tables and folders.
+    return tuple(int(v) if whole else float(f"{v:.6g}") for v in spaced)
+
+
+def _number(text: str) -> int | float:
+    value = parse_scalar(text.strip())
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"'{text}' is not a number")
+    return value
+
+
+def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
+    node_id, _, name = target.partition(".")
+    entry = graph.nodes[node_id]
+    value = entry.settings.get(name, find_node(entry.op).parameters[name].default)
+    if isinstance(value, str) and value.startswith("$"):
+        return given.get(value[1:], graph.params[value[1:]].default)
+    return value
+
+
+def _what_there_is(graphs: Sequence[Graph], target: str) -> str:
+    node_id, _, name = target.partition(".")
+    holders = [graph for graph in graphs if node_id in graph.nodes]
+    if not holders:
+        known = dict.fromkeys(n for graph in graphs for n in graph.nodes)
+        return f"no graph has a node '{node_id}'; there are: {', '.join(known)}"
+    entry = holders[0].nodes[node_id]
+    if entry.neutral:
+        return f"node '{node_id}' is taken out of every graph"
+    return _no_parameter(node_id, name, find_node(entry.op))
+
+
+def _no_parameter(node_id: str, name: str, node: Node) -> str:
+    known = ", ".join(node.parameters) or "none"
+    return f"node '{node_id}' ({node.name}) has no parameter '{name}'; it has: {known}"

@@ -1,0 +1,273 @@
+"""The figures of a comparison as tables: for programs, for papers and for the terminal."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Any
+
+from scipy.special import stdtrit
+
+from tactograph.graph.compare.compare import Row
+from tactograph.graph.files.whole_files import whole_files
+
+HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
+"""Words in a figure's name; of all other figures the one nearest to zero is the best."""
+ALL = "mean of all"
+TIME = "ms"
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A mean over runs, and the interval that holds it with 95 % confidence."""
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+    @property
+    def half(self) -> float:
+        return (self.high - self.low) / 2
+
+    def __str__(self) -> str:
+        if self.count < 2:
+            return f"{self.mean:.4g}"
+        return f"{self.mean:.4g} ± {self.half:.2g}"
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of the table: the runs that differ in nothing but their seed."""
+
+    variant: str
+    capture: str
+    backend: str
+    sweep: Mapping[str, Any]
+    rows: Sequence[Row]
+    figures: Mapping[str, Estimate]
+
+    @property
+    def error(self) -> str:
+        return next((row.error for row in self.rows if row.error), "")
+
+    @property
+    def hash(self) -> str:
+        return self.rows[0].hash
+
+    @property
+    def where(self) -> str:
+        """The back ends that were in fact used."""
+        used = {backend for row in self.rows for backend in row.backends.values()}
+        return " + ".join(sorted(used)) or self.backend
+
+
+def estimate(values: Sequence[float]) -> Estimate:
+    """The mean, with Student's interval where there are several values."""
+    mean = fmean(values)
+    if len(values) < 2:
+        return Estimate(mean, mean, mean, len(values))
+    quantile = float(stdtrit(len(values) - 1, 0.5 + CONFIDENCE / 2))
+    half = quantile * stdev(values) / math.sqrt(len(values))
+    return Estimate(mean, mean - half, mean + half, len(values))
+
+
+def make_lines(rows: Iterable[Row]) -> list[Line]:
+    """Put the runs that differ only in their seed into one line each, in order."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(row.key[:-1], []).append(row)
+    return [_line(group) for group in groups.values()]
+
+
+def over_all(lines: Sequence[Line]) -> list[Line]:
+    """The means over all captures, if there are several: what a paper would state."""
+    if len({line.capture for line in lines}) < 2:
+        return []
+    groups: dict[tuple[str, ...], list[Line]] = {}
+    for line in lines:
+        groups.setdefault((line.variant, line.backend, repr(line.sweep)), []).append(line)
+    return [_mean_line(group) for group in groups.values() if not any(p.error for p in group)]
+
+
+def columns(lines: Iterable[Line], details: bool = False) -> list[str]:
+    """The names of the figures.  One with a slash, ``iou/led1``, is a detail of another."""
+    names = dict.fromkeys(name for line in lines for name in line.figures)
+    return [name for name in names if details or "/" not in name]
+
+
+def sweep_columns(lines: Iterable[Line]) -> list[str]:
+    return list(dict.fromkeys(target for line in lines for target in line.sweep))
+
+
+def words(name: str) -> str:
+    """A figure's name for people."""
+    return name.replace("_", " ").replace("/", ", ")
+
+
+def higher_is_better(name: str) -> bool:
+    return not HIGHER_IS_BETTER.isdisjoint(name.partition("/")[0].split("_"))
+
+
+def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
+    """Whether no line of the same capture has a better figure, and some a worse one."""
+    if name not in line.figures:
+        return False
+    peers = [x.figures[name].mean for x in lines if x.capture == line.capture and name in x.figures]
+    quality = [value if higher_is_better(name) else -abs(value) for value in peers]
+    own = line.figures[name].mean
+    return (own if higher_is_better(name) else -abs(own)) == max(quality) > min(quality)
+
+
+def write_tables(rows: Sequence[Row], out: Path) -> None:
+    """Write ``table.csv``, ``table.json`` (every single run), ``table.md`` and ``table.tex``."""
+    lines = make_lines(rows)
+    with whole_files(out) as stage:
+        _write_csv(lines, stage / "table.csv")
+        text = json.dumps([asdict(row) for row in rows], indent=1)
+        (stage / "table.json").write_text(text + "\n")
+        (stage / "table.md").write_text(_markdown(lines))
+        (stage / "table.tex").write_text(_latex(lines))
+
+
+def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) -> None:
+    """Print the figures, the best value of each capture marked with a star."""
+    from rich.console import Console
+    from rich.table import Table
+
+    lines = make_lines(rows)
+    shown = [*lines, *over_all(lines)]
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
+    for heading in _row_headings(lines):
+        table.add_column(heading, no_wrap=True)
+    for name in columns(lines):
+        longest = max(map(len, words(name).split()))
+        table.add_column(words(name), justify="right", min_width=longest)
+    for line in shown:
+        cells = [_starred(line, name, shown) for name in columns(lines)]
+        table.add_row(*_row_labels(line, lines), *cells)
+    console = Console(width=width, highlight=False, markup=False)
+    with console.capture() as captured:
+        console.print(table)
+    echo(captured.get().rstrip())
+    for line in lines:
+        if line.error:
+            swept = "".join(f" {target}={value}" for target, value in line.sweep.items())
+            echo(f"failed: {line.variant} on {line.capture or 'its own data'}{swept}: {line.error}")
+    for text in dict.fromkeys(f"{row.variant}: {text}" for row in rows for text in row.fallbacks):
+        echo(f"fallback: {text}")
+
+
+def _line(rows: Sequence[Row]) -> Line:
+    good = [row for row in rows if not row.error]
+    names = dict.fromkeys(name for row in good for name in row.figures)
+    figures = {n: estimate([r.figures[n] for r in good if n in r.figures]) for n in names}
+    timed = [sum(row.milliseconds.values()) for row in good if row.milliseconds]
+    if timed:
+        figures[TIME] = estimate(timed)
+    first = rows[0]
+    return Line(first.variant, first.capture, first.backend, first.sweep, rows, figures)
+
+
+def _mean_line(lines: Sequence[Line]) -> Line:
+    """A plain mean: captures are no repeats, so an interval would say nothing."""
+    first = lines[0]
+    names = [name for name in first.figures if all(name in line.figures for line in lines)]
+    means = {name: fmean(line.figures[name].mean for line in lines) for name in names}
+    figures = {name: Estimate(mean, mean, mean, 1) for name, mean in means.items()}
+    return Line(first.variant, ALL, first.backend, first.sweep, first.rows, figures)
+
+
+def _row_headings(lines: Sequence[Line]) -> list[str]:
+    capture = ["capture"] if any(line.capture for line in lines) else []
+    return [*capture, "variant", *sweep_columns(lines), "back end"]
+
+
+def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
+    capture = [line.capture] if any(other.capture for other in lines) else []
+    swept = [_value(line.sweep.get(target, "")) for target in sweep_columns(lines)]
+    return [*capture, line.variant, *swept, line.where]
+
+
+def _value(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _starred(line: Line, name: str, lines: Sequence[Line]) -> str:
+    if name not in line.figures:
+        return ""
+    return f"{line.figures[name]}{'*' if is_best(line, name, lines) else ' '}"
+
+
+def _write_csv(lines: Sequence[Line], file: Path) -> None:
+    names, targets = columns(lines, details=True), sweep_columns(lines)
+    several = any(len(line.rows) > 1 for line in lines)
+    spread = [f"{name}_{end}" for name in names for end in ("low", "high")] if several else []
+    with file.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        extra = ["runs", *spread] if several else []
+        writer.writerow(
+            ["variant", "capture", "backend", *targets, *names, *extra, "hash", "error"]
+        )
+        for line in lines:
+            swept = [line.sweep.get(target, "") for target in targets]
+            found = [line.figures.get(name) for name in names]
+            means = ["" if f is None else f.mean for f in found]
+            ends = [end for f in found for end in (("", "") if f is None else (f.low, f.high))]
+            more = [len(line.rows), *ends] if several else []
+            start = [line.variant, line.capture, line.backend]
+            writer.writerow([*start, *swept, *means, *more, line.hash, line.error])
+
+
+def _markdown(lines: Sequence[Line]) -> str:
+    shown = [*lines, *over_all(lines)]
+    names, headings = columns(lines), _row_headings(lines)
+    table = [
+        [*headings, *map(words, names)],
+        [*("---" for _ in headings), *("---:" for _ in names)],
+    ]
+    for line in shown:
+        cells = [_marked(line, name, shown, "**{}**") for name in names]
+        table.append([*_row_labels(line, lines), *cells])
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in table)
+
+
+def _latex(lines: Sequence[Line]) -> str:
+    """A table for the booktabs package, a block for each capture."""
+    shown = [*lines, *over_all(lines)]
+    names, headings = columns(lines), _row_headings(lines)
+    form = "l" * len(headings) + "r" * len(names)
+    text = [f"\\begin{{tabular}}{{{form}}}", r"\toprule"]
+    text.append(_latex_row([_escaped(word) for word in [*headings, *map(words, names)]]))
+    capture = None
+    for line in shown:
+        if line.capture != capture:
+            text.append(r"\midrule")
+            capture = line.capture
+        cells = [_marked(line, name, shown, r"\textbf{{{}}}") for name in names]
+        labels = [_escaped(label) for label in _row_labels(line, lines)]
+        text.append(_latex_row([*labels, *(cell.replace("±", r"$\pm$") for cell in cells)]))
+    text += [r"\bottomrule", r"\end{tabular}"]
+    return "% \\usepackage{booktabs}\n" + "\n".join(text) + "\n"
+
+
+def _latex_row(cells: Iterable[str]) -> str:
+    return " & ".join(cells) + r" \\"
+
+
+def _marked(line: Line, name: str, lines: Sequence[Line], mark: str) -> str:
+    if name not in line.figures:
+        return ""
+    text = str(line.figures[name])
+    return mark.format(text) if is_best(line, name, lines) else text
+
+
+def _escaped(text: str) -> str:
+    """Text with LaTeX's own characters made harmless."""
+    return "".join(f"\\{c}" if c in "&%$#_{}" else c for c in text.replace("\\", "/"))

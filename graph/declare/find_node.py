@@ -1,0 +1,110 @@
+"""Find a node by the name a graph gives it.
+
+Built-in nodes lie in the rooms of ``tactograph.nodes``: ``op: x`` is function ``x`` of
+``nodes/ROOM/x.py``.  Third-party nodes come through the entry-point group ``tactograph.nodes``
+(``x = package.module:x``).  Only what a graph names is ever imported.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+import tactograph.nodes
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_mean
+
+GROUP = "tactograph.nodes"
+
+
+@cache
+def builtin_rooms() -> Mapping[str, str]:
+    """The room of every built-in node, by the node's name; from their file names alone."""
+    rooms = [m.name for m in pkgutil.iter_modules(tactograph.nodes.__path__) if m.ispkg]
+    folders = {room: [str(Path(p) / room) for p in tactograph.nodes.__path__] for room in rooms}
+    found = {m.name: room for room, where in folders.items() for m in pkgutil.iter_modules(where)}
+    return {name: found[name] for name in sorted(found) if not name.startswith("_")}
+
+
+def builtin_names() -> list[str]:
+    """The names of the built-in nodes."""
+    return list(builtin_rooms())
+
+
+def plugin_entry_points() -> Mapping[str, Sequence[EntryPoint]]:
+    """The entry points of installed third-party packages, by node name; nothing is loaded."""
+    return _entry_points(tuple(sys.path))
+
+
+@cache
+def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
+    """What is installed on `path`, once for all: reading all packages' metadata takes long."""
+    found: dict[str, list[EntryPoint]] = {}
+    for point in entry_points(group=GROUP):
+        found.setdefault(point.name, []).append(point)
+    return found
+
+
+def node_names() -> list[str]:
+    """Every name that `find_node` knows."""
+    return sorted({*builtin_names(), *plugin_entry_points()})
+
+
+def find_node(name: str) -> Node:
+    """Import and return the node called `name`.
+
+    Raises
+    ------
+    InputError
+        If no package has it, or several have.
+    NodeError
+        If its module does not hold a node of that name.
+    """
+    points = plugin_entry_points().get(name, [])
+    room = builtin_rooms().get(name)
+    packages = ["tactograph"] * (room is not None) + [_package(p) for p in points]
+    if not packages:
+        raise GraphError(f"no node is called '{name}'{did_you_mean(name, node_names())}")
+    if len(packages) > 1:
+        both = " and ".join(sorted(packages))
+        raise InputError(f"two nodes are called '{name}', in {both}; uninstall one of them")
+    if room is not None:
+        module = importlib.import_module(f"{GROUP}.{room}.{name}")
+        return _checked(getattr(module, name, None), name)
+    point = points[0]
+    try:
+        found = point.load()
+    except Exception as error:
+        raise NodeError(
+            f"node '{name}' of package {_package(point)} cannot be loaded: {error}"
+        ) from error
+    node = _checked(found, name)
+    node.package = _package(point)
+    # A plug-in's kernel lies in the package folder of the module that declares the node.
+    node.kernel_package = (
+        point.module
+        if _is_package(point.module)
+        else (point.module.rpartition(".")[0] or point.module)
+    )
+    return node
+
+
+def _checked(found: object, name: str) -> Node:
+    if not isinstance(found, Node) or found.name != name:
+        raise NodeError(f"the module of node '{name}' defines no @node function of that name")
+    return found
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist else point.module.partition(".")[0]
+
+
+def _is_package(module: str) -> bool:
+    spec = importlib.util.find_spec(module)
+    return spec is not None and spec.submodule_search_locations is not None

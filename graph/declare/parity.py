@@ -1,0 +1,241 @@
+"""Parity: the generated proof that a node's implementations agree.
+
+For every node with a kernel, or a function compiled for the host: every shape, fill and
+parameter setting below, the NumPy function against the other, judged by the node's own
+tolerance.  Outputs hold rubbish before the launch; inputs must be unchanged after it.
+"""
+
+from __future__ import annotations
+
+import typing
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import annotated_types
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.backends.launch import DeviceArray
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.ports import PortType
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.numba import Compiled
+
+SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
+"""H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
+FILLS = ("random", "zero", "low", "high", "edges", "nan")
+WHOLE: dict[str, tuple[type, int]] = {"8 bits": (np.uint8, 255), "16 bits": (np.uint16, 65535)}
+"""Fills of nodes whose kernels read a camera's integers as they came."""
+RUBBISH = 0xA5
+
+
+@dataclass(frozen=True)
+class Case:
+    """One comparison."""
+
+    sizes: Mapping[str, int]
+    fill: str
+    setting: str
+    settings: Mapping[str, Any]
+
+    def __str__(self) -> str:
+        sizes = "x".join(f"{name}{size}" for name, size in self.sizes.items())
+        return f"{sizes}-{self.fill}-{self.setting}"
+
+
+def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case]:
+    """Every shape with every fill at default parameters, and every setting on one shape."""
+    fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
+    fills += [] if node.whole is None else list(WHOLE)
+    settings = dict(_settings(node))
+    default = settings["default"]
+    found = [
+        Case(_sizes(node, shape, default), fill, "default", default)
+        for shape in shapes
+        for fill in fills
+    ]
+    middle = shapes[min(2, len(shapes) - 1)]
+    found += [
+        Case(_sizes(node, middle, setting), "random", name, setting)
+        for name, setting in settings.items()
+        if name != "default"
+    ]
+    return found
+
+
+def compare(node: Node, other: OpenCL | Compiled, case: Case) -> str | None:
+    """Run one case on NumPy and on a device, or compiled; return None, or what differs."""
+    inputs = make_inputs(node, case)
+    kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
+    reference = by_port(node, node(*node.in_order(inputs), **case.settings))
+    changed = _changed(inputs, kept)
+    if changed:
+        return f"the NumPy function changed its input '{changed}'"
+    poisoned, other.poison = other.poison, RUBBISH
+    try:
+        if isinstance(other, OpenCL):
+            found, inputs = _on_device(node, other, case, inputs)
+        else:
+            found = by_port(node, other(*node.in_order(inputs), **case.settings))
+    finally:
+        other.poison = poisoned
+    changed = _changed(inputs, kept)
+    if changed:
+        return f"the kernel changed its input '{changed}'"
+    for name, expected in reference.items():
+        if expected.shape != found[name].shape:
+            return f"{name}: shape {found[name].shape}, expected {expected.shape}"
+        wrong = node.tolerance.difference(expected, found[name])
+        if wrong:
+            return f"{name}: {wrong}"
+    return None
+
+
+def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> str | None:
+    """The first input that is not what it was."""
+    for name, array in before.items():
+        equal_nan = array.dtype.kind == "f"
+        if name in inputs and not np.array_equal(inputs[name], array, equal_nan=equal_nan):
+            return name
+    return None
+
+
+def _on_device(
+    node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any]
+) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """The outputs, and the inputs as they are afterwards."""
+    whole = node.whole if case.fill in WHOLE else None
+    if whole is not None:
+        dtype, full = WHOLE[case.fill]
+        inputs = {**inputs, whole: np.rint(inputs[whole] * full).astype(dtype)}
+    remote = {
+        name: device.upload(value) if isinstance(value, np.ndarray) else value
+        for name, value in inputs.items()
+        if node.inputs[name].kind != "object"
+    }
+    outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
+    found = {name: device.download(array) for name, array in outputs.items()}
+    after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
+    if whole is not None:
+        after[whole] = after[whole] / np.float32(full)
+    return found, after
+
+
+def make_inputs(node: Node, case: Case) -> dict[str, Any]:
+    """Inputs by port name, the same for the same case on every machine."""
+    rng = np.random.default_rng(zlib.crc32(f"{node.name} {case}".encode()))
+    made: dict[str, Any] = {}
+    if node.make_example is not None:
+        made = dict(node.make_example(rng, **case.sizes))
+    for name, port in node.inputs.items():
+        if name not in made and port.kind != "object":
+            made[name] = _drawn(port, case, rng)
+    return made
+
+
+def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
+    low, high = port.port.low, port.port.high
+    if port.kind == "number":
+        return float(np.float32(rng.uniform(low, high)))
+    assert port.dtype is not None
+    shape = tuple(d if isinstance(d, int) else case.sizes[d] for d in port.dims)
+    whole = port.dtype.kind in "ui"
+    array: NDArray[Any]
+    if case.fill == "zero":
+        array = np.zeros(shape)
+    elif case.fill in ("low", "high"):
+        array = np.full(shape, low if case.fill == "low" else high)
+    elif case.fill == "edges":
+        array = rng.choice([low, high, (low + high) / 2, 0.0], shape)
+    elif case.fill in WHOLE and not whole:
+        full = WHOLE[case.fill][1]
+        array = rng.integers(0, full + 1, shape) / np.float32(full)
+    elif whole:
+        array = rng.integers(int(low), int(high) + 1, shape)
+    else:
+        array = rng.uniform(low, high, shape)
+    if case.fill == "nan" and port.port.nan and not whole:
+        array = np.where(rng.random(shape) < 0.2, np.nan, array)
+    return np.ascontiguousarray(array.astype(port.dtype))
+
+
+def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
+    """What a node made, by output."""
+    return dict(zip(node.outputs, made if node.output_record else (made,), strict=True))
+
+
+def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:
+    """H and W as given, four lights or as many as the node needs, the rest H times W.
+
+    Sizes that the node derives from others are what its parameters make of those.
+    """
+    sizes: dict[str, int] = {}
+    for symbol in node.symbols:
+        limit = node.sizes.get(symbol)
+        if symbol in ("H", "W"):
+            sizes[symbol] = shape["HW".index(symbol)]
+        elif symbol == "K":
+            sizes[symbol] = max(4, limit.low if limit else 0)
+        else:
+            sizes[symbol] = shape[0] * shape[1]
+    for symbol, parts in node.derived.items():
+        sizes[symbol] = parts.size(sizes[parts.of], settings)
+    return sizes
+
+
+def _settings(node: Node) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Default parameters, then each at its lowest, highest and every choice."""
+    default = {name: _default(p) for name, p in node.parameters.items()}
+    yield "default", default
+    for name, parameter in node.parameters.items():
+        for label, value in _extremes(parameter):
+            yield f"{name}={label}", {**default, name: value}
+
+
+def _default(parameter: Parameter) -> Any:
+    return _bounds(parameter)[0] if parameter.required else parameter.default
+
+
+def _extremes(parameter: Parameter) -> list[tuple[str, Any]]:
+    base = _base(parameter)
+    if base is bool:
+        return [("false", False), ("true", True)]
+    if typing.get_origin(base) is Literal:
+        return [(str(choice), choice) for choice in typing.get_args(base)]
+    if base in (int, float):
+        low, high = _bounds(parameter)
+        return [("lowest", base(low)), ("highest", base(high))]
+    return []
+
+
+def _base(parameter: Parameter) -> Any:
+    annotation = parameter.annotation
+    if typing.get_origin(annotation) is typing.Annotated:
+        return typing.get_args(annotation)[0]
+    return annotation
+
+
+def _bounds(parameter: Parameter) -> tuple[float, float]:
+    """The range of a parameter; where it is open, a decade around 1 or its default."""
+    low, high = -np.inf, np.inf
+    for mark in typing.get_args(parameter.annotation)[1:]:
+        for rule in mark if isinstance(mark, annotated_types.GroupedMetadata) else (mark,):
+            if isinstance(rule, annotated_types.Ge):
+                low = typing.cast("float", rule.ge)
+            elif isinstance(rule, annotated_types.Gt):
+                low = typing.cast("float", rule.gt) + 1e-3
+            elif isinstance(rule, annotated_types.Le):
+                high = typing.cast("float", rule.le)
+            elif isinstance(rule, annotated_types.Lt):
+                high = typing.cast("float", rule.lt) - 1e-3
+    middle = 1.0 if parameter.required else float(parameter.default)
+    if parameter.required and low > 0:
+        low = max(low, 0.1)
+    return (
+        low if np.isfinite(low) else middle - 10,
+        high if np.isfinite(high) else max(10 * middle, low + 10),
+    )

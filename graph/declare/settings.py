@@ -1,0 +1,113 @@
+"""Check a node's parameters against its annotations, by pydantic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
+
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.files.model import NOT_GIVEN, Entry
+
+_WRAPPERS = (Annotated, Union, UnionType)
+
+
+def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dict[str, Any]:
+    """Return the node's parameters, defaults filled in, each of its declared type.
+
+    Raises
+    ------
+    GraphError
+        If one is unknown, missing, of a wrong type or out of its range.  One that is
+        `NOT_GIVEN` yet is taken to be right.
+    """
+    for name in settings:
+        if name not in node.parameters:
+            raise GraphError(
+                f"{entry.where(f'with.{name}')}: node '{node.name}' has no parameter '{name}'"
+                f"{did_you_mean(name, node.parameters)}"
+            )
+    try:
+        model = settings_model(node.name, _Key(node)).model_validate(dict(settings))
+    except ValidationError as error:
+        wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
+        if wrong:
+            raise GraphError(_message(node, entry, wrong[0])) from None
+        defaults = {name: p.default for name, p in node.parameters.items()}
+        return {**defaults, **settings}
+    return {name: getattr(model, name) for name in node.parameters}
+
+
+def _message(node: Node, entry: Entry, first: Any) -> str:
+    name = str(first["loc"][0])
+    if first["type"] == "missing" and len(first["loc"]) == 1:
+        return f"{entry.where(f'with.{name}')}: node '{node.name}' needs the parameter '{name}'"
+    said = first["msg"].removeprefix("Value error, ")
+    value = repr(first["input"])
+    shown = value if len(value) <= 60 else f"{value[:57]}..."
+    return f"{entry.where(f'with.{name}')}: {said[0].lower()}{said[1:]}, not {shown}"
+
+
+class _Key:
+    """Lets a Node, which is no hashable value, key the cache by identity."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+
+    def __hash__(self) -> int:
+        return id(self.node)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and other.node is self.node
+
+
+@cache
+def settings_model(name: str, key: _Key) -> type[BaseModel]:
+    """The pydantic model of a node's parameters; also the source of the JSON schema."""
+    fields: dict[str, Any] = {
+        p.name: (_lenient(p.annotation), ... if p.required else p.default)
+        for p in key.node.parameters.values()
+    }
+    config = ConfigDict(extra="forbid", allow_inf_nan=False, protected_namespaces=())
+    return create_model(name, __config__=config, **fields)
+
+
+def model_of(node: Node) -> type[BaseModel]:
+    """The parameters of `node` as a pydantic model."""
+    return settings_model(node.name, _Key(node))
+
+
+def _lenient(annotation: Any) -> Any:
+    """Let ``160,120`` from a command line stand for a tuple; keep true and false from numbers."""
+    parts = _parts(annotation)
+    if any(get_origin(part) is tuple for part in parts):
+        return Annotated[annotation, BeforeValidator(_split_commas)]
+    if float in parts or (int in parts and bool not in parts):
+        return Annotated[annotation, BeforeValidator(_refuse_bool)]
+    return annotation
+
+
+def _parts(annotation: Any) -> list[Any]:
+    """An annotation and all that its unions and `Annotated` wrap."""
+    inner = get_args(annotation) if get_origin(annotation) in _WRAPPERS else ()
+    if get_origin(annotation) is Annotated:
+        inner = inner[:1]
+    return [annotation, *(part for each in inner for part in _parts(each))]
+
+
+def _split_commas(value: Any) -> Any:
+    parts = value.split(",") if isinstance(value, str) else value
+    if isinstance(parts, list | tuple):
+        for part in parts:
+            _refuse_bool(part)
+    return parts
+
+
+def _refuse_bool(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("a number is needed")
+    return value

@@ -1,0 +1,67 @@
+"""The JSON schema of graph files, generated from the nodes, for editors and checks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tactograph.graph.declare.describe import describe
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.settings import model_of
+from tactograph.graph.files.read import GraphModel, shipped_names
+
+
+def make_schema() -> dict[str, Any]:
+    """Return the schema: the file format, and every built-in node with its ports and ranges."""
+    schema = GraphModel.model_json_schema(by_alias=True)
+    nodes = [find_node(name) for name in builtin_names()]
+    definitions = schema["$defs"]
+    for each in nodes:
+        definitions[f"with_{each.name}"] = _settings(each, definitions)
+    entry = definitions["NodeModel"]
+    entry["properties"]["op"]["anyOf"] = [
+        {"enum": [n.name for n in nodes]},
+        {"description": "a node of another package"},
+    ]
+    entry["allOf"] = [_rule(each) for each in nodes]
+    schema["properties"]["extends"]["description"] += f" Shipped: {', '.join(shipped_names())}."
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "tactograph graph file"
+    return schema
+
+
+def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
+    """A node's parameters, each of which may also be a ``$param`` of the graph."""
+    model = model_of(node).model_json_schema(ref_template="#/$defs/{model}")
+    definitions.update(model.pop("$defs", {}))
+    reference = {"type": "string", "pattern": r"^\$[A-Za-z_]\w*$"}
+    words = describe(node).arguments
+    properties = {
+        name: {"description": words[name], "anyOf": [rule, reference]}
+        for name, rule in model.get("properties", {}).items()
+    }
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": model.get("required", []),
+        "additionalProperties": False,
+    }
+
+
+def _rule(node: Node) -> dict[str, Any]:
+    about = describe(node)
+    properties: dict[str, Any] = {
+        "op": {"description": about.summary},
+        "with": {"$ref": f"#/$defs/with_{node.name}"},
+        "in": {
+            "properties": {
+                name: {
+                    "type": "string",
+                    "description": f"{about.arguments[name]} ({node.inputs.get(name, 'a record')})",
+                }
+                for name in node.input_names
+            },
+            "additionalProperties": False,
+        },
+    }
+    return {"if": {"properties": {"op": {"const": node.name}}}, "then": {"properties": properties}}

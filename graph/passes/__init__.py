@@ -1,1 +1,0 @@
-"""The planning passes, in order: names, ports, sizes, backends, transfers, order."""

@@ -1,0 +1,100 @@
+"""Pass 4: decide where each node runs, and say why."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.errors import GraphError
+from tactograph.graph.plan.plan import Draft, Placement, Task
+
+_VERSIONS = {"opencl": "OpenCL kernel", "numba": "numba function"}
+
+
+def place(draft: Draft, device: OpenCL | None, no_device: str) -> dict[str, Placement]:
+    """Place every node on a back end.
+
+    A ``backend`` in the graph file is kept or refused.  Otherwise the first back end of
+    ``prefer`` that can run the node is taken; taking a later one is a fallback, and recorded.
+
+    Raises
+    ------
+    GraphError
+        If a node is bound to a back end that cannot run it.
+    """
+    return {
+        task.id: _place(task, draft.graph.prefer, device, no_device)
+        for task in draft.tasks.values()
+    }
+
+
+def _place(task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device: str) -> Placement:
+    if task.stand_in:
+        return Placement("numpy", "handed in by the caller")
+    if task.filled:
+        # A constant is made where the first preference can hold it.
+        on_device = device is not None and prefer[:1] == ("opencl",) and task.node.has_kernel
+        return Placement("opencl" if on_device else "numpy", "neutral: a constant stands in")
+    bound = task.entry.backend
+    if bound is not None:
+        obstacle = _obstacle(task, bound, device, no_device)
+        if obstacle:
+            raise GraphError(
+                f"{task.entry.where('backend')}: '{task.id}' is bound to {bound}, but {obstacle}"
+            )
+        return Placement(bound, "the graph file says so")
+    # Also where a library is missing that only the device would need: it would not be used.
+    if task.node.on_cpu and device and device.is_cpu and "numpy" in prefer:
+        return Placement("numpy", f"faster than on a CPU device: {task.node.on_cpu}")
+    return _first_that_can(task, prefer, device, no_device)
+
+
+def _first_that_can(
+    task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device: str
+) -> Placement:
+    """Take back ends in order; those that the node is not written for are no fallback."""
+    wanted = "is preferred" if "numpy" in prefer else "was asked for"
+    missing: list[str] = []
+    obstacles: list[str] = []
+    for backend in (*prefer, "numpy"):
+        if backend not in task.node.backends:
+            missing.append(_VERSIONS[backend])
+            continue
+        obstacle = _obstacle(task, backend, device, no_device)
+        if obstacle is None:
+            break
+        obstacles.append(f"{backend} {'is next' if obstacles else wanted}, but {obstacle}")
+    if obstacles:
+        return Placement(backend, "; ".join(obstacles), fallback=True)
+    return Placement(backend, f"has no {' and no '.join(missing)}" if missing else "preferred")
+
+
+def _obstacle(task: Task, backend: str, device: OpenCL | None, no_device: str) -> str | None:
+    """What keeps a node off a back end, or None."""
+    node = task.node
+    if backend not in node.backends:
+        return f"node '{node.name}' has no {_VERSIONS[backend]}"
+    if backend == "numba":
+        return no_numba()
+    if backend == "numpy":
+        return None
+    if device is None:
+        return no_device
+    library = node.library(device.lanes)
+    if library is not None:
+        module, remedy = library
+        if importlib.util.find_spec(module) is None:
+            return f"{module} is not installed ({remedy})"
+    return None
+
+
+def no_numba() -> str | None:
+    """Why nothing can be compiled for the host, or None."""
+    if importlib.util.find_spec("numba") is None:
+        return "numba is not installed (pip install 'tactograph[numba]')"
+    try:
+        importlib.import_module("numba")
+    except ImportError as error:  # it does not know every new NumPy
+        return f"numba cannot be imported: {error}"
+    return None

@@ -1,0 +1,87 @@
+"""Draw a plan: DOT for graphviz, Mermaid for web pages."""
+
+from __future__ import annotations
+
+from tactograph.graph.plan.plan import Plan, Step
+
+_SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box"}
+_COLOURS = {"numpy": "#dbe9f6", "numba": "#d5ecd4", "opencl": "#fbe3c5"}
+
+
+def to_dot(plan: Plan) -> str:
+    """The plan as a DOT digraph: nodes coloured by back end, transfers as arrows."""
+    lines = [
+        f'digraph "{_quoted(plan.graph.name)}" {{',
+        '  rankdir=LR; node [fontname="sans-serif", fontsize=10, style="filled,rounded"];',
+        '  edge [fontname="sans-serif", fontsize=8];',
+    ]
+    for step in plan.steps:
+        lines.append(
+            f'  "{step.name}" [label="{_label(plan, step, chr(92) + "n")}", '
+            f'shape={_SHAPES[step.kind]}, fillcolor="{_COLOURS[step.backend]}"];'
+        )
+    lines += [f'  "{a}" -> "{b}" [label="{port}"];' for a, b, port in edges(plan)]
+    lines += [
+        f'  "{a}" -> "{b}" [label="previous {port}", style=dashed, constraint=false];'
+        for a, b, port in recalls(plan)
+    ]
+    return "\n".join([*lines, "}", ""])
+
+
+def to_mermaid(plan: Plan) -> str:
+    """The plan as a Mermaid flow chart."""
+    ids = {step.name: f"n{index}" for index, step in enumerate(plan.steps)}
+    lines = ["flowchart LR"]
+    for step in plan.steps:
+        left, right = ("([", "])") if step.kind in ("upload", "download") else ("[", "]")
+        lines.append(
+            f'  {ids[step.name]}{left}"{_label(plan, step, "<br/>")}"{right}:::{step.backend}'
+        )
+    lines += [f"  {ids[a]} -->|{port}| {ids[b]}" for a, b, port in edges(plan)]
+    lines += [f"  {ids[a]} -.->|previous {port}| {ids[b]}" for a, b, port in recalls(plan)]
+    lines += [f"  classDef {name} fill:{colour}" for name, colour in _COLOURS.items()]
+    return "\n".join([*lines, ""])
+
+
+def edges(plan: Plan) -> list[tuple[str, str, str]]:
+    """Every edge between steps as (from, to, port), transfers in between."""
+    transfers = {s.reads[0]: s for s in plan.steps if s.kind in ("upload", "download")}
+    on_device = {step.name: step.on_device for step in plan.steps}
+    found: dict[tuple[str, str, str], None] = {}
+    for step in plan.steps:
+        for value in step.reads:
+            maker = value.node
+            moved = transfers.get(value)
+            if moved is not None and step is not moved:
+                kind = (
+                    "array"
+                    if step.name not in plan.tasks
+                    else _kind(plan, step, value.node, value.port)
+                )
+                if kind == "array" and on_device[maker] != step.on_device:
+                    maker = moved.name
+            found[maker, step.name, value.port] = None
+    return list(found)
+
+
+def recalls(plan: Plan) -> list[tuple[str, str, str]]:
+    """Every edge from an item to the next one as (from, to, port)."""
+    return [
+        (value.node, task.id, value.port)
+        for task in plan.tasks.values()
+        for value in task.recalls.values()
+    ]
+
+
+def _kind(plan: Plan, step: Step, node: str, port: str) -> str:
+    return plan.tasks[node].node.outputs[port].kind
+
+
+def _quoted(text: str) -> str:
+    """Text from outside the graph file's strict names, made safe between DOT's quotes."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
+
+
+def _label(plan: Plan, step: Step, newline: str) -> str:
+    task = plan.tasks.get(step.name)
+    return f"{step.name}{newline}{task.node.name}" if task else step.kind

@@ -1,0 +1,59 @@
+"""Make a plan from a graph: the passes, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from tactograph.graph.files.model import Graph
+from tactograph.graph.plan import backends, names, order, ports, sizes, transfers
+from tactograph.graph.plan.plan import Plan
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.opencl import OpenCL
+
+
+def make_plan(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    device: OpenCL | None,
+    no_device: str = "",
+    sinks: bool = True,
+    stand_ins: frozenset[str] = frozenset(),
+) -> Plan:
+    """Verify `graph` and plan its run; nothing is run or written.
+
+    Parameters
+    ----------
+    given
+        Values of the graph's params.
+    device
+        The OpenCL device in use, or None with the reason in `no_device`.
+    sinks
+        Whether nodes that only write (files, pictures) are part of the run.
+    stand_ins
+        Source nodes whose items the caller will hand in as arrays.
+
+    Raises
+    ------
+    GraphError
+        If the graph does not verify; the message says where.
+    """
+    draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins)
+    ports.check(draft)
+    classes = sizes.unify(draft)
+    placements = backends.place(draft, device, no_device)
+    steps = order.order(transfers.insert(draft, placements), draft)
+    return Plan(
+        graph=graph,
+        given=dict(given),
+        tasks=draft.tasks,
+        outputs=draft.outputs,
+        placements=placements,
+        sizes=classes,
+        steps=steps,
+        device=device.name if device else None,
+        passed=draft.passed,
+        unused=draft.unused,
+    )

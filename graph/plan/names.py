@@ -1,0 +1,268 @@
+"""Pass 1: find every node, resolve every reference and parameter, refuse cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import networkx as nx
+
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.settings import check_settings
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.files.model import PREVIOUS, Entry, Graph, split_previous, split_reference
+from tactograph.graph.plan.plan import Draft, Task, Value
+
+
+def bind(
+    graph: Graph, given: Mapping[str, Any], *, sinks: bool, stand_ins: frozenset[str]
+) -> Draft:
+    """Turn the names in a graph into nodes, values and checked parameters.
+
+    Raises
+    ------
+    GraphError
+        For an unknown op, a missing or extra input, a reference to nothing, a parameter
+        that is unknown or out of range, an output nobody makes, a cycle, or a `previous`
+        where there is no item before.
+    InputError
+        For a value given to a param that the graph does not have, or one that is needed
+        and missing.
+    """
+    for name in given:
+        if name not in graph.params:
+            raise InputError(
+                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
+                f" (it takes: {', '.join(graph.params) or 'none'})"
+            )
+    found = {node_id: _find(entry) for node_id, entry in graph.nodes.items()}
+    for name in stand_ins:
+        if name not in found or not found[name].source:
+            sources = ", ".join(n for n, node in found.items() if node.source)
+            raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
+    passed = _passed_through(graph, found)
+    if PREVIOUS in graph.nodes:
+        raise GraphError(f"{graph.nodes[PREVIOUS].where()}: no node can be called '{PREVIOUS}'")
+    edges = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
+    reads = {n: reads for n, (reads, _) in edges.items()}
+    recalls = {n: recalls for n, (_, recalls) in edges.items()}
+    dag = _dag(reads)
+    _refuse_cycles(graph, dag)
+    outputs = {
+        name: _resolve(reference, graph, found, passed, graph.where(f"outputs.{name}"))
+        for name, reference in graph.outputs.items()
+    }
+    wanted = {value.node for value in outputs.values()}
+    if sinks:
+        wanted |= {n for n in reads if found[n].sink}
+    if not wanted:
+        raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
+    needs = nx.compose(dag, _dag(recalls))
+    live = wanted.union(*(nx.ancestors(needs, n) for n in wanted))
+    tasks = {
+        n: Task(
+            id=n,
+            node=found[n],
+            entry=graph.nodes[n],
+            settings={} if n in stand_ins else settings_of(graph.nodes[n], graph, found[n], given),
+            reads=reads[n],
+            recalls=recalls[n],
+            stand_in=n in stand_ins,
+        )
+        for n in graph.nodes
+        if n in live
+    }
+    _mark_streams(tasks, dag)
+    _check_recalls(tasks)
+    unused = [n for n in reads if n not in live]
+    return Draft(graph, tasks, outputs, passed, unused)
+
+
+def _find(entry: Entry) -> Node:
+    try:
+        return find_node(entry.op)
+    except InputError as error:
+        raise GraphError(f"{entry.where('op')}: {error}") from None
+
+
+def _passed_through(graph: Graph, found: Mapping[str, Node]) -> dict[str, Value]:
+    """Nodes taken out by a neutral that is one of their inputs, with what they pass on."""
+    passed: dict[str, Value] = {}
+    for node_id, entry in graph.nodes.items():
+        node = found[node_id]
+        if not entry.neutral:
+            continue
+        if node.neutral is None:
+            raise GraphError(
+                f"{entry.where('neutral')}: node '{node.name}' has no neutral value; "
+                "replace or remove it instead"
+            )
+        if isinstance(node.neutral, str):
+            if node.neutral not in entry.inputs:
+                raise GraphError(
+                    f"{entry.where('in')}: node '{node.name}' needs the input '{node.neutral}', "
+                    "which is passed on"
+                )
+            where = entry.where(f"in.{node.neutral}")
+            passed[node_id] = _value(entry.inputs[node.neutral], graph, found, where)
+    return passed
+
+
+def _reads(
+    node_id: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """The values that a node reads, and those that it recalls from the item before."""
+    entry, node = graph.nodes[node_id], found[node_id]
+    known = node.input_names
+    reads: dict[str, Value] = {}
+    recalls: dict[str, Value] = {}
+    for name, reference in entry.inputs.items():
+        where = entry.where(f"in.{name}")
+        if name not in known:
+            raise GraphError(
+                f"{where}: node '{node.name}' has no input '{name}'{did_you_mean(name, known)}"
+                f" (it takes: {', '.join(known) or 'none'})"
+            )
+        bare, previous = split_previous(reference)
+        if previous and name not in node.optional_inputs:
+            raise GraphError(
+                f"{where}: '{name}' of {node.name} is needed for the first item too, which has "
+                f"none before it; '{reference}' can only feed an input that may be left out"
+            )
+        if previous:
+            recalls[name] = _resolve(bare, graph, found, passed, where)
+        elif name in node.input_records:
+            reads |= _record(name, reference, graph, found, node, where)
+        else:
+            reads[name] = _resolve(reference, graph, found, passed, where)
+    for name in known:
+        if name not in entry.inputs and name not in node.optional_inputs:
+            raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
+    return reads, recalls
+
+
+def _record(
+    name: str, reference: str, graph: Graph, found: Mapping[str, Node], node: Node, where: str
+) -> dict[str, Value]:
+    source, port = split_reference(reference)
+    _known_node(source, graph, where)
+    record = node.input_records[name]
+    if port is not None or found[source].output_record is not record:
+        raise GraphError(
+            f"{where}: '{name}' takes all outputs of a node that gives a {record.__name__}; "
+            f"'{reference}' is not one"
+        )
+    return {f"{name}.{field}": Value(source, field) for field in found[source].outputs}
+
+
+def _known_node(name: str, graph: Graph, where: str) -> None:
+    if name not in graph.nodes:
+        raise GraphError(f"{where}: there is no node '{name}'{did_you_mean(name, graph.nodes)}")
+
+
+def _resolve(
+    reference: str,
+    graph: Graph,
+    found: Mapping[str, Node],
+    passed: Mapping[str, Value],
+    where: str,
+) -> Value:
+    value = _value(reference, graph, found, where)
+    hops = 0
+    while value.node in passed:
+        value, hops = passed[value.node], hops + 1
+        if hops > len(passed):
+            raise GraphError(f"{where}: the neutral nodes pass on one another in a cycle")
+    return value
+
+
+def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) -> Value:
+    """The output that a reference speaks of."""
+    source, port = split_reference(reference)
+    _known_node(source, graph, where)
+    outputs = found[source].outputs
+    if not outputs:
+        raise GraphError(f"{where}: node '{source}' only writes; nothing can be read from it")
+    if port is None and len(outputs) > 1:
+        raise GraphError(
+            f"{where}: node '{source}' has several outputs; say which: "
+            f"{', '.join(f'{source}.{o}' for o in outputs)}"
+        )
+    if port is not None and port not in outputs:
+        raise GraphError(
+            f"{where}: node '{source}' makes no '{port}'"
+            + (did_you_mean(port, outputs) or f"; it makes {', '.join(outputs)}")
+        )
+    return Value(source, port or next(iter(outputs)))
+
+
+def _check_recalls(tasks: Mapping[str, Task]) -> None:
+    """Only what changes from item to item has a value before."""
+    for task in tasks.values():
+        for name, value in task.recalls.items():
+            where = task.entry.where(f"in.{name}")
+            if not task.stream:
+                raise GraphError(f"{where}: '{task.id}' runs once; there is no item before")
+            if not tasks[value.node].stream:
+                raise GraphError(f"{where}: '{value}' is the same for all items; read it as it is")
+
+
+def _dag(reads: Mapping[str, Mapping[str, Value]]) -> nx.DiGraph[str]:
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    dag.add_nodes_from(reads)
+    dag.add_edges_from((v.node, node_id) for node_id, vs in reads.items() for v in vs.values())
+    return dag
+
+
+def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
+    try:
+        cycle = nx.find_cycle(dag)
+    except nx.NetworkXNoCycle:
+        return
+    walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
+    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph runs in a circle: {walk}")
+
+
+def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
+    """A node's parameters, each `$name` replaced by what the user gave or its default.
+
+    Raises
+    ------
+    GraphError, InputError
+        As `bind`.
+    """
+    settings: dict[str, Any] = {}
+    for name, value in entry.settings.items():
+        if isinstance(value, str) and value.startswith("$"):
+            settings[name] = _param(value[1:], graph, given, entry.where(f"with.{name}"))
+        else:
+            settings[name] = value
+    return check_settings(node, settings, entry)
+
+
+def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any:
+    if name not in graph.params:
+        raise GraphError(
+            f"{where}: the graph has no param '{name}'{did_you_mean(name, graph.params)}"
+        )
+    param = graph.params[name]
+    if name in given:
+        return given[name]
+    if param.required:
+        about = f" ({param.help})" if param.help else ""
+        raise InputError(f"{graph.name} needs {name}=...{about}")
+    return param.default
+
+
+def _mark_streams(tasks: Mapping[str, Task], dag: nx.DiGraph[str]) -> None:
+    """A task is part of the stream if it, or anything it reads, yields items."""
+    streams = [task for task in tasks.values() if task.node.stream]
+    for stream in streams:
+        for node_id in {stream.id, *nx.descendants(dag, stream.id)} & tasks.keys():
+            tasks[node_id].stream = True
+    if len(streams) > 1:
+        first, second = streams[:2]
+        raise GraphError(
+            f"{second.entry.where('op')}: a graph has one stream; '{first.id}' is one already"
+        )

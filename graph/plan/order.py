@@ -1,0 +1,66 @@
+"""Pass 6: put the steps in order, and say when a value on the device is last read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import networkx as nx
+
+from tactograph.graph.plan.plan import Draft, Step, Value
+
+
+def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
+    """Sort the steps: what runs once, then sources, so that sizes clash before work is done.
+
+    What the device does is enqueued before the host starts on something itself, so that both
+    work; and first what the host will need soonest, that is what has most transfers still
+    ahead of it.  Writers come last within what the edges allow, so that nothing is written if
+    a later computation fails.
+    """
+    file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
+    ahead = _ways_ahead(dag)
+
+    def rank(name: str) -> tuple[bool, int, bool, int, int, int, str]:
+        step: Step = dag.nodes[name]["step"]
+        task = draft.tasks.get(name)
+        group = 1
+        if task is not None and task.node.source:
+            group = 0
+        elif task is not None and task.node.sink:
+            group = 2
+        transfers, steps = ahead[name]
+        place = file_order.get(name, len(file_order))
+        return step.stream, group, not step.on_device, -transfers, -steps, place, name
+
+    names = list(nx.lexicographical_topological_sort(dag, key=rank))
+    return _with_releases([dag.nodes[name]["step"] for name in names], draft)
+
+
+def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
+    """For each step the most transfers, and then steps, on any way from it to the end."""
+    ahead: dict[str, tuple[int, int]] = {}
+    for name in reversed(list(nx.topological_sort(dag))):
+        transfers, steps = max((ahead[after] for after in dag.successors(name)), default=(0, 0))
+        own = dag.nodes[name]["step"].kind in ("upload", "download")
+        ahead[name] = transfers + own, steps + 1
+    return ahead
+
+
+def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
+    """Mark, per item, the last step that reads each value on the device.
+
+    What the next item recalls stays.
+    """
+    last: dict[Value, int] = {}
+    for index, step in enumerate(steps):
+        if not step.stream:
+            continue
+        if step.on_device:
+            for value in (*step.reads, *step.writes):
+                last[value] = index
+    made = {v for s in steps if s.stream for v in s.writes}
+    made -= {v for task in draft.tasks.values() for v in task.recalls.values()}
+    return [
+        replace(step, release=tuple(v for v, at in last.items() if at == index and v in made))
+        for index, step in enumerate(steps)
+    ]

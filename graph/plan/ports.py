@@ -1,0 +1,47 @@
+"""Pass 2: both ends of every edge carry the same kind of thing, in the same unit."""
+
+from __future__ import annotations
+
+from tactograph.graph.declare.ports import PortType
+from tactograph.graph.errors import GraphError
+from tactograph.graph.plan.plan import Draft
+
+
+def check(draft: Draft) -> None:
+    """Compare the types at both ends of every edge.
+
+    Raises
+    ------
+    GraphError
+        Naming both ports, if kind, element type, number of axes or unit differ.
+    """
+    for task in draft.tasks.values():
+        for name, value in task.edges.items():
+            wanted = task.node.inputs[name]
+            offered = draft.tasks[value.node].node.outputs[value.port]
+            clash = _clash(wanted, offered)
+            if clash:
+                raise GraphError(
+                    f"{task.entry.where(f'in.{name}')}: '{name}' of {task.node.name} wants "
+                    f"{wanted}, but {value} is {offered}: {clash}"
+                )
+
+
+def _clash(wanted: PortType, offered: PortType) -> str | None:
+    if wanted.kind != offered.kind:
+        return f"{_a(offered.kind)} is not {_a(wanted.kind)}"
+    if wanted.kind == "object":
+        return None if wanted.python == offered.python else "the types differ"
+    if wanted.dtype != offered.dtype:
+        return "the element types differ"
+    if len(wanted.dims) != len(offered.dims):
+        return "the numbers of axes differ"
+    if wanted.unit != offered.unit:
+        return "the units differ"
+    if offered.optional and not wanted.optional:
+        return "it may be absent"
+    return None
+
+
+def _a(kind: str) -> str:
+    return f"an {kind}" if kind[0] in "ao" else f"a {kind}"

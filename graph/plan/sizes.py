@@ -1,0 +1,227 @@
+"""Pass 3: symbolic sizes bind across the graph.
+
+A symbol (K, H, W) belongs to its node; an edge makes the symbols at its ends one class.
+Fixed sizes are checked before anything runs; the rest as soon as the sources have spoken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from tactograph.graph.declare.node import SizeLimit
+from tactograph.graph.declare.ports import Dim
+from tactograph.graph.errors import GraphError, InputError
+from tactograph.graph.plan.plan import Draft, Task, Value
+
+Symbol = tuple[str, str]
+"""(node id, size symbol)"""
+
+
+class Bound(NamedTuple):
+    """A size that is known, and the port that made it known."""
+
+    size: int
+    by: str
+
+
+Known = dict[Symbol, Bound]
+Shapes = dict[str, tuple[int, ...]]
+"""By output port."""
+
+
+@dataclass
+class Sized:
+    """The sizes around one node, which hold for every item that finds the same `before`.
+
+    They are compared by identity: what is known behind a node is the same object from item
+    to item for as long as the node's outputs keep their shapes.
+    """
+
+    before: Known
+    derived: Known
+    sizes: dict[str, int]
+    shapes: Shapes | None = None
+    after: Known = field(default_factory=dict)
+
+
+@dataclass
+class SizeClasses:
+    """Which symbols are the same size, with the limits the nodes put on them."""
+
+    root: dict[Symbol, Symbol]
+    fixed: dict[Symbol, Bound]
+    limits: dict[Symbol, list[tuple[str, SizeLimit]]]
+
+    def around(self, task: Task, known: Known, last: Sized | None) -> Sized:
+        """The sizes around a node, `last` if that was worked out of the same `known`.
+
+        Raises
+        ------
+        InputError
+            If a size that follows from others clashes with one that is known.
+        """
+        if last is not None and last.before is known:
+            return last
+        derived = dict(known)
+        self.derive(derived, task)
+        return Sized(known, derived, self.sizes_of(task, derived))
+
+    def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
+        """What is known when a node's outputs have the given shapes.
+
+        Raises
+        ------
+        InputError
+            See `bind`.
+        """
+        if sized.shapes != shapes:
+            after = dict(sized.derived)
+            for port, shape in shapes.items():
+                self.bind(after, task, port, shape)
+            sized.shapes, sized.after = shapes, after
+        return sized.after
+
+    def bind(self, known: Known, task: Task, port: str, shape: tuple[int, ...]) -> None:
+        """Enter the shape of an output into `known`.
+
+        Raises
+        ------
+        InputError
+            If a size clashes with one that is known, naming both ports, or is one that a
+            node does not accept, with that node's reason.
+        """
+        for dim, size in zip(task.node.outputs[port].dims, shape, strict=True):
+            if isinstance(dim, str):
+                bound = Bound(size, f"{task.id}.{port}")
+                self._bind_one(known, self.root[task.id, dim], dim, bound)
+
+    def derive(self, known: Known, task: Task) -> None:
+        """Enter the sizes that follow from others, by a node's own parameters, into `known`.
+
+        Raises
+        ------
+        InputError
+            If such a size clashes with one that is known.
+        """
+        sizes = self.sizes_of(task, known) if task.node.derived else {}
+        for symbol, parts in task.node.derived.items():
+            if parts.of in sizes:
+                by = f"{task.id} ({parts.of} / {parts.by})"
+                bound = Bound(parts.size(sizes[parts.of], task.settings), by)
+                self._bind_one(known, self.root[task.id, symbol], symbol, bound)
+
+    def _bind_one(self, known: Known, root: Symbol, dim: str, bound: Bound) -> None:
+        other = known.get(root)
+        if other is not None and other.size == bound.size:
+            return
+        other = other or self.fixed.get(root)
+        if other is not None and other.size != bound.size:
+            raise InputError(
+                f"the size {dim} is {bound.size} in {bound.by} but {other.size} in {other.by}; "
+                "they have to be the same"
+            )
+        for who, limit in self.limits.get(root, ()):
+            if limit.refuses(bound.size):
+                raise InputError(f"{who}: {dim} = {bound.size}: {limit.why}")
+        known[root] = bound
+
+    def sizes_of(self, task: Task, known: Mapping[Symbol, Bound]) -> dict[str, int]:
+        """The sizes of a node's symbols as far as they are known."""
+        sizes: dict[str, int] = {}
+        for symbol in task.node.symbols:
+            root = self.root[task.id, symbol]
+            bound = known.get(root) or self.fixed.get(root)
+            if bound is not None:
+                sizes[symbol] = bound.size
+        return sizes
+
+
+def unify(draft: Draft) -> SizeClasses:
+    """Join the symbols at both ends of every edge.
+
+    Raises
+    ------
+    GraphError
+        If two fixed sizes meet, naming the two ports that disagree, or one that a node
+        does not accept.
+    """
+    root: dict[Symbol, Symbol] = {
+        (task.id, symbol): (task.id, symbol)
+        for task in draft.tasks.values()
+        for symbol in task.node.symbols
+    }
+    fixed: dict[Symbol, Bound] = {}
+    for task, name, value in _edges(draft):
+        source = draft.tasks[value.node]
+        pairs = zip(task.node.inputs[name].dims, source.node.outputs[value.port].dims, strict=True)
+        for wanted, offered in pairs:
+            _join(root, fixed, (task, name, wanted), (source, value.port, offered))
+    flat = {symbol: _find(root, symbol) for symbol in root}
+    limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
+    for task in draft.tasks.values():
+        for symbol, limit in task.node.sizes.items():
+            if not task.filled:
+                limits.setdefault(flat[task.id, symbol], []).append((task.id, limit))
+    for top, known in fixed.items():
+        for who, limit in limits.get(flat[top], ()):
+            if limit.refuses(known.size):
+                where = draft.tasks[who].entry.where("in")
+                raise GraphError(f"{where}: {known.by} has size {known.size}: {limit.why}")
+    return SizeClasses(flat, fixed, limits)
+
+
+def _edges(draft: Draft) -> Iterator[tuple[Task, str, Value]]:
+    for task in draft.tasks.values():
+        for name, value in task.edges.items():
+            if task.node.inputs[name].kind == "array":
+                yield task, name, value
+
+
+def _find(root: dict[Symbol, Symbol], symbol: Symbol) -> Symbol:
+    while root[symbol] != symbol:
+        symbol = root[symbol]
+    return symbol
+
+
+End = tuple[Task, str, Dim]
+
+
+def _join(root: dict[Symbol, Symbol], fixed: dict[Symbol, Bound], a: End, b: End) -> None:
+    (task_a, port_a, dim_a), (task_b, port_b, dim_b) = a, b
+    by_a, by_b = f"{task_a.id}.{port_a}", f"{task_b.id}.{port_b}"
+    if isinstance(dim_a, int) and isinstance(dim_b, int):
+        if dim_a != dim_b:
+            raise _clash(task_a, port_a, Bound(dim_a, by_a), Bound(dim_b, by_b))
+        return
+    if isinstance(dim_a, int) or isinstance(dim_b, int):
+        symbol = (task_a.id, dim_a) if isinstance(dim_a, str) else (task_b.id, str(dim_b))
+        bound = Bound(dim_a, by_a) if isinstance(dim_a, int) else Bound(int(dim_b), by_b)
+        _fix(root, fixed, symbol, bound, task_a, port_a)
+        return
+    root_a, root_b = _find(root, (task_a.id, dim_a)), _find(root, (task_b.id, dim_b))
+    if root_a != root_b:
+        root[root_a] = root_b
+        if root_a in fixed:
+            _fix(root, fixed, root_b, fixed[root_a], task_a, port_a)
+
+
+def _fix(
+    root: dict[Symbol, Symbol],
+    fixed: dict[Symbol, Bound],
+    symbol: Symbol,
+    bound: Bound,
+    task: Task,
+    port: str,
+) -> None:
+    top = _find(root, symbol)
+    if top in fixed and fixed[top].size != bound.size:
+        raise _clash(task, port, bound, fixed[top])
+    fixed.setdefault(top, bound)
+
+
+def _clash(task: Task, port: str, a: Bound, b: Bound) -> GraphError:
+    return GraphError(
+        f"{task.entry.where(f'in.{port}')}: sizes clash: {a.by} has {a.size}, {b.by} has {b.size}"
+    )

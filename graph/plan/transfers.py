@@ -1,0 +1,83 @@
+"""Pass 5: bring every array to where it is read: one upload per value, shared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import networkx as nx
+
+from tactograph.graph.plan.plan import Draft, Placement, Step, Task, Value
+
+
+def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]:
+    """Return the graph of steps: the tasks, and the transfers between them.
+
+    Each node of the result carries its `Step` as the attribute ``step``.
+    """
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    for task in draft.tasks.values():
+        placement = placements[task.id]
+        dag.add_node(
+            task.id,
+            step=Step(
+                kind="fill" if task.filled else "run",
+                name=task.id,
+                backend=placement.backend,
+                # A constant depends on its inputs' sizes, not on the inputs.
+                reads=() if task.filled else tuple(dict.fromkeys(task.reads.values())),
+                writes=tuple(Value(task.id, port) for port in task.node.outputs),
+                stream=task.stream,
+                why=placement.why,
+            ),
+        )
+    for task in draft.tasks.values():
+        for name, value in task.reads.items():
+            moves = task.node.inputs[name].kind == "array" and not task.filled
+            there = placements[task.id].on_device if moves else None
+            _connect(dag, draft, placements, value, there, task.id)
+        for name, value in task.recalls.items():
+            if task.node.inputs[name].kind == "array" and not task.filled:
+                # Brought over at the end of an item, for the reader at the next one.
+                _connect(dag, draft, placements, value, placements[task.id].on_device, None)
+    for value in draft.outputs.values():
+        if draft.tasks[value.node].node.outputs[value.port].kind == "array":
+            _connect(dag, draft, placements, value, False, None)
+    return dag
+
+
+def _connect(
+    dag: nx.DiGraph[str],
+    draft: Draft,
+    placements: Mapping[str, Placement],
+    value: Value,
+    on_device: bool | None,
+    reader: str | None,
+) -> None:
+    """Connect the maker of `value` to `reader`, through a transfer if they are apart.
+
+    `on_device` says where the value is read; None where it is not moved.
+    """
+    origin = value.node
+    if on_device is not None and on_device != placements[value.node].on_device:
+        origin = _transfer(dag, draft.tasks[value.node], value, on_device)
+    if reader is not None:
+        dag.add_edge(origin, reader)
+
+
+def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, up: bool) -> str:
+    kind: Literal["upload", "download"] = "upload" if up else "download"
+    name = f"{kind} {value}"
+    if name not in dag:
+        step = Step(
+            kind=kind,
+            name=name,
+            backend="opencl",
+            reads=(value,),
+            writes=(value,),
+            stream=maker.stream,
+            why="shared by all readers",
+        )
+        dag.add_node(name, step=step)
+        dag.add_edge(value.node, name)
+    return name

@@ -1,0 +1,1 @@
+"""Open a graph and run its plan, item by item."""

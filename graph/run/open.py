@@ -1,0 +1,179 @@
+"""Open a graph: read, verify, plan and compile it, for Python or for a command."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import Any
+
+from tactograph.graph.backends.devices import choose_device
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.model import BACKENDS, NOT_GIVEN, Graph
+from tactograph.graph.files.patch import apply_patch
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.strict_yaml import Place
+from tactograph.graph.plan.backends import no_numba
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.pipeline import Pipeline
+
+
+def load(
+    name: str,
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+    changes: Mapping[str, Any] | None = None,
+    outputs: Collection[str] | None = None,
+    **given: Any,
+) -> Pipeline:
+    """Read, verify, plan and compile a graph, to be called with arrays.
+
+    Parameters
+    ----------
+    name
+        A graph file, or the bare name of a pipeline that ships.
+    backend
+        "numpy", "numba" or "opencl" in place of what the graph prefers.
+    device
+        A part of the name of the OpenCL device to use.
+    strict
+        Refuse to run anything elsewhere than it was wanted.
+    changes
+        ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
+    outputs
+        Names of those of the graph's outputs that are wanted; what only the others need is
+        not computed, nor copied from the device.
+    **given
+        The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
+        params are not given is left to the caller: ``pipeline(frames=stack)``.
+
+    Returns
+    -------
+    Pipeline
+        What runs elsewhere than it was wanted is told by a warning.
+
+    Raises
+    ------
+    InputError
+        If the graph, a value or a file is wrong; the message says what and where.
+
+    Examples
+    --------
+    >>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP
+    >>> pipeline(frames=stack)["height"].shape  # doctest: +SKIP
+    (480, 640)
+    """
+    graph = with_changes(read_graph(name), changes or {})
+    if outputs is not None:
+        graph = _with_outputs(graph, outputs)
+    pipeline = open_pipeline(
+        graph,
+        given,
+        backend=backend,
+        device=device,
+        strict=strict,
+        sinks=False,
+        stand_ins=_ungiven_streams(graph, given),
+    )
+    for line in pipeline.plan.fallbacks:
+        warnings.warn(f"fallback: {line}", stacklevel=2)
+    return pipeline
+
+
+def open_pipeline(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+    sinks: bool = True,
+    stand_ins: frozenset[str] = frozenset(),
+) -> Pipeline:
+    """Plan and compile a graph that has been read; see `load`.
+
+    Raises
+    ------
+    InputError
+        Also if `strict` and a node would run elsewhere than it was wanted.
+    """
+    if backend is not None:
+        if backend not in BACKENDS:
+            raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
+        graph = replace(graph, prefer=(backend,))
+    opencl, reason = open_device(graph, device)
+    if opencl is None and backend == "opencl":
+        raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
+    if backend == "numba" and (absent := no_numba()):
+        raise InputError(f"--backend numba: {absent}")
+    plan = make_plan(
+        graph, given, device=opencl, no_device=reason, sinks=sinks, stand_ins=stand_ins
+    )
+    if strict and plan.fallbacks:
+        raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
+    return Pipeline(plan, opencl)
+
+
+def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
+    """Apply ``node.param=value`` changes, as a patch file's `set` would.
+
+    Raises
+    ------
+    GraphError
+        If a change names no node of the graph.
+    """
+    for target, value in changes.items():
+        node_id, dot, setting = target.partition(".")
+        if not dot or not setting:
+            raise InputError(f"--set {target}: write it as node.param=value")
+        places = {"": Place("--set", 0, 0, target)}
+        graph = apply_patch(graph, {"set": node_id, "settings": {setting: value}}, places)
+    return graph
+
+
+def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
+    if isinstance(wanted, str | bytes) or not wanted:
+        raise InputError(f"outputs={wanted!r}: a list of names is needed: {list(graph.outputs)}")
+    for name in wanted:
+        if not isinstance(name, str):
+            raise InputError(f"outputs: {name!r} is no name; there are {', '.join(graph.outputs)}")
+        if name not in graph.outputs:
+            raise InputError(
+                f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
+                f" (it has: {', '.join(graph.outputs) or 'none'})"
+            )
+    return replace(graph, outputs={name: graph.outputs[name] for name in wanted})
+
+
+def placeholders(graph: Graph) -> dict[str, Any]:
+    """Values that stand for needed params where only the plan matters, not the data."""
+    return {name: NOT_GIVEN for name, param in graph.params.items() if param.required}
+
+
+def open_device(graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
+    """The OpenCL device for `graph` if it may want one, or None and the reason."""
+    bound = any(entry.backend == "opencl" for entry in graph.nodes.values())
+    if "opencl" not in graph.prefer and not bound and text is None:
+        return None, "opencl is not among the preferred back ends"
+    device, reason = choose_device(text)
+    return (OpenCL(device) if device is not None else None), reason
+
+
+def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
+    """The stream sources that refer to a required param which was not given."""
+
+    def is_missing(setting: Any) -> bool:
+        if not isinstance(setting, str) or not setting.startswith("$"):
+            return False
+        param = graph.params.get(setting[1:])
+        return param is not None and param.required and setting[1:] not in given
+
+    return frozenset(
+        node_id
+        for node_id, entry in graph.nodes.items()
+        if any(map(is_missing, entry.settings.values())) and find_node(entry.op).stream
+    )

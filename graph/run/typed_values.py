@@ -1,0 +1,87 @@
+"""Values as a user types them: ``name=value`` words turned into what a graph's params want."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.model import Graph, Param
+from tactograph.graph.files.strict_yaml import parse_scalar
+
+_WANTED = {
+    "number": ((int, float), "a number"),
+    "integer": ((int,), "a whole number"),
+    "flag": ((bool,), "true or false"),
+}
+
+
+def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
+    """Read ``name=value`` words for the params of `graph`.
+
+    Raises
+    ------
+    InputError
+        If a word is not of that form, names no param, or its value is of the wrong kind.
+    """
+    given: dict[str, Any] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals:
+            raise InputError(f"'{word}': write values as name=value")
+        if name not in graph.params:
+            raise InputError(
+                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)} "
+                f"It takes: {', '.join(graph.params) or 'none'}"
+            )
+        if name in given:
+            raise InputError(f"{name} is given twice")
+        given[name] = _read(name, text, graph.params[name])
+    return given
+
+
+def read_settings(words: Iterable[str]) -> dict[str, Any]:
+    """Read ``node.param=value`` words of ``--set``.
+
+    Raises
+    ------
+    InputError
+        If a word is not of that form.
+    """
+    settings: dict[str, Any] = {}
+    for word in words:
+        target, equals, text = word.partition("=")
+        if not equals or "." not in target:
+            raise InputError(f"--set {word}: write it as node.param=value")
+        settings[target] = _scalar(f"--set {target}", text)
+    return settings
+
+
+def _read(name: str, text: str, param: Param) -> Any:
+    if param.kind == "path" and not text:
+        raise InputError(f"{name}=: a path is needed")
+    if param.kind in ("path", "text"):
+        return text
+    if not param.required and text and _scalar(name, text) is None:
+        return None
+    if param.kind == "numbers":
+        return [_number(name, part) for part in text.split(",")]
+    value = _scalar(name, text)
+    types, wanted = _WANTED[param.kind]
+    if not isinstance(value, types) or (isinstance(value, bool) and param.kind != "flag"):
+        raise InputError(f"{name}={text}: {wanted} is needed")
+    return value
+
+
+def _scalar(name: str, text: str) -> Any:
+    try:
+        return parse_scalar(text)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def _number(name: str, text: str) -> float:
+    value = _scalar(name, text.strip())
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{name}: '{text}' is not a number; write numbers as 160,120")
+    return value

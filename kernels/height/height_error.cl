@@ -1,0 +1,222 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+#include "expected_light.clh"
+#include "springs.clh"
+#include "height_system.clh"
+
+#define STEEPEST 3.0f
+#define SINGULAR 1e-4f
+#define SHARPEST 2.0f
+#define MOST 8
+
+// +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
+static float drawn(const uint number, const uint key)
+{
+    uint x = number ^ key;
+    x ^= x >> 16;
+    x *= 0x7feb352dU;
+    x ^= x >> 15;
+    x *= 0x846ca68bU;
+    x ^= x >> 16;
+    return x >> 31 ? 1.0f : -1.0f;
+}
+
+// What a small change of each LED's light does to p and to q; nothing on the film at rest.
+__kernel void respond(
+    __global const float *restrict height, __global const float *restrict slope,
+    __global const uchar *restrict rest, __global const float *restrict sigma,
+    __global const uchar *restrict used_leds, __global const float *restrict lights,
+    __global float *restrict by_p, __global float *restrict by_q, const int K, const int H,
+    const int W, const float pixel)
+{
+    const int size = H * W;
+    GRID_LANES(at, count, size)
+    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
+    const floats z = load_floats(height + at, count), none = 0.0f, tiny = 1e-10f, one = 1.0f;
+    const ints used = load_bytes(used_leds + at, count);
+    const ints touched = load_bytes(rest + at, count) == 0;
+    const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
+    floats x, y, along_a[MOST], along_b[MOST], weight[MOST], aa = 0.0f, ab = 0.0f, bb = 0.0f;
+    places(at, H, W, pixel, &x, &y);
+    for (int k = 0; k < K; ++k) {
+        const Vector v = light_vector(lights + 3 * k, x, y, z);
+        const floats noise = load_floats(sigma + k * size + at, count), square = noise * noise;
+        const floats sure = 1.0f / MORE_OF(square, tiny);
+        along_a[k] = (v.x + v.z * p) * nz;
+        along_b[k] = (v.y + v.z * q) * nz;
+        weight[k] = (used & (1 << k)) != 0 ? sure : none;
+        aa += weight[k] * along_a[k] * along_a[k];
+        ab += weight[k] * along_a[k] * along_b[k];
+        bb += weight[k] * along_b[k] * along_b[k];
+    }
+    const floats determinant = aa * bb - ab * ab;
+    const ints known = (determinant > SINGULAR * aa * bb) & touched;
+    const floats divisor = known ? determinant : one;
+    const floats inverse = known ? 1.0f / divisor : none;
+    for (int k = 0; k < K; ++k) {
+        const floats by_a = weight[k] * (bb * along_a[k] - ab * along_b[k]) * inverse;
+        const floats by_b = weight[k] * (aa * along_b[k] - ab * along_a[k]) * inverse;
+        const floats p_too = -((1.0f + p * p) * by_a + p * q * by_b);
+        const floats q_too = -(p * q * by_a + (1.0f + q * q) * by_b);
+        store_floats(p_too, by_p + k * size + at, count);
+        store_floats(q_too, by_q + k * size + at, count);
+    }
+}
+
+// An error of the slopes inside the window: the lights' noise, and what all pixels of an LED
+// have in common, the LEDs being elsewhere.
+__kernel void err_slopes(
+    __global const float *restrict light, __global const float *restrict sigma,
+    __global const float *restrict height, __global const float *restrict slope,
+    __global const float *restrict lights, __global const float *restrict others,
+    __global const float *restrict by_p, __global const float *restrict by_q,
+    __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
+    const int frame_width, const int top, const int left, const int H, const int W,
+    const float pixel, const int number, const float flat_noise, const uint key)
+{
+    GRID_2(y, x, H, W)
+    const int frame_size = frame_height * frame_width;
+    const int i = y * W + x, from = (top + y) * frame_width + left + x;
+    const float x_mm = ((float)(left + x) - 0.5f * (float)(frame_width - 1)) * pixel;
+    const float y_mm = ((float)(top + y) - 0.5f * (float)(frame_height - 1)) * pixel;
+    const float z = height[from], here_p = slope[from], here_q = slope[frame_size + from];
+    float total_p = 0.0f, total_q = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const int at = k * frame_size + from;
+        const float flat = flat_noise * light[at];
+        const float noise = sigma[at] * sqrt(1.0f + flat * flat);
+        const float common =
+            expected_light(others + 3 * (number * K + k), x_mm, y_mm, z, here_p, here_q)
+            - expected_light(lights + 3 * k, x_mm, y_mm, z, here_p, here_q);
+        const float change = common + noise * drawn(k * H * W + i, key);
+        total_p += by_p[at] * change;
+        total_q += by_q[at] * change;
+    }
+    p[i] = clamp(total_p, -STEEPEST, STEEPEST);
+    q[i] = clamp(total_q, -STEEPEST, STEEPEST);
+}
+
+// By how much step number x of a line of `size` steps differs from those beside it.
+static float turned(
+    __global const float *step_, const int i, const int stride, const int x, const int size)
+{
+    if (size < 2) return 0.0f;
+    if (x == 0) return fabs(step_[i + stride] - step_[i]);
+    if (x == size - 1) return fabs(step_[i] - step_[i - stride]);
+    return fabs((step_[i + stride] - step_[i - stride]) / 2.0f);
+}
+
+__kernel void err_steps(
+    __global const float *restrict want_right, __global const float *restrict want_down,
+    __global const float *restrict p, __global const float *restrict q,
+    __global float *restrict right, __global float *restrict down, const int H, const int W,
+    const float half_, const float aperture, const uint key_right, const uint key_down)
+{
+    GRID_2(y, x, H, W)
+    const int i = y * W + x;
+    float step_ = 0.0f;
+    if (x + 1 < W) {
+        const float turn_ = aperture * turned(want_right, i, 1, x, W - 1);
+        step_ = (p[i + 1] + p[i]) * half_ + turn_ * drawn(i, key_right);
+    }
+    right[i] = step_;
+    step_ = 0.0f;
+    if (y + 1 < H) {
+        const float turn_ = aperture * turned(want_down, i, W, y, H - 1);
+        step_ = (q[i + W] + q[i]) * half_ + turn_ * drawn(i, key_down);
+    }
+    down[i] = step_;
+}
+
+__kernel void err_rises(
+    __global float *restrict rise, const int ties, const float error, const uint key)
+{
+    GRID_1(t, ties)
+    rise[t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
+}
+
+// What a step lacks if all lack it uphill.
+static float lacking(const float step_, const float turn_, const float pixel, const float kink)
+{
+    const float bend = fmin(turn_ / pixel, SHARPEST);
+    const float sign_ = step_ > 0.0f ? 1.0f : step_ < 0.0f ? -1.0f : 0.0f;
+    return kink * (bend * bend * bend) * sign_;
+}
+
+__kernel void err_kinks(
+    __global const float *restrict want_right, __global const float *restrict want_down,
+    __global float *restrict right, __global float *restrict down, const int H, const int W,
+    const float pixel, const float kink)
+{
+    GRID_2(y, x, H, W)
+    const int i = y * W + x;
+    right[i] = x + 1 < W
+        ? lacking(want_right[i], turned(want_right, i, 1, x, W - 1), pixel, kink) : 0.0f;
+    down[i] = y + 1 < H
+        ? lacking(want_down[i], turned(want_down, i, W, y, H - 1), pixel, kink) : 0.0f;
+}
+
+__kernel void level(__global float *restrict z, const int size)
+{
+    GRID_1(i, size)
+    z[i] = 0.0f;
+}
+
+// Add the square of what an error did.
+__kernel void add_square(
+    __global const float *restrict moved, __global float *restrict total, const int size,
+    const float share)
+{
+    GRID_1(i, size)
+    total[i] += share * moved[i] * moved[i];
+}
+
+// What counts and is not at rest, and the variance there.
+__kernel void free_part(
+    __global const uchar *restrict rest, __global const uchar *mask,
+    __global float *restrict variance, __global float *restrict freed, const int frame_width,
+    const int top, const int left, const int H, const int W)
+{
+    GRID_2(y, x, H, W)
+    const int i = y * W + x, from = (top + y) * frame_width + left + x;
+    freed[i] = rest[from] || (mask && !mask[from]) ? 0.0f : 1.0f;
+    variance[i] *= freed[i];
+}
+
+// The index within 0 .. size - 1 that mirroring at both ends, whose pixels are not repeated, gives.
+static int mirrored(int i, const int size)
+{
+    if (size == 1) return 0;
+    while (i < 0 || i >= size) i = i < 0 ? -i : 2 * size - 2 - i;
+    return i;
+}
+
+// Weighted mean along one axis (1: x).
+__kernel void blur(
+    __global const float *restrict plane, __global const float *restrict weights,
+    __global float *restrict out, const int H, const int W, const int radius, const int axis)
+{
+    GRID_2(y, x, H, W)
+    float total = 0.0f;
+    for (int n = -radius; n <= radius; ++n) {
+        const int row = axis ? y : mirrored(y + n, H);
+        const int column = axis ? mirrored(x + n, W) : x;
+        total += weights[n + radius] * plane[row * W + column];
+    }
+    out[y * W + x] = total;
+}
+
+// The root of the mean variance over the frame; zero where nothing is free.
+__kernel void deviation(
+    __global const float *restrict variance, __global const float *restrict weight,
+    __global const float *restrict freed, __global float *restrict out, const int frame_height,
+    const int frame_width, const int top, const int left, const int H, const int W)
+{
+    GRID_2(row, column, frame_height, frame_width)
+    const int y = row - top, x = column - left, i = y * W + x;
+    float found = 0.0f;
+    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f)
+        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f));
+    out[row * frame_width + column] = found;
+}

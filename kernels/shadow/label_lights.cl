@@ -1,0 +1,555 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+
+#define MOST 8
+#define STEPS 1
+#define LONGEST 0.3f
+#define AT_REST 0.999f
+#define ALIKE 0.02f
+#define MILD 0.01f
+#define SINGULAR 1e-4f
+#define FAINTEST 0.08f
+#define STRAY 0.015f
+#define SHADE 0.1f
+#define UNKNOWN 1e12f
+#define TINY 1e-20f
+
+// Vectors of LANES pixels that are done side by side, since one's long chain of operations waits
+// less if others are under way; and vectors that a work-item does.
+#if LANES == 1
+#define RUN 1
+#define SHARE 1
+#else
+#define RUN 4
+#define SHARE 32
+#endif
+
+// Pixels under all LEDs: light, its standard deviation, one over its variance, and the vectors
+// of equation N1; the normal believed in before; the LEDs that surely do not reach, as bits, and
+// those of them that have to be left out.
+typedef struct {
+    int K;
+    floats light[MOST], sigma[MOST], weight[MOST];
+    Vector vector[MOST], believed;
+    ints below, forced;
+} Pixels;
+
+typedef struct {
+    Vector normal, twin;
+} Normals;
+
+// Along x and along y.
+typedef struct {
+    floats p, q;
+} Slope;
+
+// A symmetric matrix.
+typedef struct {
+    floats xx, xy, xz, yy, yz, zz;
+} Symmetric;
+
+// Sums of w v v' and of w m v, times `scale`, which is one over the trace of the first: so that
+// products stay small.
+typedef struct {
+    Symmetric a;
+    Vector b;
+    floats scale;
+} Equations;
+
+// The best so far: normals, the LEDs used, what the choice costs, and its sum of squares.
+typedef struct {
+    Normals normals;
+    ints used;
+    floats cost, misfit;
+} Choice;
+
+typedef struct {
+    __global const float *light, *sigma, *lights, *height, *prior;
+    float pixel;
+    int K, H, W;
+} Frame;
+
+typedef struct {
+    __global float *slope, *twin, *variance, *misfit;
+    __global uchar *used, *shadow;
+} Made;
+
+typedef struct {
+    int pair, dark;
+    float floor_, price, one_sided, steepest;
+} Rules;
+
+static floats dot_(const Vector a, const Vector b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+// a s + b t
+static Vector combined(const Vector a, const floats s, const Vector b, const floats t)
+{
+    const Vector c = {a.x * s + b.x * t, a.y * s + b.y * t, a.z * s + b.z * t};
+    return c;
+}
+
+static Vector chosen_of(const ints first, const Vector a, const Vector b)
+{
+    const Vector c = {first ? a.x : b.x, first ? a.y : b.y, first ? a.z : b.z};
+    return c;
+}
+
+static Vector scaled(const Vector n, const floats by)
+{
+    const Vector s = {n.x * by, n.y * by, n.z * by};
+    return s;
+}
+
+static Vector unit(const Vector n)
+{
+    return scaled(n, 1.0f / (sqrt(dot_(n, n)) + TINY));
+}
+
+static floats at_least(const float least, const floats value)
+{
+    const floats low = least;
+    return MORE_OF(value, low);
+}
+
+static Vector visible(const Vector n)
+{
+    const Vector v = {n.x, n.y, at_least(FLATTEST, n.z)};
+    return v;
+}
+
+static Vector times_(const Symmetric a, const Vector b)
+{
+    const Vector c = {a.xx * b.x + a.xy * b.y + a.xz * b.z, a.xy * b.x + a.yy * b.y + a.yz * b.z,
+                      a.xz * b.x + a.yz * b.y + a.zz * b.z};
+    return c;
+}
+
+// Direction of the solution of a symmetric 3 x 3 system, by the adjugate.
+static Vector solution(const Symmetric a, const Vector b)
+{
+    const Symmetric adjugate = {
+        a.yy * a.zz - a.yz * a.yz, a.xz * a.yz - a.xy * a.zz, a.xy * a.yz - a.xz * a.yy,
+        a.xx * a.zz - a.xz * a.xz, a.xy * a.xz - a.xx * a.yz, a.xx * a.yy - a.xy * a.xy};
+    return times_(adjugate, b);
+}
+
+// One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y), to a slope that
+// noise does not bias; see nodes/shadow/label_lights.py.
+static Vector gauss_newton(
+    const Symmetric a, const Vector b, const floats scale, const Vector n)
+{
+    // The matrix times the first tangent, and what the second takes of its own product.
+    const floats ux = a.xx * n.z - a.xz * n.x, uy = a.xy * n.z - a.yz * n.x;
+    const floats uz = a.xz * n.z - a.zz * n.x;
+    const floats vy = a.yy * n.z - a.yz * n.y, vz = a.yz * n.z - a.zz * n.y;
+    const floats h11 = ux * n.z - uz * n.x, h12 = uy * n.z - uz * n.y, h22 = vy * n.z - vz * n.y;
+    const floats trace = h11 + h22;
+    const floats inverse = 1.0f / (h11 * h22 - h12 * h12 + 1e-6f * trace * trace + TINY);
+    const floats g11 = n.z * n.z + n.x * n.x, g12 = n.x * n.y, g22 = n.z * n.z + n.y * n.y;
+    const floats spread = scale * inverse * (h22 * g11 + h11 * g22 - (h12 + h12) * g12);
+    const floats limit = MILD * n.z * n.z;
+    const floats mild = limit / MORE_OF(spread, limit);
+    const floats half_ = 0.5f * mild * spread, part = mild * scale, steep = 1.0f / n.z;
+    const Vector an = times_(a, n);
+    const floats u1 = an.x * n.z - an.z * n.x, u2 = an.y * n.z - an.z * n.y;
+    const floats f1 = (h22 * u1 - h12 * u2) * inverse, f2 = (h11 * u2 - h12 * u1) * inverse;
+    const floats g1 = b.x * n.z - b.z * n.x - u1 - half_ * u1
+        - part * (g11 * f1 + g12 * f2 + n.x * steep);
+    const floats g2 = b.y * n.z - b.z * n.y - u2 - half_ * u2
+        - part * (g12 * f1 + g22 * f2 + n.y * steep);
+    floats s = (h22 * g1 - h12 * g2) * inverse, t = (h11 * g2 - h12 * g1) * inverse;
+    const floats shrink = LONGEST / at_least(LONGEST, sqrt(s * s + t * t));
+    s *= shrink;
+    t *= shrink;
+    const Vector turned = {n.x + s * n.z, n.y + t * n.z, n.z - s * n.x - t * n.y};
+    return turned;
+}
+
+static Equations normal_equations(const Pixels *pixels, const int used)
+{
+    Symmetric a = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    Vector b = {0.0f, 0.0f, 0.0f};
+    for (int k = 0; k < pixels->K; ++k)
+        if (used >> k & 1) {
+            const Vector v = pixels->vector[k], w = scaled(v, pixels->weight[k]);
+            a.xx += w.x * v.x;
+            a.xy += w.x * v.y;
+            a.xz += w.x * v.z;
+            a.yy += w.y * v.y;
+            a.yz += w.y * v.z;
+            a.zz += w.z * v.z;
+            b.x += w.x * pixels->light[k];
+            b.y += w.y * pixels->light[k];
+            b.z += w.z * pixels->light[k];
+        }
+    const floats scale = 1.0f / (a.xx + a.yy + a.zz);
+    const Equations made = {{a.xx * scale, a.xy * scale, a.xz * scale,
+                             a.yy * scale, a.yz * scale, a.zz * scale}, scaled(b, scale), scale};
+    return made;
+}
+
+static Vector linear(const Equations *made)
+{
+    return visible(unit(solution(made->a, made->b)));
+}
+
+static Vector step_from(const Equations *made, const Vector n)
+{
+    return unit(visible(gauss_newton(made->a, made->b, made->scale, n)));
+}
+
+// The unit normal from three LEDs or more.
+static Vector least_squares(const Pixels *pixels, const int used)
+{
+    const Equations made = normal_equations(pixels, used);
+    Vector normal = linear(&made);
+    for (int step = 0; step < STEPS; ++step) normal = step_from(&made, normal);
+    return normal;
+}
+
+// The light that LEDs called dark would give; plenty for a normal the camera cannot see.
+static floats lit_behind(const Pixels *pixels, const int used, const Vector n)
+{
+    const floats plenty = 10.0f, none = 0.0f;
+    floats total = n.z < 0.05f ? plenty : none;
+    for (int k = 0; k < pixels->K; ++k)
+        if (!(used >> k & 1)) total += at_least(0.0f, dot_(pixels->vector[k], n));
+    return total;
+}
+
+// The two unit normals that two LEDs allow, the likelier first.
+static Normals pair_of(const Pixels *pixels, const int used, const int attached)
+{
+    int i = -1, j = -1;
+    for (int k = 0; k < pixels->K; ++k)
+        if (used >> k & 1) {
+            if (i < 0) i = k;
+            j = k;
+        }
+    const Vector u = pixels->vector[i], v = pixels->vector[j];
+    const Vector across = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+    const floats uu = dot_(u, u), uv = dot_(u, v), vv = dot_(v, v);
+    const floats determinant = at_least(1e-9f, uu * vv - uv * uv);
+    const floats s = (vv * pixels->light[i] - uv * pixels->light[j]) / determinant;
+    const floats t = (uu * pixels->light[j] - uv * pixels->light[i]) / determinant;
+    const Vector base = combined(u, s, v, t);
+    const floats beyond = sqrt(at_least(0.0f, 1.0f - dot_(base, base)) / determinant);
+    const floats one = 1.0f;
+    const Vector first = unit(combined(base, one, across, beyond));
+    const Vector second = unit(combined(base, one, across, -beyond));
+    const ints flatter = first.z >= second.z;
+    ints take;
+    if (attached) {
+        const floats a = lit_behind(pixels, used, first), b = lit_behind(pixels, used, second);
+        take = fabs(a - b) < ALIKE ? flatter : a < b;
+    } else {
+        take = dot_(first, pixels->believed) >= dot_(second, pixels->believed);
+    }
+    take = MORE_OF(first.z, second.z) > AT_REST ? flatter : take;
+    const Normals found = {visible(chosen_of(take, first, second)),
+                           visible(chosen_of(take, second, first))};
+    return found;
+}
+
+// The next larger number with as many bits set.
+static int next_set(const int bits)
+{
+    const int lowest = bits & -bits, ripple = bits + lowest;
+    return ripple | ((1 << (popcount(bits ^ ripple) - 2)) - 1);
+}
+
+static Slope slope_of(const Vector n, const float steepest)
+{
+    const floats flatter = -1.0f / at_least(1.0f / steepest, n.z);
+    const Slope slope = {n.x * flatter, n.y * flatter};
+    return slope;
+}
+
+// Variance of p and q: (J' W J)^-1 of the tangent plane, carried to the slope.
+static Slope variance_of(const Pixels *pixels, const ints used, const Vector n, const Slope slope)
+{
+    const floats none = 0.0f, unknown = UNKNOWN;
+    floats h11 = 0.0f, h12 = 0.0f, h22 = 0.0f;
+    for (int k = 0; k < pixels->K; ++k) {
+        const Vector v = pixels->vector[k];
+        const floats w = (used & (1 << k)) != 0 ? pixels->weight[k] : none;
+        const floats j1 = v.x * n.z - v.z * n.x, j2 = v.y * n.z - v.z * n.y;
+        h11 += w * j1 * j1;
+        h12 += w * j1 * j2;
+        h22 += w * j2 * j2;
+    }
+    const floats determinant = h11 * h22 - h12 * h12;
+    const ints known = determinant > SINGULAR * h11 * h22;
+    const floats a = 1.0f + slope.p * slope.p, b = slope.p * slope.q;
+    const floats c = 1.0f + slope.q * slope.q;
+    const floats by_p = (a * a * h22 - 2.0f * a * b * h12 + b * b * h11) / determinant;
+    const floats by_q = (b * b * h22 - 2.0f * b * c * h12 + c * c * h11) / determinant;
+    const Slope variance = {known ? by_p : unknown, known ? by_q : unknown};
+    return variance;
+}
+
+// The LEDs whose light is not there.
+static ints dim_of(const Pixels *pixels, const Vector n)
+{
+    const ints nothing = 0;
+    ints dim = 0;
+    for (int k = 0; k < pixels->K; ++k) {
+        const ints bit = 1 << k;
+        const floats due = at_least(FAINTEST, dot_(pixels->vector[k], n));
+        dim |= pixels->light[k] < 0.5f * due ? bit : nothing;
+    }
+    return dim;
+}
+
+// The sum of squares over the LEDs that are lit.
+static floats squares_of(const Pixels *pixels, const int lit, const Vector normal)
+{
+    floats squares = 0.0f;
+    for (int k = 0; k < pixels->K; ++k)
+        if (lit >> k & 1) {
+            const floats away = pixels->light[k] - dot_(pixels->vector[k], normal);
+            squares += pixels->weight[k] * away * away;
+        }
+    return squares;
+}
+
+// How much brighter the LEDs left out are than a shadow.
+static floats excess_of(
+    const Pixels *pixels, const int lit, const Vector normal, const float one_sided)
+{
+    const floats none = 0.0f;
+    floats excess = 0.0f;
+    for (int k = 0; k < pixels->K; ++k)
+        if (!(lit >> k & 1)) {
+            const floats light = pixels->light[k], sigma = pixels->sigma[k];
+            const floats over = light - at_least(0.0f, dot_(pixels->vector[k], normal));
+            const floats spread = sqrt(sigma * sigma + STRAY * STRAY);
+            const floats bright = at_least(0.0f, over / spread + one_sided);
+            const floats much = light * (1.0f / SHADE);
+            excess += (pixels->below & (1 << k)) != 0 ? none : bright * bright + much * much;
+        }
+    return excess;
+}
+
+// What follows from the light, its spread, and the pixels' places, once these are known.
+static void prepare(
+    Pixels *here, const Frame *frame, const Rules *rules, const floats x, const floats y,
+    const floats z)
+{
+    const ints nothing = 0;
+    ints below = 0;
+    for (int k = 0; k < frame->K; ++k) {
+        const ints bit = 1 << k;
+        here->sigma[k] = at_least(1e-5f, here->sigma[k]);
+        here->weight[k] = 1.0f / (here->sigma[k] * here->sigma[k]);
+        here->vector[k] = light_vector(frame->lights + 3 * k, x, y, z);
+        below |= here->light[k] < rules->floor_ * here->sigma[k] ? bit : nothing;
+    }
+    here->K = frame->K;
+    here->below = below;
+    here->forced = rules->dark > 0 ? below : nothing;
+}
+
+// Pixels that follow one another, `count` of them.
+static void load_run(
+    Pixels *here, const Frame *frame, const Rules *rules, const int at, const int count)
+{
+    const int size = frame->H * frame->W;
+    floats x, y;
+    places(at, frame->H, frame->W, frame->pixel, &x, &y);
+    for (int k = 0; k < frame->K; ++k) {
+        here->light[k] = load_floats(frame->light + k * size + at, count);
+        here->sigma[k] = load_floats(frame->sigma + k * size + at, count);
+    }
+    prepare(here, frame, rules, x, y, load_floats(frame->height + at, count));
+}
+
+// Pixels that lie anywhere.
+static void load_list(Pixels *here, const Frame *frame, const Rules *rules, const int *at)
+{
+    const int size = frame->H * frame->W;
+    floats x, y;
+    places_of(at, frame->H, frame->W, frame->pixel, &x, &y);
+    for (int k = 0; k < frame->K; ++k) {
+        here->light[k] = gather_floats(frame->light + k * size, at);
+        here->sigma[k] = gather_floats(frame->sigma + k * size, at);
+    }
+    prepare(here, frame, rules, x, y, gather_floats(frame->height, at));
+    here->believed.z = 1.0f;
+    if (!rules->pair) {
+        here->believed.x = -gather_floats(frame->prior, at);
+        here->believed.y = -gather_floats(frame->prior + size, at);
+    }
+}
+
+// To pixels that follow one another, or lie anywhere.
+static void put(
+    const floats value, __global float *to, const int first, const int count, const int *at)
+{
+    if (!at) {
+        store_floats(value, to + first, count);
+        return;
+    }
+    float lanes[LANES];
+    STORE_LANES(value, lanes);
+    for (int l = 0; l < count; ++l) to[at[l]] = lanes[l];
+}
+
+static void put_bytes(
+    const ints value, __global uchar *to, const int first, const int count, const int *at)
+{
+    if (!at) {
+        store_bytes(value, to + first, count);
+        return;
+    }
+    int lanes[LANES];
+    STORE_LANES(value, lanes);
+    for (int l = 0; l < count; ++l) to[at[l]] = (uchar)lanes[l];
+}
+
+static void put_choice(
+    const Made *made, const Frame *frame, const Rules *rules, const Pixels *here,
+    const Choice *best, const int first, const int count, const int *at)
+{
+    const int size = frame->H * frame->W, all = (1 << frame->K) - 1;
+    const Vector normal = best->normals.normal;
+    const Slope found = slope_of(normal, rules->steepest);
+    if (made->slope) {
+        put(found.p, made->slope, first, count, at);
+        put(found.q, made->slope + size, first, count, at);
+    }
+    if (made->twin) {
+        const Slope other = slope_of(best->normals.twin, rules->steepest);
+        put(other.p, made->twin, first, count, at);
+        put(other.q, made->twin + size, first, count, at);
+    }
+    if (made->variance) {
+        const Slope spread = variance_of(here, best->used, normal, found);
+        put(spread.p, made->variance, first, count, at);
+        put(spread.q, made->variance + size, first, count, at);
+    }
+    if (made->used) put_bytes(best->used, made->used, first, count, at);
+    if (made->shadow) {
+        ints dim = 0;
+        if (ANY(best->used != all)) {
+            dim = dim_of(here, normal) & ~best->used;
+            dim = best->used == 0 ? here->forced : dim;
+        }
+        put_bytes(dim, made->shadow, first, count, at);
+    }
+    if (made->misfit) put(best->misfit, made->misfit, first, count, at);
+}
+
+// Take every LED to reach `count` pixels, RUN LANES at most; add those that another set may
+// explain better to a list, and return how long it is.
+static int all_lit(
+    const Made *made, const Frame *frame, const Rules *rules, const int start, const int count,
+    int *doubtful, int number)
+{
+    const int all = (1 << frame->K) - 1, vectors = (count + LANES - 1) / LANES;
+    Pixels here[RUN];
+    Equations equations[RUN];
+    Vector normal[RUN];
+    floats squares[RUN];
+    for (int r = 0; r < vectors; ++r) {
+        const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
+        load_run(&here[r], frame, rules, start + r * LANES, filled);
+    }
+    for (int r = 0; r < vectors; ++r) equations[r] = normal_equations(&here[r], all);
+    for (int r = 0; r < vectors; ++r) normal[r] = linear(&equations[r]);
+    for (int step = 0; step < STEPS; ++step)
+        for (int r = 0; r < vectors; ++r) normal[r] = step_from(&equations[r], normal[r]);
+    for (int r = 0; r < vectors; ++r) squares[r] = squares_of(&here[r], all, normal[r]);
+    for (int r = 0; r < vectors; ++r) {
+        const int at = start + r * LANES;
+        const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
+        const Choice lit = {{normal[r], normal[r]}, all, squares[r], squares[r]};
+        put_choice(made, frame, rules, &here[r], &lit, at, filled, 0);
+        // Leaving an LED out costs its price at least.
+        const ints doubt = (here[r].forced != 0) | !(squares[r] <= rules->price);
+        if (!ANY(doubt)) continue;
+        int lanes[LANES];
+        STORE_LANES(doubt, lanes);
+        for (int l = 0; l < filled; ++l)
+            if (lanes[l]) doubtful[number++] = at + l;
+    }
+    return number;
+}
+
+// The set of LEDs that explains some pixels best, LANES of them at most.
+static void any_set(
+    const Made *made, const Frame *frame, const Rules *rules, const int *list, const int count)
+{
+    const int K = frame->K, all = (1 << K) - 1;
+    int at[LANES];
+    for (int l = 0; l < LANES; ++l) at[l] = list[min(l, count - 1)];
+    Pixels here;
+    load_list(&here, frame, rules, at);
+    const ints most = popcount(here.forced) + rules->dark;
+    Choice best = {{{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}}, 0, INFINITY, 0.0f};
+    for (int number = 0; number <= K - 2 && ANY(best.cost > rules->price * number); ++number) {
+        for (int out = (1 << number) - 1; out <= all; out = number ? next_set(out) : all + 1) {
+            const ints open = (best.cost > rules->price * number) & (most >= number)
+                & ((here.forced & ~out) == 0);
+            if (!ANY(open)) continue;
+            const int lit = all & ~out;
+            const ints labels = lit;
+            Normals tried;
+            if (number < K - 2) tried.normal = tried.twin = least_squares(&here, lit);
+            else tried = pair_of(&here, lit, rules->pair);
+            const floats squares = squares_of(&here, lit, tried.normal);
+            const floats excess = excess_of(&here, lit, tried.normal, rules->one_sided);
+            const floats cost = squares + rules->price * number + excess;
+            const ints better = open & (cost < best.cost);
+            best.cost = better ? cost : best.cost;
+            best.misfit = better ? squares : best.misfit;
+            best.used = better ? labels : best.used;
+            best.normals.normal = chosen_of(better, tried.normal, best.normals.normal);
+            best.normals.twin = chosen_of(better, tried.twin, best.normals.twin);
+        }
+    }
+    put_choice(made, frame, rules, &here, &best, 0, count, at);
+}
+
+// The set of LEDs that explains a pixel best, and the slope that follows; see
+// nodes/shadow/label_lights.py.  Most pixels are lit by all LEDs, and the others are done together.
+LANED __kernel void label_lights(
+    __global const float *restrict light,
+    __global const float *restrict sigma,
+    __global const float *restrict lights,
+    __global const float *restrict height,
+    __global const float *restrict prior,
+    const float pixel,
+    __global float *restrict slope,
+    __global float *restrict twin,
+    __global float *restrict variance,
+    __global uchar *restrict used,
+    __global uchar *restrict shadow,
+    __global float *restrict misfit,
+    const int K, const int H, const int W,
+    const int pair,
+    const int dark,
+    const float floor_,
+    const float price,
+    const float one_sided,
+    const float steepest)
+{
+    // One work-item does what is its own and that of those after it.
+    const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);
+    if (item % SHARE) return;
+    const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
+    const Made made = {slope, twin, variance, misfit, used, shadow};
+    const Rules rules = {pair, dark, floor_, price, one_sided, steepest};
+    int doubtful[SHARE * LANES], number = 0;
+    for (int at = LANES * item; at < end; at += RUN * LANES)
+        // That a run is whole is known to the compiler where it is.
+        number = end - at >= RUN * LANES
+            ? all_lit(&made, &frame, &rules, at, RUN * LANES, doubtful, number)
+            : all_lit(&made, &frame, &rules, at, end - at, doubtful, number);
+    for (int i = 0; i < number; i += LANES)
+        any_set(&made, &frame, &rules, doubtful + i, min(LANES, number - i));
+}

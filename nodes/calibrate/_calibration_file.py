@@ -1,0 +1,155 @@
+"""The file that a calibration is kept in: arrays with units, a version, and how it was made."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, Provenance
+from tactograph.graph.files.whole_files import whole_file
+
+
+class Stored(NamedTuple):
+    """An array of the file: its axes (sizes by letter or number), unit and type.
+
+    Files from before an array was kept do without it if it is not `required`.
+    """
+
+    axes: str
+    unit: str
+    dtype: type[np.generic] = np.float32
+    required: bool = True
+
+
+class FileKind(NamedTuple):
+    """A kind of calibration: its name, version, what makes one, and what it holds.
+
+    Every kind holds a `pixel_size`.
+    """
+
+    name: str
+    format: int
+    maker: str
+    arrays: Mapping[str, Stored]
+
+
+def write_arrays(
+    file: Path, kind: FileKind, arrays: Mapping[str, Any], about: Mapping[str, Any]
+) -> None:
+    """Write a calibration as one ``.npz``, replaced as a whole, readable without pickle.
+
+    Parameters
+    ----------
+    arrays
+        All those of `kind`.
+    about
+        What else to keep, as JSON; a `Provenance` as what it says.
+
+    Raises
+    ------
+    InputError
+        If the file is not called ``.npz`` or cannot be written.
+    """
+    if file.suffix != ".npz":
+        raise InputError(f"out={file}: a calibration file is called something.npz")
+    head = {
+        "format": kind.format,
+        "kind": f"tactograph {kind.name}",
+        "units": {name: stored.unit for name, stored in kind.arrays.items()},
+        **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
+    }
+    typed: dict[str, Any] = {
+        name: stored.dtype(arrays[name]) for name, stored in kind.arrays.items()
+    }
+    with whole_file(file) as target:
+        np.savez_compressed(target, about=np.array(json.dumps(head)), **typed)
+
+
+def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
+    """Return the arrays of a calibration, without pickle; what has no axes as a float.
+
+    An older file lacks those that are not required.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of another kind or version, holds a pickle or an
+        array that is missing, misshapen or not finite; if the pixel size is not positive.
+    """
+    arrays = _load(file, kind)
+    _check_head(file, kind, arrays)
+    sizes: dict[str, int] = {}
+    kept = {n: stored for n, stored in kind.arrays.items() if stored.required or n in arrays}
+    for name, stored in kept.items():
+        _check_array(file, kind, name, arrays.get(name), stored, sizes)
+    found = {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
+    pixel = found["pixel_size"]
+    if pixel <= 0:
+        raise InputError(f"{file}: the pixel size {pixel} is not positive; calibrate again")
+    return found
+
+
+def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
+    if not file.is_file():
+        raise InputError(f"{file}: there is no such calibration file; '{kind.maker}' makes one")
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except (OSError, EOFError, zipfile.BadZipFile, KeyError, AttributeError, TypeError) as error:
+        raise InputError(f"{file}: the calibration is damaged: {error}") from None
+    except ValueError as error:
+        why = "it holds a pickle" if "pickle" in str(error) else f"it is damaged: {error}"
+        raise InputError(f"{file}: the calibration is refused: {why}") from None
+    except Exception as error:  # a damaged archive fails anywhere inside zipfile and zlib
+        raise InputError(f"{file}: the calibration is damaged: {error}") from None
+
+
+def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
+    try:
+        head = json.loads(str(arrays["about"]))
+        name, version = head["kind"], head["format"]
+    except (KeyError, ValueError, TypeError):
+        raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one") from None
+    if name != f"tactograph {kind.name}":
+        raise InputError(f"{file}: is a {name}, not a {kind.name}; '{kind.maker}' makes one")
+    if version != kind.format:
+        raise InputError(
+            f"{file}: {kind.name} format {version}, but this version reads {kind.format}; "
+            "calibrate again"
+        )
+
+
+def _check_array(
+    file: Path,
+    kind: FileKind,
+    name: str,
+    array: NDArray[Any] | None,
+    stored: Stored,
+    sizes: dict[str, int],
+) -> None:
+    """Refuse an array that is not as declared; `sizes` learns the letters' sizes."""
+    if array is None:
+        raise InputError(
+            f"{file}: the calibration is incomplete: '{name}' is missing; "
+            f"'{kind.maker}' makes a whole one"
+        )
+    axes = stored.axes.split()
+    if array.dtype != stored.dtype or array.ndim != len(axes):
+        raise InputError(
+            f"{file}: '{name}' is {array.dtype} of shape {array.shape}, not "
+            f"{np.dtype(stored.dtype)} of {len(axes)} axes; calibrate again"
+        )
+    wanted = tuple(
+        int(axis) if axis.isdigit() else sizes.setdefault(axis, size)
+        for axis, size in zip(axes, array.shape, strict=True)
+    )
+    if array.shape != wanted:
+        raise InputError(f"{file}: '{name}' has shape {array.shape}, not {wanted}; calibrate again")
+    if not np.isfinite(array).all():
+        raise InputError(f"{file}: '{name}' holds NaN or infinite values; calibrate again")

@@ -1,0 +1,410 @@
+"""Where the LEDs are: a least-squares fit to known shapes and to the fall-off over the film.
+
+An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant one, and
+a logarithm of its strength.  Each known shape has a shift besides: a ball is found to a
+fraction of a pixel only, and its height follows from its contact, which for half a ball means
+a tenth of a millimetre for a hundredth of a pixel, and from how high the film lifts the rim.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import hadamard
+from scipy.ndimage import binary_erosion, map_coordinates
+
+from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
+from tactograph.nodes.capture._sheet import cut
+from tactograph.nodes.light._near_light import F8, places
+
+BLOCKS = 32
+"""The flat frame is averaged in square blocks, so many along the image: light is smooth there."""
+SAMPLES = 3000
+"""So many pixels of an object determine twenty numbers to a thousandth."""
+ENOUGH = 500
+"""So many of each of several objects do, or of one that is only compared with others."""
+FEWEST = 100
+DIM = 0.05
+"""Light below this may be half shadow."""
+SPREAD = 0.006
+"""Standard deviation of light that the fit aims at; beyond twice that a pixel is an outlier."""
+HUBER = 2.0
+FARTHEST = 1e6
+"""Distance in mm that stands for infinity."""
+ROOM = 3
+"""Pixels at the edge of the known shape that a shift could carry beyond it."""
+LIFT_MM = 0.2
+"""Standard deviation of a known shape's height above the film."""
+OTHERS = 8
+"""Other places of the LEDs: so many of the directions in which they are least certain count."""
+NEAREST = 0.25
+"""An LED's other place has at least this share of its 1 / L_z: a distant one stays above."""
+STEPS, CONVERGED = 60, 1e-9
+"""Of the descent at most; and the share of the cost that is not worth another one."""
+STEP = 1.5e-8
+"""Of the numeric derivative, relative: the root of the rounding error."""
+
+
+class Press(NamedTuple):
+    """A known shape, H x W: its light, slope and height, where they hold, what LEDs reach it."""
+
+    light: Light
+    slope: Slope
+    mask: Mask
+    height: Height
+    lit: Labels
+
+
+@dataclass(frozen=True)
+class Object:
+    """Samples of a known shape: N places, the light there (K x N) and whether it counts.
+
+    `reach` says how many pixels, the samples' neighbours with them, each LED reaches.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    light: F8
+    lit: NDArray[np.bool_]
+    x: F8
+    y: F8
+    normal: F4
+    height: F4
+    reach: NDArray[np.intp]
+
+    def moved(self, shift: F8) -> tuple[F8, F8]:
+        """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y, z) in px, mm."""
+        where = np.stack([self.rows - shift[1], self.columns - shift[0]])
+        # n_x and n_y are linear on a ball: interpolating them, not the slope, is exact there.
+        nx, ny, z = (
+            map_coordinates(plane, where, output=np.float64, order=1, mode="nearest")
+            for plane in (*self.normal, self.height)
+        )
+        nz = np.sqrt(np.maximum(1 - nx * nx - ny * ny, 1e-4))
+        return np.stack([nx, ny, nz]), z + shift[2]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The flat frame: logarithm of block means, less their mean over the LEDs; K x N."""
+
+    logarithm: F8
+    x: F8
+    y: F8
+    block: int
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A fit: K x 4 numbers of the LEDs, P x 3 shifts in px and mm; whether the film was seen."""
+
+    leds: F8
+    shifts: F8
+    flat: bool
+
+    @property
+    def lights(self) -> F4:
+        """Positions K x 3 in mm from the middle of the image."""
+        return _positions(self.leds)
+
+    @property
+    def strength(self) -> F4:
+        """The film's light in the middle of the image, where there was no flat frame."""
+        strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
+        return strength.astype(np.float32)
+
+
+def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
+    """Cut the sheets of presses, each of so many rows, into what is known of each press."""
+    sheets = (light, slope, mask, height, lit)
+    return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
+
+
+def sample(press: Press, pixel: float, steepest: float, most: float = SAMPLES) -> Object:
+    """Choose so many samples of an object, evenly over it."""
+    light, slope, mask, height, lit = press
+    p, q = slope
+    nz = 1 / np.sqrt(1 + p * p + q * q)
+    known = binary_erosion(mask > 0, iterations=ROOM, border_value=1)
+    rows, columns = np.nonzero(known & (p * p + q * q < steepest * steepest))
+    stride = max(1, int(np.sqrt(rows.size / most)))
+    chosen = (rows % stride == 0) & (columns % stride == 0)
+    rows, columns = rows[chosen], columns[chosen]
+    values = light[:, rows, columns].astype(np.float64)
+    numbers = np.arange(len(light))[:, None]
+    reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM)
+    x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
+    y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
+    reach = reached.sum(axis=1) * stride * stride
+    return Object(rows, columns, values, reached, x, y, np.stack([-p * nz, -q * nz]), height, reach)
+
+
+def samples_for(presses: int) -> float:
+    """How many samples of each press are needed where there are so many."""
+    return max(ENOUGH, SAMPLES / presses)
+
+
+def unreached(objects: list[Object]) -> tuple[int, int] | None:
+    """Return an LED, counted from 1, that reaches too few pixels of the objects, and how many."""
+    reach = sum(there.reach for there in objects)
+    assert isinstance(reach, np.ndarray)
+    found = int(reach.argmin())
+    return (found + 1, int(reach[found])) if reach[found] < FEWEST else None
+
+
+def rest_of(flat: Light, pixel: float) -> Rest | None:
+    """Reduce the flat frame to blocks; None where it is uniform, because none was taken."""
+    if all(np.ptp(plane) == 0 for plane in flat):
+        return None
+    count, rows, columns = flat.shape
+    block = max(1, min(columns // BLOCKS, rows))
+    down, across = rows // block, columns // block
+    cut = flat[:, : down * block, : across * block].reshape(count, down, block, across, block)
+    means = np.log(np.maximum(cut.mean(axis=(2, 4), dtype=np.float64), 1e-6))
+    middle = (block - 1) / 2
+    x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
+    y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
+    gx, gy = np.meshgrid(x, y)
+    return Rest((means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel(), block)
+
+
+def place_leds(
+    objects: list[Object],
+    rest: Rest | None,
+    shift_px: float,
+    width_mm: float,
+    start: Placed | None = None,
+) -> Placed:
+    """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber)."""
+    count, flat = len(objects[0].light), rest is not None
+    if start is None:
+        leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
+    else:
+        leds = start.leds
+    shifts = np.zeros((len(objects), 3))
+
+    def split(unknown: F8) -> tuple[F8, F8]:
+        return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
+
+    def residual(unknown: F8) -> F8:
+        return _all_residuals(objects, rest, *split(unknown), shift_px)
+
+    def jacobian(unknown: F8) -> F8:
+        return _jacobian(objects, rest, *split(unknown), shift_px)
+
+    found = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
+    return Placed(*split(found), flat)
+
+
+def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
+    """What `place_leds` leaves of what it minimises."""
+    return _huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
+
+
+def other_places(
+    objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float, width_mm: float
+) -> F4:
+    """Return 8 x K x 3 in mm: where the LEDs may be too, by what the fit leaves over.
+
+    The covariance of the unknowns is that of least squares, from the residuals of the objects
+    and of the film at rest.  The eight directions in which the light over the image is least
+    certain have the signs of a Hadamard matrix's rows, so that the squares of what they
+    change add up exactly.
+    """
+    leds, flat = placed.leds, rest is not None
+    slopes = _jacobian(objects, rest, leds, placed.shifts, shift_px)
+    on_objects = np.concatenate(
+        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)],
+        axis=1,
+    )
+    on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
+    lit = np.hstack([there.lit for there in objects])
+    first, last = placed.shifts.size, placed.shifts.size + on_objects.size
+    noise = np.ones(len(slopes))
+    noise[first:last] = np.square(on_objects).sum() / max(lit.sum(), 1) / SPREAD**2
+    noise[last:] = np.square(on_film).mean()
+    scale = np.sqrt(np.maximum((slopes * slopes).sum(axis=0), 1e-30))
+    slopes = slopes / scale
+    inverse = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
+    spread = inverse @ (slopes.T @ (slopes * noise[:, None])) @ inverse / np.outer(scale, scale)
+
+    places = [4 * k + j for k in range(len(leds)) for j in range(3)]
+    unit = np.tile([1, 1, 2 / width_mm], len(leds))
+    variance, direction = np.linalg.eigh(spread[np.ix_(places, places)] / np.outer(unit, unit))
+    modes = direction[:, -OTHERS:] * np.sqrt(np.maximum(variance[-OTHERS:], 0)) * unit[:, None]
+    changes = hadamard(OTHERS) @ modes.T
+    others = []
+    for change in changes.reshape(OTHERS, len(leds), 3):
+        moved = leds[:, :3] + change
+        moved[:, 2] = np.maximum(moved[:, 2], NEAREST * leds[:, 2])
+        others.append(_positions(moved))
+    return np.stack(others)
+
+
+def _positions(leds: F8) -> F4:
+    """Positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
+    ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
+    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / FARTHEST), np.float32)
+
+
+def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
+    """Where the object lies, (x, y, z) in px and mm from where it was found, under known LEDs."""
+
+    weight = 1 / np.array([shift_px, shift_px, LIFT_MM])
+
+    def residual(shift: F8) -> F8:
+        left = residual_of(there, placed.leds, shift, placed.flat)
+        return np.r_[shift * weight, left.ravel() / SPREAD]
+
+    def jacobian(shift: F8) -> F8:
+        return np.vstack(
+            [np.diag(weight), by_shift(there, placed.leds, shift, placed.flat) / SPREAD]
+        )
+
+    return _descend(residual, jacobian, np.zeros(3))
+
+
+def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
+    """The derivative of `residual_of`, flattened, by the shift: K N x 3."""
+    before = residual_of(there, leds, shift, flat)
+    columns = []
+    for axis in range(3):
+        step, changed = STEP * max(1.0, abs(float(shift[axis]))), shift.copy()
+        changed[axis] += step
+        after = residual_of(there, leds, changed, flat)
+        columns.append(((after - before) / step).ravel())
+    return np.stack(columns, axis=1)
+
+
+def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: F8) -> F8:
+    """Minimise Huber's loss of the residual by Levenberg and Marquardt's method.
+
+    On the normal equations of twenty or thirty unknowns: SciPy's least squares decomposes
+    the whole Jacobian, ten thousand rows and more, and takes ten times as long.
+    """
+    unknown, left = start, residual(start)
+    damping = 1e-3
+    for _ in range(STEPS):
+        slopes = jacobian(unknown)
+        weight = np.minimum(1, HUBER / np.maximum(np.abs(left), HUBER))
+        normal = slopes.T @ (slopes * weight[:, None])
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * left)) / scale
+        cost = _huber(left)
+        while damping < 1e8:
+            trial = unknown + np.linalg.solve(normal + damping * np.eye(scale.size), down) / scale
+            tried = residual(trial)
+            gain = cost - _huber(tried)
+            if gain >= 0:
+                break
+            damping *= 10
+        else:
+            return unknown
+        unknown, left, damping = trial, tried, max(damping / 10, 1e-9)
+        if gain < CONVERGED * cost:
+            break
+    return unknown
+
+
+def _all_residuals(
+    objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
+) -> F8:
+    """Of the shifts, the objects' light and the film at rest, in standard deviations."""
+    flat = rest is not None
+    left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
+    return np.concatenate(
+        [
+            (shifts / [shift_px, shift_px, LIFT_MM]).ravel(),
+            *(part.ravel() / SPREAD for part in left),
+            *_rest_residual(rest, leds),
+        ]
+    )
+
+
+def _huber(left: F8) -> float:
+    far = np.abs(left)
+    return float(np.where(far < HUBER, far * far, HUBER * (2 * far - HUBER)).sum())
+
+
+def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
+    """Light less model, K x N; zero where an LED does not reach."""
+    normal, z = there.moved(shift)
+    return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
+
+
+def spread_of(left: F8, lit: NDArray[np.bool_]) -> F8:
+    """Root mean square per LED over the pixels that it reaches."""
+    return np.asarray(np.sqrt((left * left).sum(axis=1) / lit.sum(axis=1)))
+
+
+def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
+    """A distant LED by linear least squares, moved to a few image widths."""
+    normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
+    light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
+    if flat:
+        gain = 1.0
+        a, *_ = np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)
+    else:
+        a, *_ = np.linalg.lstsq(normal.T, light, rcond=None)
+        gain = max(float(a[2]), 0.1)
+        a = a[:2] / gain
+    return np.array([*a, 0.2 / width_mm, np.log(gain)])
+
+
+def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
+    """In units of L_z, in which nothing grows as an LED moves away."""
+    (nx, ny, nz), (a, b, c, log_strength) = normal, led
+    dx, dy, dz = a - c * there.x, b - c * there.y, 1 - c * z
+    plan = dx * dx + dy * dy
+    at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
+    model = (nx * dx + ny * dy + nz * dz) * (at_rest / (plan + dz * dz)) ** 1.5
+    return np.where(there.lit[k] & (model > DIM), there.light[k] - model, 0)
+
+
+def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
+    """Logarithm of the flat frame less that of the model, the shared gain taken out."""
+    if rest is None:
+        return []
+    model = np.empty_like(rest.logarithm)
+    for k, (a, b, c, log_strength) in enumerate(leds):
+        square = (a - c * rest.x) ** 2 + (b - c * rest.y) ** 2 + 1
+        model[k] = log_strength - 1.5 * np.log(square)
+    # The mean of a block is that many times less noisy than a pixel.
+    left = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
+    # The strengths' common factor is free: hold their mean.
+    return [left.ravel() / SPREAD, leds[:, 3].mean(keepdims=True) / SPREAD]
+
+
+def _jacobian(
+    objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
+) -> F8:
+    """Differences, where there are any: an LED changes its own light, a shift its own object."""
+    count, flat = len(leds), rest is not None
+    sizes = [o.light.shape[1] for o in objects]
+    starts = shifts.size + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
+    at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
+    found = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
+    found[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
+        [1 / shift_px, 1 / shift_px, 1 / LIFT_MM], len(objects)
+    )
+    bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
+    for k, j in np.ndindex(leds.shape):
+        step, changed = STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
+        changed[k, j] += step
+        column = found[:, 4 * k + j]
+        for there, (normal, z), start, size in zip(objects, bases, starts, sizes, strict=False):
+            before = _led_residual(there, normal, z, k, leds[k], flat)
+            after = _led_residual(there, normal, z, k, changed[k], flat)
+            column[start + k * size : start + (k + 1) * size] = (after - before) / step / SPREAD
+        if flat:
+            after = np.concatenate(_rest_residual(rest, changed))
+            column[starts[-1] :] = (after - at_rest) / step
+    for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
+        first = leds.size + 3 * i
+        moved = by_shift(there, leds, shift, flat) / SPREAD
+        found[starts[i] : starts[i + 1], first : first + 3] = moved
+    return found

@@ -1,0 +1,44 @@
+"""Take the drift of the light out of every press."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node
+from tactograph.nodes import Light
+from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.film_drift import film_drift
+from tactograph.nodes.light.level_light import level_light
+
+DARKEST = np.float32(0.02)
+
+
+@node(neutral="image")
+def level_presses(
+    image: PressImages,
+    flat: Light,
+    *,
+    degree: Annotated[int, Interval(ge=0, le=2)] = 0,
+    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
+) -> PressImages:
+    """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
+
+    What a map of the reflectance is fitted to must be levelled as what it is used for.
+
+    Parameters
+    ----------
+    image, flat
+        P x K x H x W presses and the K x H x W film at rest.
+    degree, rough
+        As for `film_drift`.
+    """
+    rest = np.maximum(flat, DARKEST)
+    levelled = []
+    for press in image:
+        drift = film_drift(coarsen(press / rest), degree=degree, rough=rough)
+        levelled.append(level_light(press, drift))
+    return np.stack(levelled)

@@ -1,0 +1,181 @@
+"""Show what the calibration saw, so that a person can tell a good one from a bad one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node
+from tactograph.graph.files.whole_files import whole_file
+from tactograph.nodes import F4, U1, Light, LutSlope, Metrics, NullVector, Reflectance, Spread
+from tactograph.nodes.calibrate.find_presses import Circles
+from tactograph.nodes.calibrate.fit_reflectance import harmonics
+from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
+
+ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
+TOGETHER = 6
+"""Figures in a line of the title."""
+LONGEST = 24
+"""Letters of a press's name that are drawn."""
+
+
+@node
+def plot_calibration(
+    light: SheetLight,
+    flat: Light,
+    mask: SheetMask,
+    slope: SheetSlope,
+    lit: SheetLabels,
+    lut_slope: LutSlope,
+    reflectance: Reflectance,
+    null: NullVector,
+    spread: Spread,
+    quality: Metrics,
+    names: list[str] | None = None,
+    circle: Circles | None = None,
+    degrees: Annotated[F4, Port("P", "deg", nan=True)] | None = None,
+    microns: Annotated[F4, Port("P", "um", nan=True)] | None = None,
+    advice: str | None = None,
+    *,
+    file: Path,
+) -> None:
+    """Draw the objects found, the tables' coverage, the fit's residual and the null test.
+
+    Of several presses, also where they lie on the film, which are left out, and the error
+    of each with the calibration by the others.
+
+    Parameters
+    ----------
+    light, mask, slope, lit
+        Of the calibration object, or of all presses on a sheet; the mask of those used.
+    flat
+        K x H x W; only its size is used.
+    lut_slope
+        N x 2, the slopes in the tables.
+    reflectance, null, spread
+        The fits.
+    quality
+        The figures of the calibration, for the title.
+    names, circle, degrees, microns, advice
+        Of P presses: names, circles in px, errors held out, and what to press next.
+    file
+        The picture goes beside it: ``cal.npz`` gives ``cal.png``.
+    """
+    rows = flat.shape[1]
+    lights, masks = cut(light, rows), cut(mask, rows)
+    figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
+    residuals = [
+        _residual(*press, reflectance)
+        for press in zip(lights, masks, cut(slope, rows), cut(lit, rows), strict=True)
+    ]
+    _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals))
+    _draw_coverage(axes[0, 1], lut_slope)
+    _draw_null(axes[1, 1], light, mask, lit, null, spread)
+    if len(lights) == 1:
+        _draw_found(axes[0, 0], light, mask)
+    elif names is not None and circle is not None and degrees is not None and microns is not None:
+        used = np.array([part.any() for part in masks])
+        _draw_presses(axes[0, 0], masks, names, circle, used)
+        _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
+        _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
+    figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
+    with whole_file(file.with_suffix(".png")) as target:
+        figure.savefig(target, dpi=100)
+
+
+def _title(quality: Metrics) -> str:
+    """The figures that are not of one LED alone, a few to a line."""
+    figures = [
+        f"{name} {int(value) if float(value).is_integer() else format(value, '.4g')}"
+        for name, value in quality.items()
+        if "/" not in name
+    ]
+    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
+
+
+def _draw_found(axes: Axes, light: F4, mask: U1) -> None:
+    axes.imshow(light.mean(axis=0), cmap="gray")
+    axes.contour(mask, levels=[0.5], colors=[ORANGE], linewidths=1)
+    axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
+
+
+def _draw_coverage(axes: Axes, lut_slope: LutSlope) -> None:
+    axes.hexbin(lut_slope[:, 0], lut_slope[:, 1], gridsize=60, bins="log", cmap="viridis")
+    axes.set_aspect("equal")
+    axes.set(title=f"slopes in the tables ({len(lut_slope)} pixels)", xlabel="p", ylabel="q")
+
+
+def _draw_presses(
+    axes: Axes, masks: list[U1], names: list[str], circle: F4, used: NDArray[np.bool_]
+) -> None:
+    """The film with all contacts; those left out are grey and broken."""
+    depth = np.sum([mask > 0 for mask in masks], axis=0)
+    axes.imshow(depth, cmap="Blues", vmin=0, vmax=max(3, depth.max()))
+    for name, (x, y, radius), good in zip(names, circle, used, strict=True):
+        if radius == 0:
+            continue
+        look = {"color": ORANGE} if good else {"color": GREY, "linestyle": "--"}
+        axes.add_patch(Circle((x, y), radius, fill=False, **look))
+        axes.text(x, y - radius, name[:LONGEST], fontsize=7, ha="center", va="bottom")
+    out = int((~used).sum())
+    axes.set(
+        title=f"presses on the film: {int(used.sum())} used, {out} left out",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
+
+
+def _draw_errors(
+    axes: Axes, names: list[str], errors: F4, used: NDArray[np.bool_], what: str
+) -> None:
+    """A bar for each press; a press that is left out has none."""
+    places = np.arange(len(names))
+    axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
+    labels = [
+        name[:LONGEST] + ("" if good else " (out)") for name, good in zip(names, used, strict=True)
+    ]
+    axes.set_yticks(places, labels, fontsize=7)
+    axes.invert_yaxis()
+    axes.set(title=f"error by press: {what}", xlabel=what.rpartition(" / ")[2])
+
+
+def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
+    """Largest departure of the LEDs that reach a pixel from the fit; NaN where not known."""
+    model = np.tensordot(reflectance, harmonics(slope), axes=1)
+    error = np.zeros(mask.shape, np.float32)
+    for k, plane in enumerate(light):
+        used = (mask > 0) & ((lit >> k) & 1 > 0)
+        error = np.maximum(error, np.where(used, np.abs(plane - model[k]), 0))
+    return np.where(mask > 0, error, np.float32(np.nan))
+
+
+def _draw_residual(figure: Figure, axes: Axes, error: F4) -> None:
+    # Single pixels at the rim, half of them shadow, must not hide the rest.
+    most = float(np.nanpercentile(error, 99))
+    drawn = axes.imshow(np.ma.masked_invalid(error), cmap="magma", vmin=0, vmax=most)
+    figure.colorbar(drawn, ax=axes)
+    axes.set(
+        title="largest |I - R| of the LEDs that reach the pixel", xlabel="x / px", ylabel="y / px"
+    )
+
+
+def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, spread: Spread) -> None:
+    if spread == 0:
+        axes.text(0.5, 0.5, "three LEDs:\nno shadow test", ha="center", va="center")
+        axes.set_axis_off()
+        return
+    chosen = (mask > 0) & (lit == (1 << len(light)) - 1)
+    departure = np.tensordot(null, light, axes=1)[chosen] / spread
+    axes.hist(np.clip(departure, -10, 10), bins=100, color=BLUE)
+    for threshold in (-3, 3):
+        axes.axvline(threshold, color="#d1495b", linewidth=1)
+    axes.set(title="a.I on lit pixels, in multiples of its spread", xlabel="a.I / spread")

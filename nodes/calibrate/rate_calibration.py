@@ -1,0 +1,151 @@
+"""Say in a few figures how good a calibration is."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from tactograph.graph import Port, node, warn
+from tactograph.nodes import (
+    F4,
+    Light,
+    LightPositions,
+    LutSlope,
+    Metrics,
+    Noise,
+    Spread,
+)
+from tactograph.nodes.capture._sheet import SheetLabels, SheetMask
+from tactograph.nodes.light.light_noise import light_noise
+
+POOR_RESIDUAL = 0.05
+NARROW = 0.5
+POOR_LIGHTS = 0.03
+NOISY = 1.3
+"""Times the camera's noise, up to which a departure is no more than that."""
+APART_DEG = 5.0
+"""Angle between two LEDs below which they give the same image."""
+
+
+@node
+def rate_calibration(
+    residual: Annotated[F4, Port("K", "1")],
+    spread: Spread,
+    lut_slope: LutSlope,
+    mask: SheetMask,
+    lit: SheetLabels,
+    lights: LightPositions,
+    mismatch: Annotated[F4, Port("K", "1")],
+    goodness: Annotated[F4, Port("P", "1")] | None = None,
+    flat: Light | None = None,
+    noise: Noise | None = None,
+) -> Metrics:
+    """Return the figures that tell a good calibration from a bad one, and warn of a bad one.
+
+    Parameters
+    ----------
+    residual
+        Root mean square of the reflectance fit per LED; the film at rest is 1.
+    spread
+        Standard deviation of a.I on lit pixels.
+    lut_slope
+        N x 2, the slopes in the tables.
+    mask, lit
+        The pixels of known slope, and the LEDs that reach them.
+    lights, mismatch
+        K x 3 in mm, and the root mean square of the light that they do not explain, K.
+    goodness
+        Of the ball of each press, 0 to 1; 0 where none was found.
+    flat, noise
+        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` gives it:
+        what noise explains is blamed on it.
+
+    Returns
+    -------
+    dict
+        ``entries``; ``steepest_slope`` that the tables cover in every direction;
+        ``residual_percent``, the largest of the LEDs'; ``spread_percent``;
+        ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
+        largest of the LEDs'; the lowest ``ball_goodness``; and for a look at the sensor, for
+        each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x (right)
+        towards y (down), ``distance_mm/led1`` from the middle of the image.
+    """
+    count = len(residual)
+    steepest = _covered_everywhere(lut_slope)
+    worst = int(np.argmax(residual))
+    grain = _grain(flat, noise, count)
+    noisiest = int(np.argmax(grain))
+    if NOISY * grain[noisiest] > POOR_LIGHTS:
+        warn(
+            f"LED {noisiest + 1}'s images are noisy, by {grain[noisiest]:.1%} of the film's light: "
+            "expose longer"
+        )
+    if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]):
+        warn(
+            f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
+            "of the slope: check the ball's radius and the pixel size, or give flat=DIR"
+        )
+    if steepest < NARROW:
+        warn(
+            f"the tables cover slopes up to {steepest:.2f} only; press deeper, or use a "
+            "smaller ball"
+        )
+    poorest = int(np.argmax(mismatch))
+    if mismatch[poorest] > max(POOR_LIGHTS, NOISY * grain[poorest]):
+        warn(
+            f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
+            "above a matt film: check the order of the images, the ball's radius, its contact and "
+            "the pixel size; a film that is glossy departs, too"
+        )
+    _warn_of_twins(lights)
+    known = mask > 0
+    rated = {
+        "entries": float(len(lut_slope)),
+        "steepest_slope": steepest,
+        "residual_percent": float(100 * residual[worst]),
+        "spread_percent": 100 * spread,
+        "fully_lit_percent": float(100 * (lit[known] == (1 << count) - 1).mean()),
+        "near_light_residual_percent": float(100 * mismatch[poorest]),
+    }
+    if goodness is not None:
+        rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
+    return rated | _directions(lights)
+
+
+def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
+    """Standard deviation of a pixel's light on the film at rest, per LED; 0 if not known."""
+    if flat is None or noise is None:
+        return np.zeros(count, np.float32)
+    level = np.maximum(np.median(flat.reshape(count, -1), axis=1), np.float32(1e-3))
+    return light_noise(level[:, None, None], level[:, None, None], noise, floor=1e-3)[:, 0, 0]
+
+
+def _warn_of_twins(lights: LightPositions) -> None:
+    """Tell which two LEDs stand at one place."""
+    away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    alike = np.triu(away @ away.T > np.cos(np.radians(APART_DEG)), 1)
+    for one, other in np.argwhere(alike)[:1]:
+        warn(
+            f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
+            f"copy of led{one + 1}, or does the same LED flash twice?"
+        )
+
+
+def _directions(lights: LightPositions) -> Metrics:
+    """Where each LED stands, in words that can be checked against the sensor."""
+    rated: Metrics = {}
+    for k, (x, y, z) in enumerate(lights.astype(np.float64), start=1):
+        rated[f"slant_deg/led{k}"] = float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+        rated[f"azimuth_deg/led{k}"] = float(np.degrees(np.arctan2(y, x)))
+        rated[f"distance_mm/led{k}"] = float(np.sqrt(x * x + y * y + z * z))
+    return rated
+
+
+def _covered_everywhere(lut_slope: LutSlope, sectors: int = 16) -> float:
+    """The slope up to which every one of `sectors` directions holds entries."""
+    azimuth = np.arctan2(lut_slope[:, 1], lut_slope[:, 0])
+    sector = ((azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+    steep = np.zeros(sectors)
+    np.maximum.at(steep, sector, np.hypot(lut_slope[:, 0], lut_slope[:, 1]))
+    return float(steep.min())

@@ -1,0 +1,76 @@
+"""Read a calibration, and refuse anything that is not a whole one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import EVERYTHING, InputError, Port, Wanted, node, warn
+from tactograph.nodes import (
+    F4,
+    Dark,
+    Light,
+    LightPlaces,
+    LightPositions,
+    LutLight,
+    LutLit,
+    LutSlope,
+    Noise,
+    NullVector,
+    PixelSize,
+    Reflectance,
+    Spread,
+)
+from tactograph.nodes.calibrate._calibration_file import read_arrays
+from tactograph.nodes.calibrate.write_calibration import CALIBRATION
+
+
+class Calibration(NamedTuple):
+    """What `write_calibration` wrote."""
+
+    flat: Light
+    dark: Dark
+    pixel_size: PixelSize
+    lut_light: LutLight
+    lut_slope: LutSlope
+    lut_lit: LutLit
+    reflectance: Reflectance
+    residual: Annotated[F4, Port("K", "1")]
+    null: NullVector
+    spread: Spread
+    lights: LightPositions
+    noise: Noise
+    others: LightPlaces
+
+
+@node
+def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
+    """Read the ``.npz`` that `write_calibration` wrote, without pickle.
+
+    A file from before it was known how exactly the LEDs are placed takes them to be exact,
+    and says so where it matters.
+
+    Parameters
+    ----------
+    file
+        The calibration.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of another version, holds a pickle, or an array
+        that is missing, misshapen, or not finite.
+    """
+    found = read_arrays(file, CALIBRATION)
+    if (found["lights"][:, 2] <= 0).any():
+        raise InputError(f"{file}: 'lights' holds an LED that is not above the film")
+    if "others" not in found:
+        found["others"] = np.repeat(found["lights"][None], 8, axis=0)
+        if "others" in wanted:
+            warn(
+                f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
+                "leave out; calibrate again"
+            )
+    return Calibration(**found)

@@ -1,0 +1,62 @@
+"""Read the calibration of a one-shot sensor, and refuse anything that is not a whole one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Dark, Light, PixelSize
+from tactograph.nodes.calibrate._calibration_file import read_arrays
+from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.capture.read_capture import Lights
+from tactograph.nodes.capture.read_presses import read_film
+from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
+
+
+class PressCalibration(NamedTuple):
+    """What `write_press_calibration` wrote; the camera's black is taken to be 0."""
+
+    flat: Light
+    dark: Dark
+    pixel_size: PixelSize
+    reflectance: ReflectanceMap
+
+
+@node
+def read_press_calibration(
+    *, file: Path, flat: Path | None = None, lights: Lights = "bgr"
+) -> PressCalibration:
+    """Read the ``.npz`` that `write_press_calibration` wrote, without pickle.
+
+    Parameters
+    ----------
+    file
+        The calibration.
+    flat
+        A fresh capture of the untouched film, which then stands for the one in the file.
+    lights
+        How that capture's images hold the lights, as for `read_capture`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of another kind or version, or holds a pickle or an
+        array that is missing, misshapen or not finite; if the fresh film has another size.
+    """
+    found = read_arrays(file, PRESS_CALIBRATION)
+    film = found["flat"] if flat is None else _fresh(flat, lights, found["flat"])
+    dark = np.zeros(film.shape[1:], np.float32)
+    return PressCalibration(film, dark, found["pixel_size"], found["reflectance"])
+
+
+def _fresh(flat: Path, lights: Lights, film: Light) -> Light:
+    found = read_film(flat, lights, 2.0)
+    if found.shape != film.shape:
+        raise InputError(
+            f"{flat}: is {found.shape[2]} x {found.shape[1]} pixels, but the calibration is for "
+            f"{film.shape[2]} x {film.shape[1]}"
+        )
+    return found

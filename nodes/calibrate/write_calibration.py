@@ -1,0 +1,120 @@
+"""Write everything a reconstruction needs into one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from tactograph.graph import Port, Provenance, node
+from tactograph.nodes import (
+    F4,
+    Dark,
+    Light,
+    LightPlaces,
+    LightPositions,
+    LutLight,
+    LutLit,
+    LutSlope,
+    Metrics,
+    Noise,
+    NullVector,
+    PixelSize,
+    Reflectance,
+    Spread,
+)
+from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, write_arrays
+
+CALIBRATION = FileKind(
+    "calibration",
+    1,
+    "run calibrate",
+    {
+        "flat": Stored("K H W", "fraction of full scale"),
+        "dark": Stored("H W", "fraction of full scale"),
+        "pixel_size": Stored("", "mm/px"),
+        "lut_light": Stored("N K", "1 on the film at rest"),
+        "lut_slope": Stored("N 2", "mm/mm"),
+        "lut_lit": Stored("N", "bit k-1 is set where LED k reaches the pixel", np.uint8),
+        "reflectance": Stored(
+            "K 9", "nine harmonics per LED: 1 x y z xy xz yz xx-yy 3zz-1 of the unit normal"
+        ),
+        "residual": Stored("K", "root mean square of the reflectance fit per LED"),
+        "null": Stored("K", "unit vector a with a.I = 0"),
+        "spread": Stored("", "standard deviation of a.I on lit pixels"),
+        "lights": Stored(
+            "K 3", "mm, x y z per LED, from the middle of the image on the film at rest"
+        ),
+        "noise": Stored("2", "a captured light I has the variance noise[0] I + noise[1]"),
+        "others": Stored(
+            "8 K 3", "mm, other places of the LEDs that the fit allows", required=False
+        ),
+    },
+)
+
+
+@node
+def write_calibration(
+    flat: Light,
+    dark: Dark,
+    pixel: PixelSize,
+    lut_light: LutLight,
+    lut_slope: LutSlope,
+    lut_lit: LutLit,
+    reflectance: Reflectance,
+    residual: Annotated[F4, Port("K", "1")],
+    null: NullVector,
+    spread: Spread,
+    lights: LightPositions,
+    noise: Noise,
+    others: LightPlaces,
+    quality: Metrics,
+    *,
+    file: Path,
+    provenance: Provenance,
+) -> None:
+    """Write the calibration as one ``.npz``, readable without pickle.
+
+    Parameters
+    ----------
+    flat, dark
+        K x H x W and H x W.
+    pixel
+        mm per px.
+    lut_light, lut_slope, lut_lit
+        The tables: N x K, N x 2, N.
+    reflectance, residual
+        K x 9 and K.
+    null, spread
+        Length K, and a number.
+    lights, noise
+        K x 3 in mm, and (shot, read).
+    others
+        8 x K x 3 in mm, other places of the LEDs.
+    quality
+        How good the calibration is, for people and for ``result.json``.
+    file
+        Where to; replaced as a whole.
+
+    Raises
+    ------
+    InputError
+        If the file is not called ``.npz`` or cannot be written.
+    """
+    arrays = {
+        "flat": flat,
+        "dark": dark,
+        "pixel_size": pixel,
+        "lut_light": lut_light,
+        "lut_slope": lut_slope,
+        "lut_lit": lut_lit,
+        "reflectance": reflectance,
+        "residual": residual,
+        "null": null,
+        "spread": spread,
+        "lights": lights,
+        "noise": noise,
+        "others": others,
+    }
+    write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})

@@ -1,0 +1,68 @@
+"""Write the calibration of a one-shot sensor into one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tactograph.graph import Provenance, node, warn
+from tactograph.nodes import Light, Metrics, PixelSize
+from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, write_arrays
+from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
+from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
+
+PRESS_CALIBRATION = FileKind(
+    "press calibration",
+    1,
+    "run calibrate_presses",
+    {
+        "flat": Stored("K H W", "fraction of full scale"),
+        "pixel_size": Stored("", "mm/px"),
+        "reflectance": Stored(
+            f"K {SHADES} {TERMS}",
+            "light less 1 (the film at rest) per x, y, z - 1, xy, xz, yz, xx - yy, 3zz - 3 of the "
+            "unit normal and per mm of height; times 1, u, v, uu, uv, vv, ... to degree 4, u and v "
+            "being x and y in px from the image's middle divided by half its width",
+        ),
+    },
+)
+
+
+@node
+def write_press_calibration(
+    flat: Light,
+    pixel: PixelSize,
+    reflectance: ReflectanceMap,
+    quality: Metrics,
+    advice: str,
+    *,
+    file: Path,
+    provenance: Provenance,
+) -> None:
+    """Write flat, pixel size and reflectance map as one ``.npz``, readable without pickle.
+
+    Parameters
+    ----------
+    flat
+        K x H x W, the film at rest.
+    pixel
+        mm per px.
+    reflectance
+        K x 9 x 15.
+    quality, advice
+        As `rate_presses` gives them; kept in the file, the advice told too.
+    file
+        Where to; replaced as a whole.
+
+    Raises
+    ------
+    InputError
+        If the file is not called ``.npz`` or cannot be written.
+    """
+    write_arrays(
+        file,
+        PRESS_CALIBRATION,
+        {"flat": flat, "pixel_size": pixel, "reflectance": reflectance},
+        {"quality": quality, "advice": advice, "made": provenance},
+    )
+    if advice.startswith("press"):
+        warn(advice)

@@ -1,0 +1,143 @@
+"""Read the presses of one ball or several that a sensor is calibrated with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, Light
+from tactograph.nodes.capture._sheet import SheetLight
+from tactograph.nodes.capture.read_capture import (
+    CaptureFile,
+    Crop,
+    Leds,
+    Lights,
+    _capture_file,
+    read_capture,
+)
+
+Millimetres = Annotated[float, Gt(0)]
+Radii = Annotated[F4, Port("P", "mm", low=1, high=3)]
+"""The radius of each press's ball."""
+KnownCircles = Annotated[F4, Port("P 3", "px", nan=True)]
+"""x, y and contact radius of each press's ball where they are known, NaN where not."""
+
+
+class BallPresses(NamedTuple):
+    """P presses as a sheet, the first of them alone, and what is known of their balls."""
+
+    image: SheetLight
+    first: Light
+    radius: Radii
+    known: KnownCircles
+    names: list[str]
+
+
+@node
+def read_balls(
+    *,
+    folder: Path,
+    radius_mm: Millimetres | tuple[Millimetres, ...] | None = None,
+    center_px: tuple[float, float] | None = None,
+    contact_px: Millimetres | None = None,
+    lights: Lights | None = None,
+    leds: Leds | None = None,
+    files: str = "led{}",
+    crop: Crop | None = None,
+) -> BallPresses:
+    """Read one press of a ball, or a folder of them.
+
+    What ``capture.yaml`` in a press's folder says of its ball (``ball_radius_mm``,
+    ``ball_center_px: [x, y]``, ``ball_contact_px``) goes before the parameters.
+
+    Parameters
+    ----------
+    folder
+        A capture, or a folder of captures, which are read in order of name.
+    radius_mm
+        The ball's radius: one for all presses, or one for each in their order.
+    center_px, contact_px
+        x, y of the ball's centre and the radius of its contact, of a single press.
+    lights, leds, files, crop
+        As for `read_capture`.
+
+    Returns
+    -------
+    BallPresses
+        Images K x S x W on a sheet (`_sheet`), the first press K x H x W, radii of length
+        P in mm, known circles P x 3 in px, the names of the P folders.
+
+    Raises
+    ------
+    InputError
+        As `read_capture`; if presses differ in size; if a ball's radius is not given, or
+        so many radii do not fit so many presses.
+    """
+    captures = list(read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop))
+    first = captures[0].image
+    for capture in captures:
+        if capture.image.shape != first.shape:
+            raise InputError(
+                f"{folder / capture.name}: is {_size(capture.image)}, but {captures[0].name} is "
+                f"{_size(first)}; presses of one sensor are of one size"
+            )
+    names = [capture.name for capture in captures]
+    if len(names) > 1 and (center_px is not None or contact_px is not None):
+        raise InputError(
+            f"{folder}: holds {len(names)} presses, and ball_center_px and ball_contact_px are "
+            "for one; write them into each press's capture.yaml"
+        )
+    said = [_capture_file(folder / name) for name in names]
+    radii = [
+        _radius(folder / name, about, usual)
+        for name, about, usual in zip(names, said, _spread(folder, names, radius_mm), strict=True)
+    ]
+    known = [_known(about, center_px, contact_px) for about in said]
+    return BallPresses(
+        np.concatenate([capture.image for capture in captures], axis=1),
+        first,
+        np.asarray(radii, np.float32),
+        np.asarray(known, np.float32),
+        names,
+    )
+
+
+def _size(image: Light) -> str:
+    return f"{image.shape[0]} lights of {image.shape[2]} x {image.shape[1]} pixels"
+
+
+def _spread(
+    folder: Path, names: list[str], radius_mm: float | tuple[float, ...] | None
+) -> list[float | None]:
+    """The radius of each press that the parameter gives."""
+    if radius_mm is None:
+        return [None] * len(names)
+    given = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)
+    if len(given) not in (1, len(names)):
+        raise InputError(
+            f"{folder}: holds {len(names)} presses, but ball_radius_mm names {len(given)} radii; "
+            "give one for all, one for each in order of name, or write ball_radius_mm into "
+            "each press's capture.yaml"
+        )
+    return [*given] * (len(names) // len(given))
+
+
+def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
+    radius = about.ball_radius_mm or usual
+    if radius is None:
+        raise InputError(
+            f"{press}: the ball's radius is not known; give ball_radius_mm=..., "
+            "or write it into the press's capture.yaml"
+        )
+    return radius
+
+
+def _known(
+    about: CaptureFile, center_px: tuple[float, float] | None, contact_px: float | None
+) -> tuple[float, float, float]:
+    x, y = about.ball_center_px or center_px or (np.nan, np.nan)
+    return x, y, about.ball_contact_px or contact_px or np.nan

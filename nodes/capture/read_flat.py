@@ -1,0 +1,122 @@
+"""Read the untouched film, by which every image is divided."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge
+from scipy.ndimage import gaussian_filter
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.capture.read_capture import (
+    Crop,
+    Leds,
+    Lights,
+    _grey,
+    read_capture,
+    read_image,
+)
+
+
+class Flat(NamedTuple):
+    """The film at rest under each LED, and what the camera sees with none."""
+
+    flat: Light
+    dark: Dark
+
+
+@node
+def read_flat(
+    image: Light,
+    estimate: Light | None = None,
+    black: Dark | None = None,
+    *,
+    folder: Path | None = None,
+    dark: Path | None = None,
+    lights: Lights | None = None,
+    leds: Leds | None = None,
+    files: str = "led{}",
+    crop: Crop | None = None,
+    smooth_px: Annotated[float, Ge(0)] = 2.0,
+) -> Flat:
+    """Read the capture of the untouched film, or stand in for it with uniform light.
+
+    Parameters
+    ----------
+    image
+        K x H x W, the capture that the flat has to fit.
+    estimate
+        K x H x W, what to use where there is no folder, as `estimate_flat` gives it.
+    black
+        H x W, what to use where no `dark` is named; None: black.
+    folder
+        Capture of the untouched film, or a folder of several, whose mean is less noisy.
+        None: the estimate; without one, the light is taken to be uniform, and a warning
+        says so.
+    dark
+        One image taken with all LEDs off.
+    lights, leds, files, crop
+        As for `read_capture`.
+    smooth_px
+        Standard deviation of the Gaussian that takes the noise out of the flat image.
+
+    Raises
+    ------
+    InputError
+        If the folder or image cannot be read, or is of another size than `image`.
+    """
+    height, width = image.shape[1:]
+    if black is None:
+        black = np.zeros((height, width), np.float32)
+    if dark is not None:
+        black = _read_dark(dark, crop)
+    if black.shape != (height, width):
+        raise InputError(
+            f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
+        )
+    if folder is None and estimate is not None:
+        return Flat(estimate, black)
+    if folder is None:
+        warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
+        return Flat(np.ones_like(image), black)
+    stack = _mean(folder, image, lights, leds, files, crop)
+    return Flat(np.stack([_smoothed(plane - black, smooth_px) for plane in stack]), black)
+
+
+def _mean(
+    folder: Path,
+    image: Light,
+    lights: Lights | None,
+    leds: Leds | None,
+    files: str,
+    crop: Crop | None,
+) -> F4:
+    """The mean of the captures in a folder, or the only one."""
+    total, count = np.zeros(image.shape, np.float64), 0
+    for capture in read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop):
+        if capture.image.shape != image.shape:
+            raise InputError(
+                f"{folder / capture.name}: the untouched film is {_shape(capture.image)}, but the "
+                f"capture {_shape(image)}"
+            )
+        total += capture.image
+        count += 1
+    return np.asarray(total / count, np.float32)
+
+
+def _read_dark(file: Path, crop: Crop | None) -> F4:
+    plane = _grey(read_image(file), file)
+    if crop is not None:
+        plane = plane[crop[1] : crop[3], crop[0] : crop[2]]
+    return np.asarray(plane / np.float32(np.iinfo(plane.dtype).max), np.float32)
+
+
+def _smoothed(plane: F4, sigma: float) -> F4:
+    return np.asarray(gaussian_filter(plane, sigma, mode="nearest"), np.float32)
+
+
+def _shape(stack: F4) -> str:
+    return f"{stack.shape[0]} lights of {stack.shape[2]} x {stack.shape[1]} pixels"

@@ -1,0 +1,86 @@
+"""Read many presses of a ball at once: what a one-shot sensor is calibrated from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge
+from scipy.ndimage import gaussian_filter
+
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, Light
+from tactograph.nodes.capture.read_capture import (
+    Layout,
+    _channels,
+    _normalised,
+    read_capture,
+    read_image,
+    read_images,
+)
+
+PressImages = Annotated[F4, Port("P K H W", "1")]
+"""P captures of K lights, each as a fraction of full scale."""
+
+
+class Presses(NamedTuple):
+    """The captures, the film at rest, and the captures' folders."""
+
+    image: PressImages
+    flat: Light
+    names: list[str]
+
+
+@node
+def read_presses(
+    *,
+    folder: Path,
+    flat: Path,
+    lights: Literal["leds", "bgr", "rgb"] = "bgr",
+    smooth_px: Annotated[float, Ge(0)] = 2.0,
+) -> Presses:
+    """Read every capture below `folder`, and the untouched film.
+
+    Parameters
+    ----------
+    folder
+        Holds a folder per press, each with one colour image, whatever its name
+        (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED.
+    flat
+        The untouched film: one colour image, or a folder like that of a press.
+    lights
+        "bgr" or "rgb": the channels of a colour image are the lights; "leds": an image each.
+    smooth_px
+        Standard deviation of the Gaussian that takes the noise out of the flat image.
+
+    Returns
+    -------
+    Presses
+        Images P x K x H x W, flat K x H x W, the names of the P folders.
+
+    Raises
+    ------
+    InputError
+        As `read_capture`; if a press is of another size than the flat image.
+    """
+    captures = list(read_capture(folder=folder, lights=lights))
+    film = read_film(flat, lights, smooth_px)
+    for capture in captures:
+        if capture.image.shape != film.shape:
+            raise InputError(
+                f"{folder / capture.name}: {capture.image.shape[2]} x {capture.image.shape[1]} "
+                f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
+            )
+    return Presses(np.stack([c.image for c in captures]), film, [c.name for c in captures])
+
+
+def read_film(place: Path, lights: Literal["leds", "bgr", "rgb"], smooth_px: float) -> F4:
+    """Read the untouched film from one colour image or from a capture folder: K x H x W."""
+    layout = Layout(lights)
+    if place.is_dir() or lights == "leds":
+        stack = read_images(place, layout)
+    else:
+        planes = _channels(read_image(place), place, layout)
+        stack = _normalised(np.stack(planes), [place] * len(planes), layout)
+    return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

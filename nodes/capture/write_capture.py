@@ -1,0 +1,59 @@
+"""Write a simulated capture, its truth beside it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node
+from tactograph.graph.files.whole_files import whole_files
+from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
+
+
+@node
+def write_capture(
+    image: Light,
+    height: Height,
+    slope: Slope,
+    labels: Labels,
+    lights: LightPositions,
+    pixel: PixelSize,
+    *,
+    folder: Path,
+    bits: Annotated[int, Interval(ge=1, le=16)] = 8,
+) -> None:
+    """Write ``led1.png`` ... as a camera would, and what a reconstruction should find.
+
+    Parameters
+    ----------
+    image
+        K x H x W, fractions of full scale, already in steps of `bits`.
+    height, slope, labels
+        The truth: ``truth_height_mm.npy``, ``truth_slope.npy``, ``truth_shadow.png`` (bit
+        k-1 set where LED k does not reach the pixel).
+    lights, pixel
+        Written to ``scene.json`` with the LED positions in mm.
+    folder
+        Made if needed.
+    bits
+        Depth of the images; up to 8 give 8-bit files, more give 16-bit ones.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    dtype, full = (np.uint8, 255) if bits <= 8 else (np.uint16, 65535)
+    with whole_files(folder) as target:
+        for k, plane in enumerate(image, start=1):
+            cv2.imwrite(str(target / f"led{k}.png"), np.rint(plane * full).astype(dtype))
+        np.save(target / "truth_height_mm.npy", height)
+        np.save(target / "truth_slope.npy", slope)
+        cv2.imwrite(str(target / "truth_shadow.png"), labels)
+        scene = {"pixel_size_mm": pixel, "lights_mm": lights.astype(float).tolist()}
+        (target / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")

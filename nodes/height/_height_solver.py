@@ -1,0 +1,365 @@
+"""`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.nodes import F4, I4, ShadowRises
+from tactograph.nodes.height._height_system import (
+    Window,
+    rise_variance,
+    rises_inside,
+    stiffest,
+    window_around,
+)
+from tactograph.nodes.height._springs import (
+    SINGLE_VISITS,
+    SMALLEST,
+    Ties,
+    join_ends,
+    soft_inverse,
+)
+
+ONE_GROUP = 4096
+"""Levels of at most so many pixels are done by one work-group, all steps in one launch."""
+GROUP = 256
+PARTS = 1024
+RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
+
+
+class Level(NamedTuple):
+    """A network of the multigrid: its first pixel among those of all levels, and its size."""
+
+    first: int
+    rows: int
+    columns: int
+
+    @property
+    def size(self) -> int:
+        return self.rows * self.columns
+
+
+class Step(NamedTuple):
+    """A step of a multigrid cycle."""
+
+    what: int
+    level: int
+    twice: bool
+
+
+class Touch(NamedTuple):
+    """The window around what is not at rest, and whether any film is."""
+
+    window: Window
+    any_rest: bool
+
+
+class Wants(NamedTuple):
+    """The steps and rises that the springs want, in mm."""
+
+    right: DeviceArray
+    down: DeviceArray
+    rise: DeviceArray
+
+
+def find_touch(run: Launch) -> Touch:
+    """What `contact_window` finds."""
+    height, width = run.sizes["H"], run.sizes["W"]
+    rows, columns = run.scratch((height,), np.uint8), run.scratch((width,), np.uint8)
+    rest, mask = run.inputs["rest"], run.inputs.get("mask")
+    run.kernel("find_touch", (height + width,), rest, mask, rows, columns, height, width)
+    in_rows, in_columns = run.download(rows), run.download(columns)
+    window = window_around((in_rows & 1) > 0, (in_columns & 1) > 0)
+    return Touch(window, bool((in_rows & 2).any()))
+
+
+class HeightSolver:
+    """The equations of a launch of `integrate_weighted` or `height_error`, and their solution.
+
+    It reads the node's inputs slope, variance, rest, rises, pixel and mask, and its settings
+    bend, floor and rise_px.
+    """
+
+    def __init__(self, run: Launch, window: Window) -> None:
+        self._run = run
+        rows = window.rows.stop - window.rows.start
+        columns = window.columns.stop - window.columns.start
+        self.shape = rows, columns
+        self.place = window.rows.start, window.columns.start, rows, columns
+        self._levels = _levels(rows, columns)
+        self._steps = list(_steps(len(self._levels)))
+        total = self._levels[-1].first + self._levels[-1].size
+        self._right, self._down, self.ground, self._inverse = self._planes(4, total)
+        self._force, self._height, self._lifted, self._kept = self._planes(4, total)
+        self._direction, self._moved = self._planes(2, rows * columns)
+        self._gather(window)
+        self._tie(window, total)
+        self._levels_there = run.put(np.array([*self._levels, (0, 0, 0)], np.int32))
+        self._steps_there = run.put(np.array(self._steps, np.int32))
+
+    def _planes(self, count: int, size: int) -> list[DeviceArray]:
+        return [self._run.scratch((size,)) for _ in range(count)]
+
+    def _gather(self, window: Window) -> None:
+        """The steps and their variances, and what is at rest."""
+        run, (rows, columns) = self._run, self.shape
+        settings, width = run.settings, run.sizes["W"]
+        right, down, *variances = self._planes(4, rows * columns)
+        self._variances = variances
+        run.kernel(
+            "gather_system", self.shape,
+            run.inputs["slope"], run.inputs["variance"], run.inputs["rest"], run.inputs.get("mask"),
+            right, down, *variances, self.ground,
+            run.sizes["H"] * width, width, *self.place,
+            float(run.inputs["pixel"]), settings["bend"], float(np.float32(settings["floor"] ** 2)),
+        )  # fmt: skip
+        self._steps_wanted = right, down
+        pixel = run.inputs["pixel"]
+        self._unit = float(stiffest(settings["floor"], pixel))
+        self._rise_variance = float(rise_variance(settings["rise_px"], pixel))
+
+    def _tie(self, window: Window, total: int) -> None:
+        """The rises as ties of every level, and where in the planes they are."""
+        run = self._run
+        there = {name: run.inputs[f"rises.{name}"] for name in ShadowRises._fields}
+        rises = ShadowRises(**{name: run.download(array) for name, array in there.items()})
+        mask = run.inputs.get("mask")
+        mask_here = None if mask is None or not rises.top.size else run.download(mask)
+        ties, rise = rises_inside(window, rises, run.sizes["W"], mask_here)
+        self.wants = Wants(*self._steps_wanted, run.put(rise))
+        found = _tie_levels(ties, self._levels)
+        self._ties, self._all_ties = len(rise), len(found.ends)
+        self._finest = run.scratch((self._ties,))
+        self._stiffness = run.scratch((self._all_ties,))
+        self._members = run.put(found.member_start), run.put(found.members)
+        knot = run.scratch((total,), np.int32)
+        run.kernel("no_knots", (total,), knot, total)
+        if found.knot_pixel.size:
+            pixel = run.put(found.knot_pixel)
+            run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
+        self._knots = knot, run.put(found.knot_start), run.put(found.knot_tie)
+        self._ends = run.put(found.ends)
+
+    @property
+    def rises(self) -> int:
+        """How many rises have both ends in the window."""
+        return self._ties
+
+    @property
+    def _network(self) -> tuple[DeviceArray, ...]:
+        planes = self._right, self._down, self.ground, self._inverse
+        return *planes, *self._knots, self._ends, self._stiffness
+
+    def cut(self, height: DeviceArray) -> DeviceArray:
+        """A height over the frame, inside the window, and zero on the film at rest."""
+        run, found = self._run, self._run.scratch(self.shape)
+        run.kernel("cut", self.shape, height, self.ground, found, run.sizes["W"], *self.place)
+        return found
+
+    def cost(self, height: DeviceArray, scale: float) -> float:
+        """What `HeightSystem.cost` says."""
+        run, parts = self._run, self._run.scratch((PARTS,))
+        run.kernel(
+            "cost_parts", (PARTS,), height, *self.wants, *self._variances, self._ends, parts,
+            *self.shape, self._ties, self._rise_variance, float(np.float32(scale * scale)),
+        )  # fmt: skip
+        return float(run.download(parts).sum(dtype=float))
+
+    def weigh(self, height: DeviceArray, scale: float) -> None:
+        """Make the networks of all levels, each spring as weak as `height` departs from it."""
+        run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
+        if self._ties:
+            run.kernel(
+                "stiffen_rises", (self._ties,), height, self.wants.rise, self._ends, self._finest,
+                self._ties, self._rise_variance, unit, square,
+            )  # fmt: skip
+            run.kernel(
+                "join_ties", (self._all_ties,),
+                self._finest, *self._members, self._stiffness, self._all_ties,
+            )  # fmt: skip
+        planes = self._right, self._down, self.ground, self._inverse
+        run.kernel(
+            "stiffen", self.shape, height, *self.wants[:2], *self._variances, *planes,
+            *self._knots, self._stiffness, *self.shape, unit, square,
+        )  # fmt: skip
+        for fine, coarse in zip(self._levels, self._levels[1:], strict=False):
+            run.kernel(
+                "coarsen_level", coarse[1:],
+                *planes, *self._knots, self._stiffness, *fine, *coarse,
+            )  # fmt: skip
+        self._dense = run.put(self._coarsest_inverse())
+
+    def _coarsest_inverse(self) -> F4:
+        run, last = self._run, self._levels[-1]
+        size = last.size
+        units = run.keep(("units", size), lambda: run.upload(np.eye(size, dtype=np.float32)))
+        matrix = run.scratch((size, size))
+        run.kernel("dense_matrix", (size, size), *self._network, units, matrix, *last)
+        return soft_inverse(run.download(matrix))
+
+    def solve(self, wants: Wants, height: DeviceArray, steps: int, enough: float) -> None:
+        """Improve `height` in place, as `conjugate_gradients` does."""
+        run, size = self._run, self._levels[0].size
+        run.kernel(
+            "imbalance", self.shape, *self._network, *wants, height, self._force, self._lifted,
+            *self.shape,
+        )  # fmt: skip
+        self._cycle()
+        run.kernel("turn", (size,), self._height, self._direction, size, 0.0, 1)
+        energy = self._product(self._force, self._height)
+        for _ in range(steps):
+            if energy <= enough or energy <= 0:
+                break
+            run.kernel(
+                "apply_springs", self.shape, *self._network, self._direction, self._moved,
+                *self.shape,
+            )  # fmt: skip
+            stretched = self._product(self._direction, self._moved)
+            if stretched <= 0:
+                break
+            run.kernel(
+                "advance", (size,), self._direction, self._moved, self._inverse, height,
+                self._force, self._lifted, size, energy / stretched,
+            )  # fmt: skip
+            self._cycle()
+            before, energy = energy, self._product(self._force, self._height)
+            run.kernel("turn", (size,), self._height, self._direction, size, energy / before, 0)
+
+    def energy(self, wants: Wants) -> float:
+        """What `Springs.energy` says."""
+        run, parts = self._run, self._run.scratch((PARTS,))
+        run.kernel(
+            "energy_parts", (PARTS // run.lanes,),
+            self._right, self._down, wants.right, wants.down, parts, self._levels[0].size,
+        )  # fmt: skip
+        return float(run.download(parts).sum(dtype=float))
+
+    def _product(self, a: DeviceArray, b: DeviceArray) -> float:
+        """The sum of a b over the finest level, always added up in the same order."""
+        run = self._run
+        parts = run.scratch((PARTS,))
+        run.kernel("dot_parts", (PARTS // run.lanes,), a, b, parts, self._levels[0].size)
+        return float(run.download(parts).sum(dtype=float))
+
+    def _cycle(self) -> None:
+        """One multigrid cycle: from the force on the finest level to its height."""
+        at = 0
+        while at < len(self._steps):
+            small = self._levels[self._steps[at].level].size <= ONE_GROUP
+            end = at + 1
+            while small and end < len(self._steps) and self._is_small(end):
+                end += 1
+            if small:
+                self._small_steps(at, end)
+            else:
+                self._large_step(self._steps[at])
+            at = end
+
+    def _is_small(self, step: int) -> bool:
+        return self._levels[self._steps[step].level].size <= ONE_GROUP
+
+    def _small_steps(self, first: int, end: int) -> None:
+        self._run.kernel(
+            "small_levels", (GROUP,), *self._network, self._force, self._height, self._lifted,
+            self._kept, self._dense, self._levels_there, self._steps_there, first, end,
+            local=(GROUP,),
+        )  # fmt: skip
+
+    def _large_step(self, step: Step) -> None:
+        run, level = self._run, self._levels[step.level]
+        coarse = self._levels[step.level + 1]
+        if step.what == RESTRICT:
+            run.kernel(
+                "restrict_level", coarse[1:],
+                *self._network, self._force, self._lifted, *level, *coarse,
+            )  # fmt: skip
+        elif step.what == REDO:
+            run.kernel(
+                "redo_level", level[1:],
+                *self._network, self._force, self._height, self._lifted, self._kept, *level,
+            )  # fmt: skip
+        elif step.what == LIFT:
+            run.kernel(
+                "lift_level", level[1:], self._height, self._lifted, self._kept, int(step.twice),
+                *level, coarse.first, coarse.columns,
+            )  # fmt: skip
+        else:
+            run.kernel(
+                "smooth_level", level[1:],
+                *self._network, self._force, self._height, self._lifted, *level,
+            )  # fmt: skip
+
+
+def _levels(rows: int, columns: int) -> list[Level]:
+    levels = [Level(0, rows, columns)]
+    while levels[-1].size > SMALLEST:
+        first, rows, columns = levels[-1]
+        levels.append(Level(first + rows * columns, (rows + 1) // 2, (columns + 1) // 2))
+    return levels
+
+
+def _steps(levels: int, at: int = 0) -> Iterator[Step]:
+    """The steps of `_springs.cycle`."""
+    if at == levels - 1:
+        yield Step(SOLVE, at, twice=False)
+        return
+    yield Step(RESTRICT, at, twice=False)
+    yield from _steps(levels, at + 1)
+    twice = at + 1 >= SINGLE_VISITS and at + 2 < levels
+    if twice:
+        yield Step(REDO, at + 1, twice=False)
+        yield from _steps(levels, at + 1)
+    yield Step(LIFT, at, twice)
+    yield Step(SMOOTH, at, twice=False)
+
+
+class _TieLevels(NamedTuple):
+    """The ties of all levels, one after another.
+
+    `ends` (T x 2) are pixels.  Tie t joins the finest ties `members[member_start[t]:...]`.
+    Pixel `knot_pixel[n]` is an end of the ties `knot_tie[knot_start[n]:...]`, with ~t where it
+    is the foot of t.
+    """
+
+    ends: I4
+    member_start: I4
+    members: I4
+    knot_pixel: I4
+    knot_start: I4
+    knot_tie: I4
+
+
+def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
+    top, foot, which = ties.top, ties.foot, np.arange(ties.top.size)
+    tops, feet, finest, owners = [], [], [], []
+    count = 0
+    for level, finer in zip(levels, [None, *levels], strict=False):
+        if finer is not None:
+            top, foot, joined = join_ends(top, foot, finer.columns, level[1:])
+            which = np.where(which >= 0, np.append(joined, -1)[which], -1)
+        tops.append(level.first + top)
+        feet.append(level.first + foot)
+        finest.append(np.flatnonzero(which >= 0))
+        owners.append(count + which[which >= 0])
+        count += top.size
+    ends = np.stack([np.concatenate(tops), np.concatenate(feet)], axis=1)
+    member_start, members = _grouped(np.concatenate(owners), np.concatenate(finest), count)
+    numbers = np.arange(count)
+    pixels, group = np.unique(np.concatenate([ends[:, 0], ends[:, 1]]), return_inverse=True)
+    knot_start, knot_tie = _grouped(group, np.concatenate([numbers, ~numbers]), pixels.size)
+    found = ends, member_start, members, pixels, knot_start, knot_tie
+    return _TieLevels(*(array.astype(np.int32) for array in found))
+
+
+def _grouped(
+    group: NDArray[Any], values: NDArray[Any], count: int
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Where each group's values begin, and the values sorted by group."""
+    order = np.argsort(group, kind="stable")
+    start = np.searchsorted(group[order], np.arange(count + 1))
+    return start, values[order]

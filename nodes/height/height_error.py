@@ -1,0 +1,393 @@
+"""The standard deviation of every height."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from tactograph.graph import Close, SizeLimit, node
+from tactograph.nodes import (
+    F4,
+    Height,
+    HeightError,
+    Labels,
+    Light,
+    LightPlaces,
+    LightPositions,
+    Mask,
+    PixelSize,
+    ShadowRises,
+    Slope,
+    SlopeVariance,
+)
+from tactograph.nodes.height._height_solver import HeightSolver, Wants, find_touch
+from tactograph.nodes.height._height_system import (
+    HeightSystem,
+    Window,
+    contact_window,
+    height_system,
+)
+from tactograph.nodes.height._springs import conjugate_gradients, hierarchy
+from tactograph.nodes.light._near_light import expected_light, places, vectors_at
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import DeviceArray, Launch
+
+ERRORS = 8
+"""Random errors; each has the LEDs at another place."""
+STEEPEST = np.float32(3)
+SINGULAR = np.float32(1e-4)
+SHARPEST = np.float32(2)
+"""A sharper kink counts as this sharp: its step has little weight."""
+SHARE = np.float32(1 / ERRORS)
+SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
+"""The Gaussian by which the variance is averaged over neighbours."""
+ENOUGH = 1e-6
+"""The share of the steps' energy that may be left to gain."""
+
+
+class _Response(NamedTuple):
+    """What a small change of each LED's light does to the slope: K x H x W each."""
+
+    by_p: F4
+    by_q: F4
+
+    def slope(self, change: F4) -> tuple[F4, F4]:
+        """The change of p and q that a change of the lights (K x H x W) causes."""
+        p, q = (self.by_p * change).sum(axis=0), (self.by_q * change).sum(axis=0)
+        return np.clip(p, -STEEPEST, STEEPEST), np.clip(q, -STEEPEST, STEEPEST)
+
+
+@node(
+    tolerance=Close(1e-6, 1e-3, why="conjugate gradients add up in another order"),
+    sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
+)
+def height_error(
+    height: Height,
+    slope: Slope,
+    variance: SlopeVariance,
+    rest: Mask,
+    rises: ShadowRises,
+    light: Light,
+    sigma: Light,
+    used: Labels,
+    lights: LightPositions,
+    others: LightPlaces,
+    pixel: PixelSize,
+    mask: Mask | None = None,
+    *,
+    robust: Annotated[float, Gt(0)] = 2.5,
+    bend: Annotated[float, Ge(0)] = 0.25,
+    floor: Annotated[float, Gt(0)] = 0.07,
+    rise_px: Annotated[float, Gt(0)] = 0.5,
+    flat_noise: Annotated[float, Ge(0)] = 1.0,
+    aperture: Annotated[float, Ge(0)] = 0.1,
+    kink: Annotated[float, Ge(0)] = 0.45,
+    steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
+    seed: Annotated[int, Ge(0)] = 1,
+) -> HeightError:
+    """Send errors through the solver of `integrate_weighted` and see what they do.
+
+    The height is, given the weights, linear in what it is made of.  A few random errors of
+    the right size are integrated like slopes; the mean square of what comes out, averaged
+    over neighbours, is the variance.  The errors are
+
+    - the noise of each LED's light, and of the flat frame by which it was divided,
+      independent from pixel to pixel;
+    - an error of the calibration, common to all pixels: by how much the film's light would
+      differ from the one found if the LEDs were where the calibration allows them to be too
+      (on the film at rest it would not, by the flat frame);
+    - what two or four slopes leave of a step, in proportion to their difference;
+    - errors of the shadows' rises, independent of one another;
+    - and one that all steep steps have in common: where the slope turns within a pixel, at
+      rims and ridges, the slopes understate what is climbed, and the cap behind the rim
+      comes out low as a whole.  It grows with the cube of the turn, as far as two.
+
+    Of the calibration's errors the squares add up exactly, the eight places being chosen so;
+    the last error is integrated alone, with its own sign.  On the
+    film at rest the error is zero, as the height is by definition.
+
+    Parameters
+    ----------
+    height
+        H x W in mm, as integrated.
+    slope, variance, rest, rises, pixel, mask, robust, bend, floor, rise_px
+        As `integrate_weighted` had them.
+    light, sigma
+        K x H x W, and its standard deviation.
+    used
+        H x W, the LEDs the slope was found with.
+    lights
+        K x 3 in mm.
+    others
+        8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
+    flat_noise
+        Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
+        it is the mean of n.
+    aperture
+        Error of a step, in px, per difference of the slopes at its ends.
+    kink
+        Common error of all steps, in px, where that difference is 1.
+    steps
+        Conjugate gradients per error.
+    seed
+        Of the random errors.
+
+    Returns
+    -------
+    ndarray
+        H x W, one standard deviation in mm.
+    """
+    window = contact_window(rest, mask)
+    system = height_system(
+        window,
+        slope,
+        variance,
+        rest,
+        rises,
+        pixel,
+        mask,
+        bend=bend,
+        floor=floor,
+        rise_px=rise_px,
+    )
+    springs = system.springs(system.cut(window.of(height)), robust)
+    levels = hierarchy(springs)
+    inside = window.of(light)
+    flat = np.float32(flat_noise) * inside
+    noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
+    vectors, slopes = _vectors(window, height, lights, pixel), window.of(slope)
+    response = _response(window, vectors, slopes, used, rest, sigma)
+    lit = expected_light(vectors, slopes)
+    turn = _turns(system)
+    rise_error = np.float32(rise_px * pixel)
+    level = np.zeros(inside.shape[1:], np.float32)
+
+    def moved(right: F4, down: F4, rise: F4) -> F4:
+        force = springs.pull(right, down, rise)
+        enough = ENOUGH * springs.energy(right, down)
+        return conjugate_gradients(levels, force, level, steps, enough)
+
+    total = np.zeros_like(level)
+    half = np.float32(0.5 * pixel)
+    for number, other in enumerate(others):
+        keys = _keys(seed, number)
+        common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
+        p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
+        across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
+        right = (p[:, 1:] + p[:, :-1]) * half
+        down = (q[1:] + q[:-1]) * half
+        right += np.float32(aperture) * turn[0] * across[:, :-1]
+        down += np.float32(aperture) * turn[1] * along[:-1]
+        change = moved(right, down, rise_error * _drawn(keys.rises, system.rise.shape))
+        total += SHARE * change * change
+    change = moved(*_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise))
+    total += change * change
+    free = window.of(rest) == 0
+    if mask is not None:
+        free &= window.of(mask) != 0
+    out = np.zeros(rest.shape, np.float32)
+    out[window.rows, window.columns] = _smooth_deviation(total, free.astype(np.float32))
+    return out
+
+
+class _Keys(NamedTuple):
+    """What the draws of one error hang on."""
+
+    light: int
+    right: int
+    down: int
+    rises: int
+
+
+def _keys(seed: int, number: int) -> _Keys:
+    start = 4 * (ERRORS * seed + number)
+    return _Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
+
+
+def _drawn(key: int, shape: tuple[int, ...]) -> F4:
+    """+1 or -1 for each element, by a hash, so that every device draws the same.
+
+    Of unit variance, as a normal distribution is; more is not asked of an error.
+    """
+    numbers = np.arange(np.prod(shape), dtype=np.uint32) ^ np.uint32(key)
+    return np.where(_hashed(numbers) >> np.uint32(31), np.float32(1), np.float32(-1)).reshape(shape)
+
+
+def _hashed(x: Any) -> Any:
+    """Every bit of a 32-bit number depends on all bits of `x` (after Wellons, lowbias32)."""
+    with np.errstate(over="ignore"):
+        x = (x ^ x >> np.uint32(16)) * np.uint32(0x7FEB352D)
+        x = (x ^ x >> np.uint32(15)) * np.uint32(0x846CA68B)
+    return x ^ x >> np.uint32(16)
+
+
+def _response(
+    window: Window, vectors: F4, slope: Slope, used: Labels, rest: Mask, sigma: Light
+) -> _Response:
+    """The derivative of the weighted least-squares normal by the lights, carried to p, q.
+
+    Vectors and slope are those inside the window.
+
+    In the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y); see `label_lights`.
+    """
+    p, q = slope
+    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
+    along_a = (vectors[:, 0] + vectors[:, 2] * p) * nz
+    along_b = (vectors[:, 1] + vectors[:, 2] * q) * nz
+    numbers = np.arange(len(vectors), dtype=np.uint8)[:, None, None]
+    counts = np.ascontiguousarray(used[window.rows, window.columns]) >> numbers & 1
+    noise = window.of(sigma)
+    weight = counts / np.maximum(noise * noise, np.float32(1e-10))
+    aa, ab, bb = (
+        (weight * first * second).sum(axis=0)
+        for first, second in ((along_a, along_a), (along_a, along_b), (along_b, along_b))
+    )
+    determinant = aa * bb - ab * ab
+    known = (determinant > SINGULAR * aa * bb) & (rest[window.rows, window.columns] == 0)
+    inverse = np.where(known, np.float32(1) / np.where(known, determinant, 1), np.float32(0))
+    by_a = weight * (bb * along_a - ab * along_b) * inverse
+    by_b = weight * (aa * along_b - ab * along_a) * inverse
+    return _Response(
+        np.asarray(-((1 + p * p) * by_a + p * q * by_b), np.float32),
+        np.asarray(-(p * q * by_a + (1 + q * q) * by_b), np.float32),
+    )
+
+
+def _vectors(window: Window, height: Height, lights: LightPositions, pixel: float) -> F4:
+    """The light vectors inside the window, K x 3 x h x w."""
+    rows, columns = height.shape
+    x = places(columns, np.float32(pixel))[None, window.columns]
+    y = places(rows, np.float32(pixel))[window.rows, None]
+    return vectors_at(lights, x, y, window.of(height))
+
+
+def _turns(system: HeightSystem) -> tuple[F4, F4]:
+    """By how much the steps to the right and down differ from those beside them, in mm."""
+    return (
+        np.abs(np.gradient(system.right, axis=1))
+        if system.right.shape[1] > 1
+        else np.zeros_like(system.right),
+        np.abs(np.gradient(system.down, axis=0))
+        if system.down.shape[0] > 1
+        else np.zeros_like(system.down),
+    )
+
+
+def _kink_errors(
+    system: HeightSystem, turn: tuple[F4, F4], kink: float, pixel: float
+) -> tuple[F4, F4]:
+    """What the steps to the right and down lack if all lack it uphill, in mm."""
+
+    def lacking(step: F4, turned: F4) -> F4:
+        slopes = np.minimum(turned / np.float32(pixel), SHARPEST)
+        return np.asarray(
+            np.float32(kink * pixel) * (slopes * slopes * slopes) * np.sign(step), np.float32
+        )
+
+    return lacking(system.right, turn[0]), lacking(system.down, turn[1])
+
+
+def _smooth_deviation(variance: F4, free: F4) -> F4:
+    """The root of the variance, averaged over the neighbours that are free."""
+    total = cv2.GaussianBlur(variance * free, SPREAD_TAPS, SPREAD_PX)
+    weight = np.maximum(cv2.GaussianBlur(free, SPREAD_TAPS, SPREAD_PX), np.float32(1e-3))
+    return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
+
+
+@height_error.opencl()
+def _launch(run: Launch) -> None:
+    """The same errors through the same networks; no pixel comes to the host."""
+    of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
+    lights, rows, columns = frame = tuple(run.sizes[symbol] for symbol in "KHW")
+    touch = find_touch(run)
+    solver = HeightSolver(run, touch.window)
+    solver.weigh(solver.cut(of["height"]), settings["robust"])
+    height, width = shape = solver.shape
+    size, ties = height * width, solver.rises
+    p, q, right, down, moved, total = (run.scratch(shape) for _ in range(6))
+    by_p, by_q = run.scratch(frame), run.scratch(frame)
+    wants = Wants(right, down, run.scratch((ties,)))
+
+    def integrate(share: float) -> None:
+        run.kernel("level", (size,), moved, size)
+        enough = ENOUGH * solver.energy(wants)
+        solver.solve(wants, moved, settings["steps"], enough)
+        run.kernel("add_square", (size,), moved, total, size, share)
+
+    def err_rises(error: float, key: int) -> None:
+        if ties:
+            run.kernel("err_rises", (ties,), wants.rise, ties, error, np.uint32(key))
+
+    run.kernel(
+        "respond", run.in_lanes(rows, columns),
+        of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
+        by_p, by_q, *frame, pixel,
+    )  # fmt: skip
+    run.kernel("level", (size,), total, size)
+    for number in range(ERRORS):
+        keys = _keys(settings["seed"], number)
+        run.kernel(
+            "err_slopes", shape, of["light"], of["sigma"], of["height"], of["slope"],
+            of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
+            pixel, number, settings["flat_noise"], np.uint32(keys.light),
+        )  # fmt: skip
+        run.kernel(
+            "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,
+            0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
+        )  # fmt: skip
+        err_rises(settings["rise_px"] * pixel, keys.rises)
+        integrate(float(SHARE))
+    kink = settings["kink"] * pixel
+    run.kernel("err_kinks", shape, *solver.wants[:2], right, down, *shape, pixel, kink)
+    err_rises(0.0, 0)
+    integrate(1.0)
+    _deviate(run, solver, total)
+
+
+def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
+    """What `_smooth_deviation` does, into the output."""
+    shape, frame = solver.shape, (run.sizes["H"], run.sizes["W"])
+    kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
+    taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
+    free, half, weight = (run.scratch(shape) for _ in range(3))
+    run.kernel(
+        "free_part", shape,
+        run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
+    )  # fmt: skip
+    for source, target in ((free, weight), (total, total)):
+        run.kernel("blur", shape, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
+        run.kernel("blur", shape, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+    out = run.outputs["height_error"]
+    run.kernel("deviation", frame, total, weight, free, out, *frame, *solver.place)
+
+
+@height_error.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """A touch with some film at rest around it, and shadows with both ends in the frame."""
+    rows, columns, lights = sizes["H"], sizes["W"], sizes["K"]
+    number = rows * columns // 7
+    rest = np.ones((rows, columns), np.uint8)
+    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
+    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
+    around = rng.uniform(0, 2 * np.pi, lights)
+    places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    shape = rows, columns
+    return {
+        "rest": rest,
+        "variance": rng.uniform(1e-6, 1e-2, (2, *shape)).astype(np.float32),
+        "slope": rng.uniform(-1, 1, (2, *shape)).astype(np.float32),
+        "height": rng.uniform(-0.1, 0.5, shape).astype(np.float32),
+        "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
+        "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
+        "lights": places.astype(np.float32),
+        "others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
+        "rises.top": ends[0],
+        "rises.foot": ends[1],
+        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
+        "rises.led": rng.integers(1, lights + 1, number).astype(np.uint8),
+        "mask": (rng.random(shape) < 0.95).astype(np.uint8),
+    }

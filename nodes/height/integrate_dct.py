@@ -1,0 +1,161 @@
+"""Integrate slopes by least squares with free borders, through the cosine transform."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.fft import dctn, idctn
+
+from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.nodes import F4, Height, PixelSize, Slope
+from tactograph.nodes.height._fourier import REQUIRES, cosine_transform
+
+SMALL_PRIME = 64
+"""Up to this one a prime factor costs less than turning an image over."""
+
+
+@node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
+def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
+    """Return the height whose differences come closest to the slopes.
+
+    Least squares on the staggered grid: the slope between two neighbours is the mean of
+    theirs, nothing is assumed beyond the border (Neumann), and the discrete Poisson
+    equation is diagonal in the DCT-II (Simchony, Chellappa and Shao, "Direct analytical
+    methods for solving Poisson equations in computer vision problems", 1990).
+
+    Parameters
+    ----------
+    slope
+        2 x H x W.
+    pixel
+        mm per px.
+
+    Returns
+    -------
+    ndarray
+        H x W in mm, its mean being zero.
+    """
+    spectrum = dctn(_twice_divergence(slope), type=2, norm="ortho", workers=-1, overwrite_x=True)
+    spectrum *= _to_mm(spectrum.shape, pixel)
+    height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
+    return np.asarray(height, np.float32)
+
+
+def _twice_divergence(slope: F4) -> F4:
+    """Twice the divergence of the slopes half-way between neighbours; none across the border.
+
+    Half-way slopes are means of neighbours, so that a pixel's own slope cancels.
+    """
+    p, q = slope
+    twice = np.zeros(p.shape, np.float32)
+    for slopes, found in ((p.T, twice.T), (q, twice)):
+        if len(slopes) > 1:
+            found[0] += slopes[0] + slopes[1]
+            found[1:-1] += slopes[2:] - slopes[:-2]
+            found[-1] -= slopes[-2] + slopes[-1]
+    return twice
+
+
+@lru_cache(maxsize=8)
+def _to_mm(shape: tuple[int, int], pixel: float) -> F4:
+    """From the spectrum of twice the divergence to that of the height."""
+    return np.asarray(inverse_laplacian(shape) * np.float32(0.5 * pixel), np.float32)
+
+
+@lru_cache(maxsize=8)
+def inverse_laplacian(shape: tuple[int, int]) -> F4:
+    """One over the eigenvalues 2 cos(pi u / W) + 2 cos(pi v / H) - 4; 0 for the mean."""
+    v = np.arange(shape[0])[:, None]
+    u = np.arange(shape[1])[None, :]
+    eigenvalues = 2 * np.cos(np.pi * u / shape[1]) + 2 * np.cos(np.pi * v / shape[0]) - 4
+    eigenvalues[0, 0] = 1
+    inverse = (1 / eigenvalues).astype(np.float32)
+    inverse[0, 0] = 0
+    inverse.flags.writeable = False
+    return inverse
+
+
+@integrate_dct.opencl(requires=REQUIRES, own_lanes=True)
+def _launch(run: Launch) -> None:
+    """Divergence, transform, division by the eigenvalues, and back."""
+    if run.lanes > 1:
+        _launch_in_lanes(run)
+        return
+    height, width = shape = run.sizes["H"], run.sizes["W"]
+    out = run.outputs["integrate_dct"]
+    inverse = run.keep(("inverse", shape), lambda: run.upload(inverse_laplacian(shape)))
+    cosine = cosine_transform(run, shape)
+    run.kernel("divergence", shape, run.inputs["slope"], out, height, width)
+    cosine.forward(out)
+    run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))
+    cosine.inverse(out)
+
+
+def _launch_in_lanes(run: Launch) -> None:
+    """Turn the image over first where a large prime divides its height, but not its width."""
+    height, width = run.sizes["H"], run.sizes["W"]
+    slope, out = run.inputs["slope"], run.outputs["integrate_dct"]
+    if _largest_prime(height) <= max(SMALL_PRIME, _largest_prime(width)):
+        _integrate(run, slope, out)
+        return
+    slope_turned, turned = run.scratch((2, width, height)), run.scratch((width, height))
+    run.kernel("turn_over", slope.shape, slope, slope_turned, 2, height, width)
+    _integrate(run, slope_turned, turned)
+    run.kernel("turn_over", (1, width, height), turned, out, 1, width, height)
+
+
+def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
+    """Transform the columns alone; along the rows each frequency is a tridiagonal system.
+
+    Half the transforms, for one sweep to the right and one to the left.
+    """
+    height, width = shape = out.shape[0], out.shape[1]
+    turns = run.keep(("turns", height), lambda: run.upload(_turns(height)))
+    pivots = run.keep(("pivots", shape), lambda: run.upload(_pivots(shape)))
+    pairs = -(-width // (2 * run.lanes))
+    scratch = run.scratch((pairs, 2, height, 2, run.lanes))
+    spectrum = run.scratch((width, height))
+    # Kernels leave a factor of four, two of the divergence and two of the transform.
+    to_mm = 0.25 * float(run.inputs["pixel"])
+    grid = run.in_lanes(height)
+    run.kernel("transform", (pairs,), slope, turns, scratch, spectrum, height, width, local=(1,))
+    run.kernel("solve", grid, spectrum, pivots, height, width, to_mm, local=(1,))
+    run.kernel("transform_back", (pairs,), spectrum, turns, scratch, out, height, width, local=(1,))
+
+
+@lru_cache(maxsize=8)
+def _largest_prime(number: int) -> int:
+    """Which the time of a transform grows with."""
+    factor, rest = 2, number
+    while factor * factor <= rest:
+        if rest % factor:
+            factor += 1
+        else:
+            rest //= factor
+    return rest
+
+
+def _turns(count: int) -> F4:
+    """Real and imaginary part of exp(-i pi t / 2 count) for t < 4 count."""
+    turn = np.exp(-0.5j * np.pi / count * np.arange(4 * count)).astype(np.complex64)
+    return turn.view(np.float32).reshape(-1, 2)
+
+
+def _pivots(shape: tuple[int, int]) -> F4:
+    """One over the pivots of the tridiagonal systems along the rows, W x H.
+
+    There is one for each frequency v down the columns, with 4 - 2 cos(pi v / H) on its
+    diagonal, one less at both ends.  The last pivot of v = 0 is none: the mean is free.
+    """
+    rows, columns = shape
+    diagonal = 4 - 2 * np.cos(np.pi * np.arange(rows) / rows)
+    pivots = np.empty((columns, rows))
+    before = np.zeros(rows)
+    for column in range(columns):
+        ends = (column == 0) + (column == columns - 1)
+        pivot = diagonal - ends - before
+        before = np.divide(1, pivot, out=np.zeros(rows), where=pivot > 1e-9)
+        pivots[column] = before
+    return pivots.astype(np.float32)

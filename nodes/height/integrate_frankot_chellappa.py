@@ -1,0 +1,146 @@
+"""Integrate slopes by Frankot and Chellappa's projection in the frequency domain."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
+
+from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, Height, PixelSize, Slope
+from tactograph.nodes.height._fourier import REQUIRES, cosine_transform, fourier_transform
+
+C8 = NDArray[np.complex64]
+
+
+@node(tolerance=Close(5e-4, 5e-4, why="two float32 transforms of different libraries"))
+def integrate_frankot_chellappa(
+    slope: Slope, pixel: PixelSize, *, border: Literal["periodic", "mirrored"] = "periodic"
+) -> Height:
+    """Project the slopes onto integrable ones (section 3.4, equation 14).
+
+    R. T. Frankot and R. Chellappa, "A method for enforcing integrability in shape from
+    shading algorithms", IEEE PAMI 10(4), 1988.
+
+    Parameters
+    ----------
+    slope
+        2 x H x W.
+    pixel
+        mm per px.
+    border
+        "periodic": the paper's; the surface has to return to its start at the border.
+        "mirrored": the surface continued by its mirror image, as if the transform were of
+        2H x 2W pixels; for surfaces that leave the frame at any height.
+
+    Returns
+    -------
+    ndarray
+        H x W in mm, its mean being zero.
+    """
+    height = _periodic(slope) if border == "periodic" else _mirrored(slope)
+    return np.asarray(height * np.float32(pixel), np.float32)
+
+
+def _periodic(slope: Slope) -> F4:
+    p, q = slope
+    by_v, by_u = _multipliers(p.shape)
+    spectrum = rfft2(p, workers=-1)
+    spectrum *= by_u
+    other = rfft2(q, workers=-1)
+    other *= by_v
+    spectrum += other
+    return np.asarray(irfft2(spectrum, s=p.shape, workers=-1, overwrite_x=True))
+
+
+@lru_cache(maxsize=8)
+def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
+    """-i v / (u^2 + v^2) and -i u / (u^2 + v^2): what the spectra of q and p are weighted by."""
+    v, u = _frequencies(shape)
+    inverse = np.complex64(-1j) * _inverse(u, v)
+    return v * inverse, u * inverse
+
+
+def _mirrored(slope: Slope) -> F4:
+    """Even in z, hence p odd in x and even in y: sine by cosine transforms."""
+    p, q = slope
+    v, u = _half_frequencies(p.shape)
+    p_hat = np.roll(dct(dst(p, 2, axis=1, norm="ortho"), 2, axis=0, norm="ortho"), 1, axis=1)
+    q_hat = np.roll(dct(dst(q, 2, axis=0, norm="ortho"), 2, axis=1, norm="ortho"), 1, axis=0)
+    # After the roll, index u holds the sine of frequency u; index 0 held the last one,
+    # which no cosine of the height corresponds to.
+    p_hat[:, 0] = 0
+    q_hat[0, :] = 0
+    spectrum = -(u * p_hat + v * q_hat) * _inverse(u, v)
+    return np.asarray(idctn(spectrum.astype(np.float32), 2, norm="ortho", workers=-1))
+
+
+def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
+    """2 pi v / M and 2 pi u / N in radians per pixel, half a spectrum wide."""
+    v = 2 * np.pi * fftfreq(shape[0])[:, None]
+    u = 2 * np.pi * rfftfreq(shape[1])[None, :]
+    # A slope cannot be told at the highest even frequency: sin(pi x) is 0 on every pixel.
+    if shape[0] % 2 == 0:
+        v[shape[0] // 2] = 0
+    if shape[1] % 2 == 0:
+        u[:, -1] = 0
+    return v.astype(np.float32), u.astype(np.float32)
+
+
+def _half_frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
+    """pi v / H and pi u / W: the frequencies of the cosine transform."""
+    v = np.pi * np.arange(shape[0])[:, None] / shape[0]
+    u = np.pi * np.arange(shape[1])[None, :] / shape[1]
+    return v.astype(np.float32), u.astype(np.float32)
+
+
+def _inverse(u: F4, v: F4) -> F4:
+    square = u * u + v * v
+    return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
+
+
+@integrate_frankot_chellappa.opencl(requires=REQUIRES, on_cpu="SciPy transforms faster than VkFFT")
+def _launch(run: Launch) -> None:
+    """Transform both slopes, combine them, transform back."""
+    if run.settings["border"] == "periodic":
+        _launch_periodic(run)
+    else:
+        _launch_mirrored(run)
+
+
+def _launch_periodic(run: Launch) -> None:
+    height, width = shape = run.sizes["H"], run.sizes["W"]
+    v, u = run.keep(("frequencies", shape), lambda: _uploaded(run, _frequencies(shape)))
+    # Both real fields as one complex field p + i q: one transform instead of two.
+    both = run.scratch(shape, np.complex64)
+    fourier = fourier_transform(run, shape)
+    run.kernel("pack", shape, run.inputs["slope"], both, height, width)
+    fourier.forward(both)
+    spectrum = run.scratch(shape, np.complex64)
+    run.kernel("combine", shape, both, v, u, spectrum, height, width)
+    fourier.inverse(spectrum)
+    out = run.outputs["integrate_frankot_chellappa"]
+    run.kernel("real_part", shape, spectrum, out, height, width, float(run.inputs["pixel"]))
+
+
+def _launch_mirrored(run: Launch) -> None:
+    height, width = shape = run.sizes["H"], run.sizes["W"]
+    v, u = run.keep(("half", shape), lambda: _uploaded(run, _half_frequencies(shape)))
+    cosine = cosine_transform(run, shape)
+    p, q = run.scratch(shape), run.scratch(shape)
+    run.kernel("alternate", shape, run.inputs["slope"], p, q, height, width)
+    cosine.forward(p)
+    cosine.forward(q)
+    out = run.outputs["integrate_frankot_chellappa"]
+    pixel = float(run.inputs["pixel"])
+    run.kernel("combine_mirrored", shape, p, q, v, u, out, height, width, pixel)
+    cosine.inverse(out)
+
+
+def _uploaded(run: Launch, frequencies: tuple[F4, F4]) -> tuple[Any, Any]:
+    v, u = frequencies
+    return run.upload(v), run.upload(u)

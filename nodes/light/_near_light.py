@@ -1,0 +1,70 @@
+"""What near point lights do to a film: the geometry that calibration and measurement share.
+
+A point light at L with strength s lights a Lambertian film of albedo a at P, whose unit normal
+is n, with I = a s n.(L - P) / |L - P|^3.  The film at rest (n = z, P_0 = P with z = 0) gives
+the flat frame.  Their ratio knows neither albedo, nor strength, nor vignetting::
+
+    I / I_flat = n.v,    v = (L - P) / L_z (|L - P_0| / |L - P|)^3                         (N1)
+
+and has no unknown scale left: |n| = 1.  ``kernels/headers/near_light.clh`` holds the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+
+F8 = NDArray[np.float64]
+
+FLATTEST = np.float32(0.02)
+"""Smallest n_z of a normal: the camera sees no steeper film."""
+
+
+def places(count: int, pixel: np.float32) -> F4:
+    """Return the pixels' x, or y, in mm from the middle of the image."""
+    middle = np.float32(0.5) * np.float32(count - 1)
+    return (np.arange(count, dtype=np.float32) - middle) * pixel
+
+
+def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
+    """Return v of equation N1: n.v is the light of a film with normal n, 1 at rest.
+
+    Parameters
+    ----------
+    lights
+        K x 3 in mm from the middle of the image.
+    height
+        H x W in mm.
+    pixel
+        mm per px.
+
+    Returns
+    -------
+    ndarray
+        K x 3 x H x W.
+    """
+    x = places(height.shape[1], np.float32(pixel))[None, :]
+    y = places(height.shape[0], np.float32(pixel))[:, None]
+    return vectors_at(lights, x, y, height)
+
+
+def expected_light(vectors: F4, slope: F4) -> F4:
+    """Return n.v of equation N1, K x H x W, for v of K x 3 x H x W and slopes of 2 x H x W."""
+    p, q = slope
+    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
+    return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
+
+
+def vectors_at(lights: F4, x: F4, y: F4, z: F4) -> F4:
+    """Return v of equation N1 at places in mm from the middle of the image, K x 3 x ..."""
+    vectors = np.empty((len(lights), 3, *z.shape), np.float32)
+    for vector, (lx, ly, lz) in zip(vectors, lights, strict=True):
+        dx, dy, dz = lx - x, ly - y, lz - z
+        plan = dx * dx + dy * dy
+        nearer = (plan + lz * lz) / (plan + dz * dz)
+        gain = nearer * np.sqrt(nearer) * (np.float32(1) / lz)
+        for component, away in zip(vector, (dx, dy, dz), strict=True):
+            np.multiply(away, gain, out=component)
+    return vectors

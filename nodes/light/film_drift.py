@@ -1,0 +1,268 @@
+"""How each LED's light has drifted since the flat frame, as the film at rest shows it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Close, Port, SizeLimit, node
+from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.nodes import F4, Light
+from tactograph.nodes.light.coarsen import coarsen
+
+TERMS, TERMS_OF, SUMS = 6, (1, 3, 6), 21 + 8 * 7
+"""1, u, v, u^2, u v, v^2; how many of them each degree has; and the kernels' sums."""
+DARKEST = np.float32(0.02)
+SEARCH = (0.03, 0.01, 0.0)
+"""Departures that count as calm in round after round, beyond the noise."""
+FEWEST = 0.05
+"""Share of the cells that must be calm; a film that is all touch tells nothing."""
+MOST_CELLS = 8000
+"""More tell nothing new: they are put together, four into one, until there are no more."""
+AROUND = 5
+"""Side in cells of what lies around a cell; its mean is so many times less noisy."""
+HELD = 0.003
+"""How firmly the drift's shape is held where there is little calm film: a share of all cells."""
+
+Drift = Annotated[F4, Port("K 6", "1")]
+"""Per LED the coefficients of 1, u, v, u^2, u v, v^2 of its light over that of the flat frame;
+u and v are x and y from the middle of the image, divided by half its width."""
+
+
+@node(
+    tolerance=Close(1e-3, why="a cell on the threshold of calm"),
+    sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
+)
+def film_drift(
+    light: Light,
+    sigma: Light | None = None,
+    before: Drift | None = None,
+    *,
+    degree: Annotated[int, Interval(ge=0, le=2)] = 0,
+    rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
+    level: Annotated[float, Ge(0)] = 4.5,
+    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.0,
+    factor: Annotated[int, Interval(ge=1, le=64)] = 4,
+    flat_noise: Annotated[float, Ge(0)] = 1.0,
+) -> Drift:
+    """Return by what polynomial each LED's light on the film at rest departs from 1.
+
+    Light divided by the flat frame is 1 on the film at rest, until an LED fades, warms up
+    or the sensor is bent.  The film is at rest where the light of all LEDs is 1 within
+    `rough` and `level` standard deviations, once the drift found is taken out: three rounds
+    of least squares, the first of which takes what departs by 3 % too.  They start from the
+    drift before, or from the medians of the frame's border if more of the film is calm under
+    those.  In the last round the mean around a cell has to be calm too, if that leaves a
+    twentieth of the frame: a single cell on the skirt of a touch looks like film at rest.
+
+    Of the level, what is found counts at once: LEDs flicker.  The shape follows slowly, by
+    `rate`, and is held where a touch hides it.  The drift before stays where a change
+    explains no more than chance would (`level` standard deviations, of the touch and of the
+    flat frame together), and without calm film on a twentieth of the frame.
+
+    Parameters
+    ----------
+    light, sigma
+        K x H x W, relative to the film at rest, and the standard deviation of a pixel
+        (none: 0), both on cells, as `coarsen` gives them.
+    before
+        K x 6, the drift of the item before; none: 1 everywhere.
+    degree
+        0: a factor per LED; 1 or 2: a polynomial in x and y.
+    rate
+        Share of a change of shape that is followed at once.
+    level
+        Standard deviations that still count as noise.
+    rough
+        Departure that still counts as calm, beyond noise.
+    factor
+        Side of a cell in pixels: its light is so many times less noisy.
+    flat_noise
+        Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
+        it is the mean of n.
+
+    Returns
+    -------
+    ndarray
+        K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the
+        middle of the image divided by half its width.
+    """
+    while light[0].size > MOST_CELLS:
+        light = coarsen(light, factor=2)
+        sigma = None if sigma is None else coarsen(sigma, factor=2)
+        factor *= 2
+    count, rows, columns = light.shape
+    basis = _basis(rows, columns)
+    cells, around = light.reshape(count, -1), _around(light).reshape(count, -1)
+    share = np.float32(level) / np.float32(factor)
+    noise = np.zeros_like(cells) if sigma is None else share * sigma.reshape(count, -1)
+    if before is None:
+        before = np.zeros((count, TERMS), np.float32)
+        before[:, 0] = 1
+    lit = np.asarray(cells / np.maximum(_gain(before, basis), DARKEST), np.float32)
+    other = before * _border_level(lit, rows, columns)[:, None]
+    widest = np.float32(rough + SEARCH[0])
+    better = _calm(cells, noise, basis, other, widest).sum()
+    drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
+    used = TERMS_OF[degree]
+    for beyond in SEARCH:
+        calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
+        if beyond == SEARCH[-1]:
+            less = noise * np.float32(1 / AROUND)
+            clear = np.minimum(calm, _calm(around, less, basis, drift, np.float32(rough)))
+            calm = clear if clear.mean() >= FEWEST else calm
+        if calm.mean() < FEWEST:
+            return before
+        drift, explained = _fit(cells, calm, basis, before, used)
+    drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
+    drift[:, 0] += (cells - _gain(drift, basis)) @ calm / calm.sum()
+    chance = np.float32(1 + flat_noise**2) * (np.square(noise) @ calm) / calm.sum()
+    return np.where((explained > chance)[:, None], drift, before)
+
+
+def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]) -> F4:
+    """Return 1, u, v, u^2, u v, v^2 at the rows and columns of an image: 6 x R x C."""
+    u, v = _axes(rows, columns, size)
+    one, u, v = np.ones_like(u * v), u + 0 * v, v + 0 * u
+    return np.stack([one, u, v, u * u, u * v, v * v])
+
+
+def _axes(
+    rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]
+) -> tuple[F4, F4]:
+    """u, 1 x C, and v, R x 1."""
+    height, width = size
+    scale = np.float32(2 / width)
+    u = (columns.astype(np.float32) - np.float32(0.5 * (width - 1)))[None, :] * scale
+    v = (rows.astype(np.float32) - np.float32(0.5 * (height - 1)))[:, None] * scale
+    return u, v
+
+
+def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
+    """Return what the drift makes of each LED's light: K x H x W, or K x 1 x 1 if it is level."""
+    rows, columns = size
+    c = drift[:, :, None, None]
+    if not drift[:, 1:].any():
+        return np.maximum(c[:, 0], DARKEST)
+    u, v = _axes(np.arange(rows), np.arange(columns), size)
+    gain = c[:, 0] + c[:, 1] * u + c[:, 2] * v
+    gain = gain + c[:, 3] * u * u + c[:, 4] * u * v + c[:, 5] * v * v
+    return np.asarray(np.maximum(gain, DARKEST), np.float32)
+
+
+@lru_cache(maxsize=4)
+def _basis(rows: int, columns: int) -> F4:
+    """The terms at each of N cells: 6 x N."""
+    basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(TERMS, -1)
+    basis.flags.writeable = False
+    return basis
+
+
+def _gain(drift: F4, basis: F4) -> F4:
+    """K x N, or K x 1 if the drift is level, as it nearly always is."""
+    return np.asarray(drift @ basis if drift[:, 1:].any() else drift[:, :1], np.float32)
+
+
+def _around(light: F4) -> F4:
+    """The mean of what lies around each cell; beyond the frame its border goes on."""
+    window = (AROUND, AROUND)
+    planes = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
+    return np.asarray(planes, np.float32)
+
+
+def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
+    """1 for each of N cells whose light is that of the drift, else 0."""
+    gain = _gain(drift, basis)
+    away = light - gain
+    np.abs(away, out=away)
+    most = noise + beyond
+    most *= gain
+    return np.asarray((away < most).all(axis=0), np.float32)
+
+
+def _border_level(light: F4, rows: int, columns: int) -> F4:
+    """The lower median of each LED's light along the border of the frame."""
+    cells = light.reshape(-1, rows, columns)
+    if min(rows, columns) > 2:
+        ring = (cells[:, 0], cells[:, -1], cells[:, 1:-1, 0], cells[:, 1:-1, -1])
+        light = np.concatenate(ring, axis=1)
+    middle = (light.shape[1] - 1) // 2
+    return np.asarray(np.partition(light, middle, axis=1)[:, middle])
+
+
+def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]:
+    """Least squares over the calm cells, the shape held near what it was.
+
+    Returns the drift, and the sum of squares that its change explains, by LED.
+    """
+    known = basis[:used] * calm
+    seen = known @ (light - _gain(before, basis)).T
+    held = np.full(used, HELD * calm.size, np.float32)
+    held[0] = 0
+    change = np.linalg.solve(known @ basis[:used].T + np.diag(held), seen)
+    drift = before.copy()
+    drift[:, :used] += change.T
+    return drift, np.asarray((change * seen).sum(axis=0), np.float32)
+
+
+@film_drift.opencl()
+def _launch(run: Launch) -> None:
+    """Look around, begin, go three rounds and finish; all but the first by one work-group."""
+    light, out = run.inputs["light"], run.outputs["film_drift"]
+    sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
+    lights, height, width = (run.sizes[name] for name in "KHW")
+    noisy, factor = light if sigma is None else sigma, int(run.settings["factor"])
+    while height * width > MOST_CELLS:
+        light, noisy = (_launch_halved(run, plane, height, width) for plane in (light, noisy))
+        height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
+    sizes, group = (lights, height, width), (run.group,)
+    share = 0.0 if sigma is None else float(run.settings["level"]) / factor
+    used, rough = TERMS_OF[run.settings["degree"]], float(run.settings["rough"])
+    rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
+    around, ring = run.scratch(sizes), run.scratch((height * width,))
+    old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
+    shares, explained = run.scratch((SUMS, run.group)), run.scratch((lights,))
+    few = run.scratch((1,), np.int32)
+    run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
+    start = light, noisy, out if before is None else before, ring, old, drift, few
+    begin = int(before is not None), share, rough + SEARCH[0]
+    run.kernel("begin", group, *start, *sizes, *begin, local=group)
+    for number, beyond in enumerate(SEARCH, start=1):
+        last = number == len(SEARCH)
+        planes = light, around, noisy, old, drift, spare, shares, few, explained
+        follow = int(last), used, share, rough + beyond, rate if last else 1.0
+        run.kernel("follow", group, *planes, *sizes, *follow, local=group)
+        drift, spare = spare, drift
+    found = light, around, noisy, old, spare, drift, shares, few, explained, out
+    finish = used, share, rough + SEARCH[-1], doubt
+    run.kernel("finish", group, *found, *sizes, *finish, local=group)
+
+
+def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:
+    shape = (run.sizes["K"], (height + 1) // 2, (width + 1) // 2)
+    halved = run.scratch(shape)
+    run.kernel("halve", run.in_row_lanes(*shape), light, halved, *shape, height, width)
+    return halved
+
+
+@film_drift.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """A film at rest whose LEDs have drifted, with a touch in a quarter of it."""
+    before = np.zeros((K, TERMS))
+    before[:, 0] = rng.uniform(0.95, 1.05, K)
+    before[:, 1:] = rng.uniform(-0.02, 0.02, (K, TERMS - 1))
+    drift = before + rng.uniform(-0.01, 0.01, (K, TERMS))
+    light = np.tensordot(drift, terms(np.arange(H), np.arange(W), (H, W)), axes=1)
+    light += rng.normal(0, 0.002, light.shape)
+    light[:, : H // 2, : W // 2] *= rng.uniform(0.3, 1.5, (K, H // 2, W // 2))
+    sigma = np.full((K, H, W), 0.002)
+    return {
+        "light": light.astype(np.float32),
+        "sigma": sigma.astype(np.float32),
+        "before": before.astype(np.float32),
+    }

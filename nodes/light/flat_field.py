@@ -1,0 +1,56 @@
+"""Divide every image by the untouched film under the same LED."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import node
+from tactograph.nodes import Dark, Light
+from tactograph.nodes.light.film_drift import Drift, drift_gain
+
+
+@node(neutral="image")
+def flat_field(
+    image: Light,
+    flat: Light,
+    dark: Dark,
+    drift: Drift | None = None,
+    *,
+    floor: Annotated[float, Gt(0)] = 0.02,
+) -> Light:
+    """Return the light relative to the film at rest: 1 where nothing touches.
+
+    Takes out each LED's uneven light, the lens's vignetting and the film's albedo, so that
+    one look-up table holds for all pixels (section 3 assumes a constant albedo).
+
+    Parameters
+    ----------
+    image
+        K x H x W, as captured.
+    flat
+        K x H x W, the untouched film, dark level already taken off.
+    dark
+        H x W, all LEDs off.
+    drift
+        K x 6: by what each LED's light on the film at rest has departed from that of the flat
+        image since, as `film_drift` gives it; none: by nothing.
+    floor
+        Smallest value of the flat image that is divided by; darker pixels carry no
+        information and would only blow up noise.
+    """
+    light = np.empty_like(image)
+    gains = [None] * len(image) if drift is None else drift_gain(drift, dark.shape)
+    for captured, rest, gain, found in zip(image, flat, gains, light, strict=True):
+        level = np.maximum(rest, np.float32(floor))
+        if gain is not None:
+            level *= gain
+        np.subtract(captured, dark, out=found)
+        found /= level
+    return light
+
+
+flat_field.opencl(grid="H W", lanes=True, whole="image")
+flat_field.numba(rows="H")

@@ -1,0 +1,117 @@
+"""Frames of single LEDs become touches: the newest light of every LED."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.live._frames import RawFrame
+from tactograph.nodes.live._match_frames import FAINTEST, Film, cells
+
+Refresh = Literal["rolling", "cycle"]
+FRESH_CYCLES = 2
+"""Frames of one touch may be so many cycles apart."""
+AMBIENT_SHARE = 0.5
+"""Weight of a new ambient frame in the mean that is subtracted."""
+
+
+@dataclass
+class Assembler:
+    """Keeps the newest frame of every LED and says when a touch is due.
+
+    Parameters
+    ----------
+    film
+        The film at rest, to measure motion by.
+    dark
+        H x W: what the calibration takes off by itself; ambient light is what exceeds it.
+    cycle
+        The LEDs in the order of the cycle, 0 for the ambient step.
+    rate
+        Frames per second.
+    refresh
+        "rolling": a touch with every frame, each replacing the older one of its LED.
+        "cycle": a touch whenever all LEDs are new.
+    full
+        The camera's largest value; 0: that of the frame's type.
+    """
+
+    film: Film
+    dark: Dark
+    cycle: tuple[int, ...]
+    rate: float
+    refresh: Refresh = "rolling"
+    full: float = 0.0
+    _frames: dict[int, RawFrame] = field(default_factory=dict)
+    _planes: dict[int, F4] = field(default_factory=dict)
+    _cells: dict[int, F4] = field(default_factory=dict)
+    _changes: dict[int, float] = field(default_factory=dict)
+    _new: set[int] = field(default_factory=set)
+    _ambient: F4 | None = None
+
+    def add(self, frame: RawFrame) -> None:
+        """Take a frame; one of LED 0 is ambient light."""
+        top = self.full or float(np.iinfo(frame.data.dtype).max)
+        plane = frame.data * np.float32(1 / top)
+        if frame.led == 0:
+            self._take_ambient(plane)
+            return
+        self._measure(frame, plane)
+        if self._ambient is not None:
+            plane -= self._ambient
+        self._frames[frame.led] = frame
+        self._planes[frame.led] = plane
+        self._new.add(frame.led)
+
+    @property
+    def due(self) -> bool:
+        """Whether something is new and all LEDs' frames are fresh enough to belong together."""
+        leds = [led for led in self.cycle if led]
+        if not self._new or any(led not in self._frames for led in leds):
+            return False
+        if self.refresh == "cycle" and len(self._new) < len(leds):
+            return False
+        times = [self._frames[led].time for led in leds]
+        return max(times) - min(times) <= FRESH_CYCLES * len(self.cycle) / self.rate
+
+    @property
+    def newest(self) -> RawFrame:
+        """The frame whose exposure ended last."""
+        return max(self._frames.values(), key=lambda frame: frame.time)
+
+    @property
+    def motion(self) -> float:
+        """Largest change of the light, 1 on the film at rest, from one cycle to the next.
+
+        The frames of a touch are spread over a cycle; what changes within it makes their
+        light contradict one another.
+        """
+        return max(self._changes.values(), default=0.0)
+
+    def take(self) -> Light:
+        """The touch, K x H x W as fractions of full scale; nothing is new after it."""
+        self._new.clear()
+        return np.stack([self._planes[led] for led in sorted(self._planes)])
+
+    def restart(self) -> None:
+        """Forget all frames but the ambient light."""
+        for kept in (self._frames, self._planes, self._cells, self._changes, self._new):
+            kept.clear()
+
+    def _take_ambient(self, plane: F4) -> None:
+        plane -= self.dark
+        before = self._ambient
+        self._ambient = plane if before is None else before + AMBIENT_SHARE * (plane - before)
+
+    def _measure(self, frame: RawFrame, plane: F4) -> None:
+        """Compare a frame with the one before of the same LED."""
+        now = cells(plane)
+        before, led = self._cells.get(frame.led), frame.led
+        self._cells[led] = now
+        if before is None:
+            return
+        flat = np.maximum(self.film.patterns[led - 1], np.float32(FAINTEST))
+        self._changes[led] = float((np.abs(now - before) / flat).max())

@@ -1,0 +1,186 @@
+"""One picture of a touch for people who watch a stream: fast enough for every camera frame."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from tactograph.nodes import F4, Height, Labels, Light
+from tactograph.nodes.calibrate._led_colours import LED_COLOURS
+
+Picture = NDArray[np.uint8]
+"""H x W x 3, red, green, blue."""
+HEIGHT_PX = 480
+"""Rows of the height's panel; the two beside it share them."""
+GAP = 12
+BAR_PX = 20
+BAR_TEXT_PX = 52
+TITLE_PX = 26
+TEXT_PX = 14
+GROUND = (24, 24, 28)
+INK = (225, 225, 225)
+SEVERAL = "#ffffff"
+UNKNOWN = (70, 70, 70)
+ALPHA = 0.75
+DIM = 0.6
+"""Brightness of the image under the labels, so that their colours stand out."""
+WHITE_SHARE = 0.995
+"""The share of the pixels that the camera picture shows below white."""
+LABELS = 256
+
+
+def draw_touch(
+    height: Height, shadow: Labels, image: Light, pixel: float, top: float, footer: str
+) -> Picture:
+    """Draw height, camera image and shadow labels side by side.
+
+    Parameters
+    ----------
+    height
+        H x W, mm.
+    shadow
+        H x W, a bit per shadowed LED.
+    image
+        K x H x W; LED 1 is shown, and under the labels the mean.
+    pixel
+        mm per px.
+    top
+        The height in mm at which the colours end.
+    footer
+        One line of text.
+    """
+    rows, columns = height.shape
+    width = round(HEIGHT_PX * columns / rows)
+    half = (HEIGHT_PX - TITLE_PX - GAP) // 2
+    small = round(half * columns / rows)
+    right = GAP + width + GAP + BAR_PX + BAR_TEXT_PX
+    canvas = np.empty((GAP + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP, right + small + GAP, 3), "u1")
+    canvas[:] = GROUND
+    first, mean = _grey(image[:1], small, half), _grey(image, small, half)
+    upper, lower = GAP + TITLE_PX, GAP + 2 * TITLE_PX + half + GAP
+    _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP, upper)
+    _place(canvas, _ramp(HEIGHT_PX), GAP + width + GAP, upper)
+    _place(canvas, first, right, upper)
+    _place(canvas, _labelled(shadow, mean), right, lower)
+
+    page = Image.fromarray(canvas)
+    pen = ImageDraw.Draw(page)
+    _write(pen, GAP, GAP, "height above the film at rest")
+    _write(pen, right, GAP, "camera, LED 1")
+    _write(pen, right, lower - TITLE_PX, "in shadow")
+    _legend(pen, right + small, lower - TITLE_PX, image.shape[0])
+    _ticks(pen, GAP + width + GAP, upper, top)
+    _scale_bar(pen, GAP, upper + HEIGHT_PX, width, columns * pixel)
+    _write(pen, GAP, upper + HEIGHT_PX + 8, footer)
+    return np.asarray(page)
+
+
+def colour_height(height: Height, top: float) -> Picture:
+    """Heights as colours from dark (0) to light (`top`, mm); grey where not finite."""
+    # An average tells whether there is any NaN at all, faster than a mask does.
+    known = np.isfinite(height) if not np.isfinite(height.mean()) else None
+    finite = height if known is None else np.where(known, height, 0)
+    coloured = _colours()[cv2.convertScaleAbs(np.maximum(finite, 0), alpha=255 / top)]
+    if known is not None:
+        coloured[~known] = UNKNOWN
+    return coloured
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5, 10, 20, … times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(max(value, 1e-9)))
+    return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
+
+
+def _grey(image: Light, width: int, height: int) -> Picture:
+    mean = np.mean([_resized(plane, width, height) for plane in image], axis=0)
+    white = float(np.quantile(mean[::4, ::4], WHITE_SHARE)) or 1.0
+    plane = cv2.convertScaleAbs(mean, alpha=255 / white)
+    return np.asarray(cv2.cvtColor(plane, cv2.COLOR_GRAY2RGB))
+
+
+def _labelled(shadow: Labels, grey: Picture) -> Picture:
+    rows, columns = grey.shape[:2]
+    labels = cv2.resize(shadow, (columns, rows), interpolation=cv2.INTER_NEAREST)
+    dim = cv2.convertScaleAbs(grey, alpha=DIM)
+    mixed = cv2.addWeighted(dim, 1 - ALPHA, _label_colours()[labels], ALPHA, 0)
+    return np.where(labels[..., None] > 0, mixed, dim)
+
+
+@lru_cache
+def _label_colours() -> Picture:
+    """A colour for each of the 256 labels: the LED's own, or white for several."""
+    found = [SEVERAL] * LABELS
+    for k, colour in enumerate(LED_COLOURS):
+        found[1 << k] = colour
+    return np.array([_rgb(colour) for colour in found], np.uint8)
+
+
+@lru_cache
+def _colours() -> Picture:
+    """256 x 3: dark to light, even to the eye."""
+    ramp = np.arange(256, dtype=np.uint8)[:, None]
+    bgr = cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS)
+    return np.asarray(bgr[:, 0, ::-1], np.uint8)
+
+
+def _ramp(rows: int) -> Picture:
+    levels = np.linspace(255, 0, rows).astype(np.uint8)
+    return np.repeat(_colours()[levels][:, None], BAR_PX, axis=1)
+
+
+def _resized(plane: F4, width: int, height: int) -> F4:
+    how = cv2.INTER_AREA if width < plane.shape[1] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(plane, (width, height), interpolation=how))
+
+
+def _place(canvas: Picture, picture: Picture, x: int, y: int) -> None:
+    canvas[y : y + picture.shape[0], x : x + picture.shape[1]] = picture
+
+
+@lru_cache
+def _font() -> Any:
+    return ImageFont.load_default(TEXT_PX)
+
+
+def _write(pen: ImageDraw.ImageDraw, x: float, y: float, text: str, anchor: str = "la") -> None:
+    pen.text((x, y), text, fill=INK, font=_font(), anchor=anchor)
+
+
+def _ticks(pen: ImageDraw.ImageDraw, x: int, y: int, top: float) -> None:
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        at = y + (1 - share) * (HEIGHT_PX - 1)
+        pen.line((x + BAR_PX, at, x + BAR_PX + 4, at), fill=INK)
+        inside = min(max(at, y + 8), y + HEIGHT_PX - 8)
+        _write(pen, x + BAR_PX + 8, inside, f"{share * top:.3g}", "lm")
+    _write(pen, x, y - 8, "mm", "lb")
+
+
+def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: float) -> None:
+    """A length of 1, 2 or 5 mm (or tenths, tens) of about a fifth of the picture."""
+    length = round_up(mm / 8)
+    across = width * length / mm
+    y = bottom - 16
+    pen.rectangle((x + 14, y, x + 14 + across, y + 4), fill="white")
+    _write(pen, x + 14 + across / 2, y - 4, f"{length:g} mm", "mb")
+
+
+def _legend(pen: ImageDraw.ImageDraw, right: int, y: int, count: int) -> None:
+    entries = [*zip(map(str, range(1, count + 1)), LED_COLOURS, strict=False), ("several", SEVERAL)]
+    for text, colour in reversed(entries):
+        right -= round(pen.textlength(text, font=_font()))
+        _write(pen, right, y, text)
+        right -= 16
+        pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour)
+        right -= 10
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return red, green, blue

@@ -1,0 +1,335 @@
+"""A sensor at work: its camera, its LEDs, and what its film looks like; real or simulated."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Protocol
+
+from tactograph.graph import InputError
+from tactograph.nodes import Dark, Height, Light
+from tactograph.nodes.live._camera import Camera, Capture, Wanted, check_camera, open_capture
+from tactograph.nodes.live._led_controller import (
+    ControllerLostError,
+    ControllerRefusedError,
+    LedController,
+    open_controller,
+)
+from tactograph.nodes.live._match_frames import Clock, Film, make_film
+from tactograph.nodes.live._simulated_camera import (
+    LitBetween,
+    SimulatedCamera,
+    SimulatedSensor,
+    read_scene,
+)
+from tactograph.nodes.live._simulated_controller import SimulatedController
+
+FREE = "none"
+"""The port of LEDs that flash by themselves."""
+SIMULATED = "simulated"
+START_S = 3.0
+"""A camera has so long to deliver its first frame."""
+CHANGE_GRID = 64
+"""Moments per step at which the clock is asked for the next change."""
+
+
+class Lamps(Protocol):
+    """The LEDs: what they do by the clock, and what went wrong with their controller."""
+
+    @property
+    def faults(self) -> Counter[str]:
+        """How often what happened."""
+
+    @property
+    def clock(self) -> Clock | None:
+        """The LED that is lit at a moment; None if nobody knows."""
+
+    @property
+    def starts(self) -> int:
+        """How often the cycle was started."""
+
+    def shift(self, steps: float) -> None:
+        """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
+
+    def hold(self, led: int) -> None:
+        """Light one LED, 0 for none, until the cycle is resumed."""
+
+    def resume(self) -> None:
+        """Start the cycle again."""
+
+    def news(self) -> list[str]:
+        """What happened since this was last asked, a line each."""
+
+    def close(self) -> None:
+        """Switch all LEDs off and let go of the controller."""
+
+
+@dataclass
+class FreeLamps:
+    """LEDs that flash by themselves: nothing is known of them, nothing can be done."""
+
+    clock: None = None
+    starts: int = 1
+    faults: Counter[str] = field(default_factory=Counter)
+
+    def shift(self, steps: float) -> None:
+        """Not possible."""
+
+    def hold(self, led: int) -> None:
+        """Not possible either, and needed."""
+        raise InputError(
+            "port=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
+            "images of your own (tactograph run calibrate capture=DIR flat=DIR)"
+        )
+
+    def resume(self) -> None:
+        """They never stopped."""
+
+    def news(self) -> list[str]:
+        """Nothing."""
+        return []
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class ControlledLamps:
+    """LEDs that a controller steps through the cycle, one step per camera frame.
+
+    Whether a step and a frame overlap with their neighbours is not known beforehand: the
+    camera's frames say it, and `shift` moves the cycle against them.
+    """
+
+    def __init__(self, controller: LedController, cycle: Sequence[int], rate: float) -> None:
+        self._controller = controller
+        self._cycle = cycle
+        self._step = 1 / rate
+        self._shifts = 0
+        self._start()
+
+    @property
+    def clock(self) -> Clock:
+        """The controller's own."""
+        return self._controller.step_at
+
+    @property
+    def faults(self) -> Counter[str]:
+        """As the controller counts them."""
+        return self._controller.faults
+
+    @property
+    def starts(self) -> int:
+        """How often the cycle was started, by us or after a fault."""
+        return 1 + self._shifts + len(self._controller.recoveries)
+
+    def shift(self, steps: float) -> None:
+        """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
+        self._shifts += 1
+        change = self._next_change(time.monotonic() + self._step / 4)
+        if change is not None:
+            wait = change + (steps % 1) * self._step - time.monotonic()
+            # The request is on its way for half of the time that question and answer take.
+            with suppress(ControllerLostError, ControllerRefusedError):
+                wait -= self._controller.status().round_trip_s / 2
+            time.sleep(max(wait, 0))
+        self._start()
+
+    def hold(self, led: int) -> None:
+        """Light one LED, 0 for none, until the cycle is resumed."""
+        self._controller.set(led)
+
+    def resume(self) -> None:
+        """Start the cycle again."""
+        self._shifts += 1
+        self._start()
+
+    def news(self) -> list[str]:
+        """What happened to the controller, a line each."""
+        return self._controller.news()
+
+    def close(self) -> None:
+        """LEDs off."""
+        self._controller.close()
+
+    def _start(self) -> None:
+        # A controller that is lost starts the cycle by itself once it is back.
+        with suppress(ControllerLostError, ControllerRefusedError):
+            self._controller.start_cycle(self._cycle, step_s=self._step)
+
+    def _next_change(self, after: float) -> float | None:
+        """When the controller steps on next; None if that is not known."""
+        grid = [after + self._step * i / CHANGE_GRID for i in range(2 * CHANGE_GRID)]
+        lit = [self.clock(moment) for moment in grid]
+        pairs = pairwise(zip(grid, lit, strict=True))
+        return next((moment for (_, one), (moment, two) in pairs if one != two), None)
+
+
+@dataclass
+class Rig:
+    """A camera and its LEDs at work; what their film looks like is not known yet.
+
+    Attributes
+    ----------
+    table, board, link
+        The sensor and the controller made of software, and the path that leads to its port.
+    """
+
+    camera: Camera
+    lamps: Lamps
+    cycle: tuple[int, ...]
+    rate: float
+    table: SimulatedSensor | None
+    board: SimulatedController | None
+    link: Path | None
+
+    def with_film(self, flat: Light, dark: Dark) -> Sensor:
+        """The sensor, once its film at rest is known: K x H x W and H x W."""
+        return Sensor(
+            self.camera,
+            self.lamps,
+            self.cycle,
+            self.rate,
+            self.table,
+            self.board,
+            self.link,
+            make_film(flat, dark),
+            dark,
+        )
+
+    def truth(self, end: float) -> Height | None:
+        """The true height of a frame whose exposure ended at `end`, where it is known."""
+        return None if self.table is None else self.table.truth(end)
+
+    def close(self) -> None:
+        """LEDs off, camera closed."""
+        with ExitStack() as stack:
+            if self.board is not None:
+                stack.callback(self.board.close)
+            if self.link is not None:
+                stack.callback(shutil.rmtree, self.link.parent, ignore_errors=True)
+            stack.callback(self.camera.close)
+            stack.callback(self.lamps.close)
+
+
+@dataclass
+class Sensor(Rig):
+    """What `read_camera` works with: the rig, and its film from the calibration."""
+
+    film: Film
+    dark: Dark
+
+
+def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
+    """LEDs of a simulated sensor that flash by themselves, in step with its camera."""
+
+    def lit_between(begin: float, end: float) -> list[tuple[int, float]]:
+        middle = (begin + end) / 2
+        return [(cycle[math.floor((middle - start) * rate) % len(cycle)], 1.0)]
+
+    return lit_between
+
+
+def open_sensor(
+    camera: int | str,
+    port: str | None,
+    flat: Light,
+    dark: Dark,
+    wanted: Wanted,
+    *,
+    ambient: bool = False,
+    queue: int = 8,
+    timeout: float = 0.5,
+) -> Sensor:
+    """Open what `read_camera` is asked to read, as `open_rig` does.
+
+    Parameters
+    ----------
+    flat, dark
+        From the calibration, K x H x W and H x W.
+    """
+    rig = open_rig(
+        camera, port, wanted, leds=len(flat), ambient=ambient, queue=queue, timeout=timeout
+    )
+    return rig.with_film(flat, dark)
+
+
+def open_rig(
+    camera: int | str,
+    port: str | None,
+    wanted: Wanted,
+    *,
+    leds: int,
+    ambient: bool = False,
+    queue: int = 8,
+    timeout: float = 0.5,
+) -> Rig:
+    """Open a camera and start the cycle of its LEDs.
+
+    Parameters
+    ----------
+    camera, port
+        As for `read_camera`.
+    wanted
+        What the camera is asked for.
+    leds
+        How many LEDs there are.
+    ambient
+        Whether the cycle has a step with all LEDs off.
+    queue, timeout
+        As for `Camera`.
+
+    Raises
+    ------
+    InputError
+        If the camera or the controller cannot be opened.
+    """
+    cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
+    table: SimulatedSensor | None = None
+    board: SimulatedController | None = None
+    link: Path | None = None
+    once = False
+    if str(camera).partition("?")[0] == SIMULATED:
+        table = SimulatedSensor(read_scene(str(camera)))
+        lit_between = steady(cycle, wanted.rate, table.start)
+        if port == SIMULATED:
+            # Plugged in again, a controller has another port; a link leads to it, as udev's do.
+            link = Path(mkdtemp()) / "controller"
+            board = SimulatedController(leds=leds, link=link)
+            port, lit_between = str(link), board.lit_between
+        connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
+    elif port == SIMULATED:
+        raise InputError("port=simulated goes with camera=simulated")
+    else:
+        once = check_camera(camera)
+        connect = partial(open_capture, camera)
+    lamps = open_lamps(port, cycle, wanted.rate)
+    source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
+    rig = Rig(source, lamps, cycle, wanted.rate, table, board, link)
+    try:
+        source.check(START_S, camera)
+    except InputError:
+        rig.close()
+        raise
+    return rig
+
+
+def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
+    """Start the cycle of the LEDs on a port, unless they flash by themselves.
+
+    Raises
+    ------
+    InputError
+        If the controller cannot be opened.
+    """
+    if port == FREE:
+        return FreeLamps()
+    return ControlledLamps(open_controller(port, leds=max(cycle)), cycle, rate)

@@ -1,0 +1,184 @@
+"""Lead a person through a calibration: the untouched film, then ball after ball."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, node
+from tactograph.graph.files.whole_files import whole_file, whole_files
+from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.calibrate.find_ball import Ball, find_ball
+from tactograph.nodes.capture._sheet import SheetLight
+from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
+from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
+from tactograph.nodes.capture.read_flat import read_flat
+from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.live._camera import Plane, Wanted
+from tactograph.nodes.live._guide import Guide, film_at_rest, tell
+from tactograph.nodes.live._sensor import open_rig
+from tactograph.nodes.live._stream import Stream
+
+FULL, MOST_FULL = 0.998, 0.01
+"""Light that counts as saturated, and the share of pixels that may be."""
+SMALLEST_PX = 10.0
+"""Radius of a contact that holds enough pixels to fit an LED's light by."""
+
+
+class GuidedPresses(NamedTuple):
+    """P presses so far as `read_balls` has them, and the film as `read_flat` has it."""
+
+    image: SheetLight
+    first: Light
+    radius: Radii
+    known: KnownCircles
+    names: list[str]
+    flat: Light
+    dark: Dark
+
+
+@node(endless=True)
+def guide_presses(
+    *,
+    camera: int | str = 0,
+    port: str | None = None,
+    ball_radius_mm: Annotated[float, Gt(0)],
+    pixel_size_mm: Annotated[float, Gt(0)],
+    file: Path,
+    leds: Annotated[int, Interval(ge=3, le=MOST_LEDS)] = 4,
+    width_px: Annotated[int, Ge(1)] | None = None,
+    height_px: Annotated[int, Ge(1)] | None = None,
+    rate: Annotated[float, Gt(0)] = 30.0,
+    exposure: float | None = None,
+    gain: float | None = None,
+    white_balance: float | None = None,
+    bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
+    still_s: Annotated[float, Gt(0)] = 0.4,
+    patience_s: Annotated[float, Gt(0)] = 120.0,
+    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
+) -> Iterator[GuidedPresses]:
+    """Say what to do, see that it is done, and yield all presses so far after each.
+
+    The untouched film is taken with one LED lit after the other, and with none.  A press is
+    taken by itself: the light differs from that of the untouched film, and then is still.
+    No key has to be pressed.  A press that shows no ball is told and left out.  What is asked
+    for appears on the terminal at once.
+
+    All images are kept beside `file`: ``cal_presses/untouched``, ``cal_presses/dark.png`` and
+    ``cal_presses/pressed/01`` and so on for ``cal.npz``, which `calibrate` reads.
+
+    Parameters
+    ----------
+    camera, port, rate, exposure, gain, white_balance, bits, timeout_s
+        As for `read_camera`; the LEDs cannot do without their controller here.
+    ball_radius_mm
+        The ball's radius.
+    pixel_size_mm
+        mm per px on the film.
+    file
+        The calibration that is to be written.
+    leds
+        How many LEDs there are.
+    width_px, height_px
+        Size that the camera is asked for; None leaves it as the driver has it.
+    still_s
+        For how long a press has to be held still.
+    patience_s
+        So long a next press is waited for.
+
+    Returns
+    -------
+    GuidedPresses
+        As `read_balls` and `read_flat` give them.
+
+    Raises
+    ------
+    InputError
+        If the camera or the controller cannot be opened; if an LED stays dark; if the film
+        does not come to rest, or is never pressed; if there are presses already.
+    """
+    folder = file.with_name(f"{file.stem}_presses")
+    if folder.exists():
+        raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
+    wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance)
+    rig = open_rig(camera, port, wanted, leds=leds, timeout=timeout_s)
+    try:
+        tell("Take everything off the film, and leave it alone.")
+        image, black = film_at_rest(rig, bits, patience_s)
+        _save_film(folder, image, black)
+        film = read_flat(image, black=black, folder=folder / "untouched")
+        rig.lamps.resume()
+        full = float(2**bits - 1) if bits else 0.0
+        sensor = rig.with_film(*film)
+        guide = Guide(sensor.film, Stream(sensor, "cycle", full), still_s, patience_s)
+        taken = 0
+        while (press := guide.next_press()) is not None:
+            try:
+                ball = _ball(press.image, film.flat, film.dark, pixel_size_mm, ball_radius_mm)
+            except InputError as error:
+                tell(f"{error}: let go, and press again.")
+                continue
+            taken += 1
+            frames = {frame.led: frame.data for frame in press.new}
+            about = _about(ball_radius_mm, ball, bits)
+            _save_press(folder / "pressed" / f"{taken:02}", frames, about)
+            tell(f"Press {taken} is taken: let go.")
+            yield GuidedPresses(*read_balls(folder=folder / "pressed"), *film)
+        if not taken:
+            raise InputError(
+                f"the film was not pressed within {patience_s:g} s; press the ball into it and "
+                "hold it still, or wait longer with --set frames.patience_s=600"
+            )
+        tell(f"No press for {patience_s:g} s: that was all.")
+    finally:
+        rig.close()
+
+
+def _ball(image: Light, flat: Light, dark: Dark, pixel: float, radius_mm: float) -> Ball:
+    """Where the ball touches; an error if the press is of no use."""
+    full = float((image >= FULL).mean())
+    if full > MOST_FULL:
+        raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
+    try:
+        ball = find_ball(flat_field(image, flat, dark), pixel, radius_mm=radius_mm)
+    except InputError:
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+    if ball.contact < SMALLEST_PX:
+        raise InputError(f"the contact is only {2 * ball.contact:.0f} px wide, press deeper")
+    return ball
+
+
+def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
+    """What is known of a press, so that its ball is searched for only once."""
+    x, y = ball.center.tolist()
+    return CaptureFile(
+        ball_radius_mm=radius_mm, ball_center_px=[x, y], ball_contact_px=ball.contact, bits=bits
+    )
+
+
+def _save_film(folder: Path, image: Light, dark: Dark) -> None:
+    """Means of many frames: finer than the camera's own steps, so 16 bits."""
+    with whole_files(folder / "untouched") as target:
+        for k, plane in enumerate(image, start=1):
+            cv2.imwrite(str(target / f"led{k}.png"), _levels(plane))
+    with whole_file(folder / "dark.png") as file:
+        cv2.imwrite(str(file), _levels(dark))
+
+
+def _levels(plane: F4) -> NDArray[np.uint16]:
+    return np.rint(plane * 65535).astype(np.uint16)
+
+
+def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:
+    """A capture as `read_balls` reads it: the frames as they came, and what pressed."""
+    with whole_files(folder) as target:
+        for led, data in frames.items():
+            cv2.imwrite(str(target / f"led{led}.png"), data)
+        # JSON is YAML, too.
+        (target / "capture.yaml").write_text(about.model_dump_json(exclude_none=True) + "\n")

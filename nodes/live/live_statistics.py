@@ -1,0 +1,166 @@
+"""How a stream of heights does: rate, latency, faults, error, memory."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Port, Provenance, Session, node
+from tactograph.graph.files.whole_files import whole_file
+from tactograph.nodes import Height, Metrics
+from tactograph.nodes.live._frames import LiveState
+
+BIN_S = 1e-4
+"""Latencies are counted in bins of this width, so that hours of them need no memory."""
+LONGEST_S = 5.0
+"""Longer ones fall into the last bin."""
+WARM_S = 2.0
+"""What happens before is left out: kernels are compiled and caches filled."""
+
+
+@node
+def live_statistics(
+    height: Height,
+    time: Annotated[float, Port(unit="s")],
+    state: LiveState,
+    truth: Height | None = None,
+    *,
+    folder: Path | None = None,
+    every_s: Annotated[float, Gt(0)] = 1.0,
+    session: Session,
+    provenance: Provenance,
+) -> None:
+    """Count the heights of a stream, tell of them while it runs, and sum up at its end.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    time
+        The end of its newest exposure, s of ``time.monotonic()``.
+    state
+        What the stream has counted.
+    truth
+        H x W in mm, where it is known: what the film was at the newest exposure.
+    folder
+        Where ``result.json`` goes when the stream ends; None: nowhere.
+    every_s
+        Time between two lines on the terminal.
+    """
+    statistics = session.keep(lambda: Statistics(folder, every_s))
+    statistics.take(height, time, state, truth, provenance)
+
+
+class Statistics:
+    """Running figures of a stream, in bounded memory."""
+
+    def __init__(self, folder: Path | None = None, every_s: float = 1.0) -> None:
+        self._folder = folder
+        self._every = every_s
+        self._begun = self._told = time.monotonic()
+        self._heights = self._heights_told = 0
+        self._first = self._last = self._processor = 0.0
+        self._latencies = np.zeros(round(LONGEST_S / BIN_S), np.int64)
+        self._errors = 0
+        self._square_error = self._worst = 0.0
+        self._memory_first = self._memory_most = 0.0
+        self._state = LiveState()
+        self._provenance: Provenance | None = None
+
+    def take(
+        self,
+        height: Height,
+        end: float,
+        state: LiveState,
+        truth: Height | None,
+        provenance: Provenance | None = None,
+    ) -> None:
+        """Count one height, which is ready now."""
+        now = time.monotonic()
+        self._state, self._provenance = state, provenance
+        if now - self._begun < WARM_S:
+            return
+        if not self._heights:
+            self._first = self._told = now
+            self._processor = time.process_time()
+            self._memory_first = resident_mib()
+        self._last = now
+        self._heights += 1
+        self._latencies[min(int((now - end) / BIN_S), len(self._latencies) - 1)] += 1
+        if truth is not None:
+            rmse = float(np.sqrt(np.mean(np.square(height - truth))))
+            self._errors += 1
+            self._square_error += rmse * rmse
+            self._worst = max(self._worst, rmse)
+        if now - self._told >= self._every:
+            self._tell(now)
+
+    def figures(self) -> Metrics:
+        """The figures so far, from `WARM_S` after the start."""
+        figures: Metrics = {"heights": float(self._heights)}
+        if self._heights > 1:
+            figures["heights_per_s"] = (self._heights - 1) / (self._last - self._first)
+            used = time.process_time() - self._processor
+            figures["processor_ms_per_height"] = 1e3 * used / (self._heights - 1)
+            figures["latency_median_ms"] = 1e3 * self._latency(0.5)
+            figures["latency_99_percent_ms"] = 1e3 * self._latency(0.99)
+        if self._errors:
+            figures["rmse_um"] = 1e3 * float(np.sqrt(self._square_error / self._errors))
+            figures["worst_rmse_um"] = 1e3 * self._worst
+        figures["frames"] = float(self._state.frames)
+        figures["dropped"] = float(self._state.dropped)
+        for fault, times in sorted(self._state.faults.items()):
+            figures[f"faults/{fault}"] = float(times)
+        figures["memory_mib"] = resident_mib()
+        figures["memory_growth_mib"] = resident_mib() - self._memory_first
+        return figures
+
+    def close(self) -> None:
+        """Sum up: on the terminal, and in ``result.json``."""
+        figures = self.figures()
+        width = max(map(len, figures))
+        for name, figure in figures.items():
+            print(f"  {name:<{width}}  {figure:.6g}")
+        sys.stdout.flush()
+        if self._folder is not None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with whole_file(self._folder / "result.json") as target:
+                target.write_text(json.dumps(self._summary(figures), indent=1) + "\n")
+
+    def _summary(self, figures: Mapping[str, float]) -> dict[str, Any]:
+        about = self._provenance.as_dict() if self._provenance is not None else {}
+        return {**about, "settings": self._state.settings, "metrics": dict(figures)}
+
+    def _latency(self, quantile: float) -> float:
+        """The upper edge of the bin in which the quantile lies."""
+        reached = np.cumsum(self._latencies)
+        return float(np.searchsorted(reached, quantile * reached[-1]) + 1) * BIN_S
+
+    def _tell(self, now: float) -> None:
+        rate = (self._heights - self._heights_told) / (now - self._told)
+        self._heights_told, self._told = self._heights, now
+        figures = self.figures()
+        parts = [f"{rate:5.1f} heights/s", f"latency {figures.get('latency_median_ms', 0):.1f} ms"]
+        if "rmse_um" in figures:
+            parts.append(f"rmse {figures['rmse_um']:.1f} um")
+        faults = sum(self._state.faults.values())
+        parts += [f"{self._state.dropped} dropped", f"{faults} faults"]
+        parts.append(f"{figures['memory_mib']:.0f} MiB")
+        print(", ".join(parts), flush=True)
+
+
+def resident_mib() -> float:
+    """Memory of this process in MiB; where only its peak can be known, that."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return pages * resource.getpagesize() / 2**20

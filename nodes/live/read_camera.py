@@ -1,0 +1,121 @@
+"""Read touches from a camera whose LEDs flash one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Interval
+
+from tactograph.graph import node
+from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.live._assemble import Refresh
+from tactograph.nodes.live._camera import Wanted
+from tactograph.nodes.live._frames import LiveState, Touch
+from tactograph.nodes.live._sensor import open_sensor
+from tactograph.nodes.live._stream import Stream
+
+
+@node(endless=True)
+def read_camera(
+    *,
+    camera: int | str = 0,
+    port: str | None = None,
+    calibration: Path,
+    rate: Annotated[float, Gt(0)] = 30.0,
+    exposure: float | None = None,
+    gain: float | None = None,
+    white_balance: float | None = None,
+    refresh: Refresh = "rolling",
+    ambient: bool = False,
+    motion: Literal["report", "skip"] = "report",
+    motion_limit: Annotated[float, Gt(0)] = 0.1,
+    bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
+    queue: Annotated[int, Interval(ge=1, le=64)] = 8,
+    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
+    seconds: Annotated[float, Gt(0)] | None = None,
+    items: Annotated[int, Ge(1)] | None = None,
+) -> Iterator[Touch]:
+    """Yield a touch with every camera frame, for as long as the camera runs.
+
+    A frame is matched to its LED by its image, which shows the film at rest under one of the
+    LEDs, and by the controller's clock; both have to agree.  What shows two LEDs, none, the
+    wrong one, or not the film at all is counted, told and discarded.  Camera and controller
+    are opened again whenever they fail.
+
+    Parameters
+    ----------
+    camera
+        Index, device, URL or video file; ``simulated`` for a sensor made of software, with
+        its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
+    port
+        The LED controller's serial port; None: found by its USB id.  ``simulated``: one made
+        of software.  ``none``: the LEDs flash by themselves, and the image alone decides.
+    calibration
+        The sensor's calibration: its flat frame says what the film looks like.
+    rate
+        Frames per second, and steps of the LEDs per second.
+    exposure, gain, white_balance
+        In the driver's units; None leaves them as they are.  Automatic ones are turned off.
+    refresh
+        "rolling": each frame replaces the older one of its LED, a touch per frame.  "cycle":
+        a touch whenever all LEDs are new.
+    ambient
+        Whether the cycle has a step with all LEDs off, whose light is subtracted.
+    motion, motion_limit
+        A touch whose light changes by more than the limit (1 is the film at rest) from one
+        cycle to the next is counted as "moved", or skipped.
+    bits
+        Bit depth, if the camera fills less than its 16-bit frames.
+    queue
+        Frames that wait at most; when the reconstruction is slower than the camera, the
+        oldest are dropped.
+    timeout_s
+        Time without a frame after which the camera is opened again.
+    seconds, items
+        End after so long, or so many touches.  None: never.
+
+    Returns
+    -------
+    Touches: the light K x H x W as fractions of full scale, a running number as name, the end
+    of the newest exposure in s of ``time.monotonic()``, the frames that are new, what was
+    counted so far, and the true height where the sensor is simulated.
+
+    Raises
+    ------
+    InputError
+        If at the start the calibration, the camera or the controller cannot be opened, or
+        the camera's size is not the calibration's.
+    """
+    known = read_calibration(file=calibration)
+    height, width = known.dark.shape
+    wanted = Wanted(width, height, rate, exposure, gain, white_balance)
+    sensor = open_sensor(
+        camera,
+        port,
+        known.flat,
+        known.dark,
+        wanted,
+        ambient=ambient,
+        queue=queue,
+        timeout=timeout_s,
+    )
+    full = float(2**bits - 1) if bits else 0.0
+    settings = {
+        "camera": str(camera),
+        "rate": rate,
+        "exposure": exposure,
+        "gain": gain,
+        "white_balance": white_balance,
+        "refresh": refresh,
+        "cycle": list(sensor.cycle),
+        "bits": bits,
+    }
+    stream = Stream(
+        sensor, refresh, full, motion_limit, motion == "skip", LiveState(settings=settings)
+    )
+    try:
+        yield from stream.touches(timeout_s / 2, seconds, items)
+    finally:
+        sensor.close()

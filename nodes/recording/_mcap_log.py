@@ -1,0 +1,410 @@
+"""A log of ROS 2 messages in MCAP files that survives a kill, a power cut and a full disk.
+
+Every message is a chunk of its own, with its checksum, so that a reader needs neither the end
+of the file nor its index (`_mcap_read.py`).  One thread writes, which survives the program's
+end; another asks the disk to keep it, which survives the computer's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Literal, cast
+
+from tactograph.graph import InputError
+from tactograph.nodes.recording._ros import DEFINITIONS, Message
+
+if TYPE_CHECKING:
+    from mcap.records import Schema
+
+WhenFull = Literal["stop", "oldest"]
+FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")
+"""A running number, so that the order does not depend on the computer's clock."""
+PATIENCE_S = 0.25
+"""How long a call waits for the system to take what it hands over; not if others wait already."""
+RETRY_S = 1.0
+"""Pause before a disk that failed is tried again."""
+CLOSING_S = 10.0
+SHARES = 4
+"""Files that the space on the disk is divided into at least, so that one can go."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a log may take of the disk and of memory."""
+
+    file_bytes: float = 512e6
+    file_s: float = 600.0
+    total_bytes: float = 50e9
+    when_full: WhenFull = "stop"
+    queue_bytes: float = 64e6
+    sync_s: float = 0.0
+    wait: bool = False
+
+    @property
+    def rotate_at(self) -> float:
+        return min(self.file_bytes, self.total_bytes / SHARES)
+
+
+def need_mcap() -> None:
+    """Raise an `InputError` that says what to install, if the libraries are not there."""
+    try:
+        import mcap.writer  # noqa: F401
+        import mcap_ros2.writer  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "MCAP files need two libraries that are not installed; pip install tactograph[mcap]"
+        ) from None
+
+
+def log_files(folder: Path) -> list[Path]:
+    """The files of a log in the order in which they were written."""
+    return sorted(f for f in folder.iterdir() if FILE_NAME.fullmatch(f.name))
+
+
+class McapLog:
+    """Writes messages into numbered files in a folder, in threads of its own.
+
+    Parameters
+    ----------
+    folder
+        Made if needed; a log that is already there is continued with new files.
+    about
+        What stands in every file, as MCAP metadata named "tactograph".
+    limits
+        Of a file, of the folder, of the queue.
+
+    Attributes
+    ----------
+    dropped
+        Calls whose messages are not in the log: the disk was too slow, full or absent.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written at all.
+    """
+
+    def __init__(self, folder: Path, about: Mapping[str, str], limits: Limits) -> None:
+        need_mcap()
+        self._folder, self._about, self._limits = folder, dict(about), limits
+        self._queue: deque[tuple[Sequence[Message], int]] = deque()
+        self._waiting = 0
+        self._taken = self._done = 0
+        self._closing = self._all_written = False
+        # Handles of files that are whole but not yet kept.
+        self._ended: list[int] = []
+        self._changed = threading.Condition()
+        self._lines: deque[str] = deque()
+        self.dropped = 0
+        self._stopped = False
+        self._disk_error: OSError | None = None
+        self._retry_at = 0.0
+        # How many were left out when the disk failed; None while it works.
+        self._failed_since: int | None = None
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._old = {file: file.stat().st_size for file in log_files(folder)}
+            self._file: _File | None = None
+            self._next_file()
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        self._threads = [
+            threading.Thread(target=work, name=f"mcap log {folder.name}", daemon=True)
+            for work in (self._run, self._keep)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def put(self, messages: Sequence[Message]) -> bool:
+        """Hand over messages that belong together; whether they were taken.
+
+        Returns once they are in the file, as far as the system is concerned; but if the disk
+        makes that last longer than `PATIENCE_S`, they and what follows wait in the queue, and
+        where that is full and the limits do not say `wait`, they are dropped.
+        """
+        size = sum(message.size for message in messages)
+        with self._changed:
+            if self._limits.wait:
+                self._changed.wait_for(lambda: not self._queue)
+            if self._waiting + size > self._limits.queue_bytes and self._queue:
+                self._drop()
+                self._say("the disk is too slow for the recording; some touches are left out")
+                return False
+            keeps_up = self._done == self._taken
+            self._queue.append((messages, size))
+            self._waiting += size
+            self._taken += 1
+            self._changed.notify_all()
+            if keeps_up:
+                self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
+        return True
+
+    def take_lines(self) -> list[str]:
+        """What happened since the last call that a user should know, a line each."""
+        found = []
+        while self._lines:
+            found.append(self._lines.popleft())
+        return found
+
+    def close(self) -> None:
+        """Write what is waiting, end the file with its index, and wait for the disk."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        for thread in self._threads:
+            thread.join(CLOSING_S)
+
+    def _run(self) -> None:
+        """Write what is in the queue; the system takes it into memory, so that it is quick."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._queue or self._closing)
+                if not self._queue:
+                    break
+                messages, size = self._queue.popleft()
+            self._write(messages)
+            with self._changed:
+                self._waiting -= size
+                self._done += 1
+                self._changed.notify_all()
+        if self._file is not None:
+            self._end(self._file)
+        with self._changed:
+            self._all_written = True
+            self._changed.notify_all()
+
+    def _keep(self) -> None:
+        """Ask the disk, which may take its time, to keep what was written."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._unkept() or self._ended or self._all_written)
+                handles, self._ended = self._ended, []
+                file, size = self._file, 0
+                if file is not None:
+                    handles.append(os.dup(file.handle))
+                    size = file.size
+                if not handles:
+                    return
+            for handle in handles:
+                self._sync(handle)
+            with self._changed:
+                if file is not None:
+                    file.kept = size
+                self._changed.wait_for(lambda: self._closing, self._limits.sync_s)
+
+    def _sync(self, handle: int) -> None:
+        try:
+            os.fsync(handle)
+        except OSError as error:
+            self._disk_error = error
+        finally:
+            os.close(handle)
+
+    def _unkept(self) -> bool:
+        return self._file is not None and self._file.kept < self._file.size
+
+    def _write(self, messages: Sequence[Message]) -> None:
+        if self._stopped or time.monotonic() < self._retry_at:
+            self._drop()
+            return
+        try:
+            if self._disk_error is not None:
+                error, self._disk_error = self._disk_error, None
+                raise error
+            if self._file is not None and self._file.is_over(self._limits):
+                self._end(self._file)
+            if not self._make_room():
+                self._drop()
+                return
+            file = self._file or self._next_file()
+            file.write(messages)
+        except OSError as error:
+            self._fail(error)
+            self._drop()
+            return
+        except Exception as error:
+            # Whatever it is, a thread that ends unseen would be worse.
+            self._stopped = True
+            self._say(f"{self._folder}: recording has stopped: {type(error).__name__}: {error}")
+            self._drop()
+            return
+        if self._failed_since is not None:
+            missing = self.dropped - self._failed_since
+            self._say(f"{self._folder}: recording again; {missing} touches were left out")
+            self._failed_since = None
+
+    def _make_room(self) -> bool:
+        """Delete the oldest files, or stop, where the folder holds all that it may."""
+        limit = self._limits.total_bytes
+        used = sum(self._old.values()) + (self._file.size if self._file else 0)
+        if used < limit:
+            return True
+        if self._limits.when_full == "stop":
+            self._stopped = True
+            self._say(
+                f"{self._folder}: holds {used / 1e9:.3g} GB, which is its limit; "
+                "recording has stopped"
+            )
+            return False
+        while self._old and used >= limit:
+            used -= self._delete(next(iter(self._old)))
+        return used < limit
+
+    def _delete(self, path: Path) -> int:
+        """Delete an old file; the bytes that it took."""
+        path.unlink(missing_ok=True)
+        return self._old.pop(path)
+
+    def _fail(self, error: OSError) -> None:
+        """Leave the file whole as far as it goes, say so once, and try again later."""
+        if self._failed_since is None:
+            self._failed_since = self.dropped
+            self._say(
+                f"{self._folder}: recording is interrupted, {error.strerror or error}; "
+                "what was written stays readable"
+            )
+        file = self._file
+        if file is not None:
+            file.cut()
+            self._put_away(file)
+            if file.is_empty:
+                self._delete(file.path)
+        if self._limits.when_full == "oldest" and len(self._old) > 1:
+            self._delete(next(iter(self._old)))
+        self._retry_at = time.monotonic() + RETRY_S
+
+    def _end(self, file: _File) -> None:
+        try:
+            file.write_index()
+        except OSError as error:
+            file.cut()
+            self._say(
+                f"{file.path}: ends without an index, {error.strerror or error}; "
+                "what was written stays readable"
+            )
+        self._put_away(file)
+
+    def _put_away(self, file: _File) -> None:
+        """Leave the file to the disk."""
+        with self._changed:
+            self._file = None
+            self._old[file.path] = file.size
+            self._ended.append(file.handle)
+            self._changed.notify_all()
+
+    def _next_file(self) -> _File:
+        last = max((int(file.name[:6]) for file in self._old), default=0)
+        stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S")
+        while True:
+            last += 1
+            with contextlib.suppress(FileExistsError):
+                file = _File(self._folder / f"{last:06}_{stamp}.mcap", self._about)
+                break
+        with self._changed:
+            self._file = file
+            if os.name != "nt":
+                # The folder's entry for the file has to be on the disk as well.
+                self._ended.append(os.open(self._folder, os.O_RDONLY))
+        return file
+
+    def _drop(self) -> None:
+        with self._changed:
+            self.dropped += 1
+
+    def _say(self, line: str) -> None:
+        if line not in self._lines:
+            self._lines.append(line)
+
+
+class _File:
+    """One MCAP file: as far as `size` it is whole, as far as `kept` it is on the disk."""
+
+    def __init__(self, path: Path, about: Mapping[str, str]) -> None:
+        from mcap_ros2.writer import Writer
+
+        self.path = path
+        self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self.size = self.kept = self.messages = 0
+        self._began = time.monotonic()
+        self._pending = _Pending()
+        # Chunks of size 0: each message ends its chunk.
+        self._writer = Writer(cast(IO[Any], self._pending), chunk_size=0)
+        self._schemas: dict[str, Schema] = {}
+        self._writer.add_metadata("tactograph", dict(about))
+        try:
+            self._flush()
+        except OSError:
+            os.close(self.handle)
+            path.unlink(missing_ok=True)
+            raise
+
+    @property
+    def is_empty(self) -> bool:
+        return self.messages == 0
+
+    def is_over(self, limits: Limits) -> bool:
+        if self.is_empty:
+            return False
+        age = time.monotonic() - self._began
+        return self.size >= limits.rotate_at or age >= limits.file_s
+
+    def write(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            if message.type not in self._schemas:
+                definition = DEFINITIONS[message.type]
+                self._schemas[message.type] = self._writer.register_msgdef(message.type, definition)
+            self._writer.write_message(
+                message.topic,
+                self._schemas[message.type],
+                message.body,
+                log_time=message.time,
+                sequence=message.sequence,
+            )
+        self._flush()
+        self.messages += len(messages)
+
+    def write_index(self) -> None:
+        self._writer.finish()
+        self._flush()
+
+    def cut(self) -> None:
+        """Take off what was only written in part."""
+        with contextlib.suppress(OSError):
+            os.ftruncate(self.handle, self.size)
+
+    def _flush(self) -> None:
+        data = memoryview(self._pending.take())
+        length = len(data)
+        while data:
+            data = data[os.write(self.handle, data) :]
+        self.size += length
+
+
+class _Pending(io.BufferedIOBase):
+    """What the MCAP library wrote since the last `take`."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._at = 0
+
+    def write(self, data: Any) -> int:
+        self._parts.append(bytes(data))
+        self._at += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._at
+
+    def take(self) -> bytes:
+        parts, self._parts = self._parts, []
+        return b"".join(parts)

@@ -1,0 +1,159 @@
+"""Read MCAP files as far as they are whole, with or without an end."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from tactograph.graph import InputError
+from tactograph.nodes.recording._mcap_log import need_mcap
+
+if TYPE_CHECKING:
+    from mcap.records import Channel, Message, Schema
+
+MAGIC = b"\x89MCAP0\r\n"
+_OPCODE_AND_LENGTH = struct.Struct("<BQ")
+
+
+@dataclass(frozen=True)
+class Read:
+    """One message of a file, decoded from ROS 2's serialisation."""
+
+    topic: str
+    time: int
+    sequence: int
+    body: Any
+
+
+@dataclass
+class McapFile:
+    """One file; iterate over `messages`, then see what was lost.
+
+    Attributes
+    ----------
+    about
+        The metadata named "tactograph"; complete before the first message.
+    lost
+        Bytes that could not be read: a record cut off by the file's end, or damaged.
+    topics
+        All topics that were met.
+    """
+
+    path: Path
+    about: dict[str, str] = field(default_factory=dict)
+    lost: int = 0
+    topics: set[str] = field(default_factory=set)
+
+    def messages(self) -> Iterator[Read]:
+        """Yield the messages in the file's order, skipping chunks whose checksum is wrong.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read at all, or is no MCAP file.
+        """
+        need_mcap()
+        try:
+            with self.path.open("rb") as stream:
+                self._check_start(stream)
+                yield from self._decoded(stream)
+        except OSError as error:
+            raise InputError(f"{self.path}: {error.strerror or error}") from None
+
+    def _check_start(self, stream: IO[bytes]) -> None:
+        start = stream.read(len(MAGIC))
+        if not MAGIC.startswith(start) and start.strip(b"\0"):
+            raise InputError(f"{self.path}: is no MCAP file, or damaged at its start")
+
+    def _decoded(self, stream: IO[bytes]) -> Iterator[Read]:
+        from mcap.records import Channel, Schema
+
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        for record in self._records(stream):
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+                self.topics.add(record.topic)
+            elif record.channel_id not in channels:
+                self.lost += len(record.data)
+            else:
+                channel = channels[record.channel_id]
+                schema = schemas.get(channel.schema_id)
+                if schema is None:
+                    continue
+                kind = schema.name, schema.encoding, schema.data
+                decode = _decoder(channel.message_encoding, *kind)
+                if decode is not None:
+                    body = decode(record.data)
+                    yield Read(channel.topic, record.log_time, record.sequence, body)
+
+    def _records(self, stream: IO[bytes]) -> Iterator[Schema | Channel | Message]:
+        from mcap.data_stream import ReadDataStream
+        from mcap.opcode import Opcode
+        from mcap.records import Channel, Chunk, Message, Metadata, Schema
+        from mcap.stream_reader import breakup_chunk
+
+        # The library's own reader stops at damage without telling where; this one goes from
+        # record to record by their lengths and lets the library read what is inside.
+        for opcode, payload in self._payloads(stream):
+            data = ReadDataStream(io.BytesIO(payload))
+            found: list[Any] = []
+            try:
+                if opcode == Opcode.CHUNK:
+                    found = breakup_chunk(Chunk.read(data), validate_crc=True)
+                elif opcode == Opcode.SCHEMA:
+                    found = [Schema.read(data)]
+                elif opcode == Opcode.CHANNEL:
+                    found = [Channel.read(data)]
+                elif opcode == Opcode.MESSAGE:
+                    found = [Message.read(data, len(payload))]
+                elif opcode == Opcode.METADATA:
+                    metadata = Metadata.read(data)
+                    if metadata.name == "tactograph":
+                        self.about = metadata.metadata
+                elif opcode == Opcode.DATA_END:
+                    return
+            except _damage():
+                self.lost += len(payload)
+            yield from found
+
+    def _payloads(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
+        """The records from the present position on, as far as they are all there."""
+        size = stream.seek(0, io.SEEK_END)
+        at = stream.seek(min(len(MAGIC), size))
+        while size - at >= _OPCODE_AND_LENGTH.size:
+            opcode, length = _OPCODE_AND_LENGTH.unpack(stream.read(_OPCODE_AND_LENGTH.size))
+            # After a power cut some file systems leave zeros where data should be.
+            if opcode == 0 or length > size - at - _OPCODE_AND_LENGTH.size:
+                break
+            yield opcode, stream.read(length)
+            at += _OPCODE_AND_LENGTH.size + length
+        self.lost += size - at
+
+
+@lru_cache
+def _decoder(
+    message_encoding: str, name: str, encoding: str, definition: bytes
+) -> Callable[[bytes], Any] | None:
+    """Turns bytes into a message; None where they are not ROS 2's."""
+    from mcap.records import Schema
+    from mcap_ros2.decoder import DecoderFactory
+
+    schema = Schema(id=1, name=name, encoding=encoding, data=definition)
+    return DecoderFactory().decoder_for(message_encoding, schema)
+
+
+def _damage() -> tuple[type[Exception], ...]:
+    """What the libraries raise where a record is not what it says."""
+    from mcap.exceptions import McapError
+    from zstandard import ZstdError
+
+    decoding = (ValueError, RuntimeError, KeyError, MemoryError, OverflowError, struct.error)
+    return (McapError, ZstdError, *decoding)

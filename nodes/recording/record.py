@@ -1,0 +1,138 @@
+"""Record the camera's raw frames, so that they can be replayed through any graph."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Gt, Interval
+
+from tactograph.graph import Provenance, Session, node, warn
+from tactograph.nodes import Light
+from tactograph.nodes.live._frames import LiveState, RawFrame
+from tactograph.nodes.recording._mcap_log import Limits, McapLog, WhenFull
+from tactograph.nodes.recording._ros import Message, image_message, text_message
+
+FORMAT = "1"
+
+
+@node
+def record(
+    new: list[RawFrame],
+    image: Light,
+    name: str,
+    state: LiveState | None = None,
+    *,
+    folder: Path,
+    file_mb: Annotated[float, Gt(0)] = 512.0,
+    file_minutes: Annotated[float, Gt(0)] = 10.0,
+    total_gb: Annotated[float, Gt(0)] = 50.0,
+    when_full: WhenFull = "stop",
+    sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0,
+    queue_mb: Annotated[float, Gt(0)] = 64.0,
+    wait: bool = False,
+    provenance: Provenance,
+    session: Session,
+) -> None:
+    """Record the frames behind a touch as MCAP files, which `replay`, Foxglove and ROS 2 read.
+
+    ``folder/000001_<start>.mcap`` and so on.  A frame is a sensor_msgs/Image on the topic
+    ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off), stamped with the end of its
+    exposure; after the frames of a touch comes its name and the camera's state as JSON on
+    ``/touch``.  When this function returns, a kill of the program loses none of it, unless the
+    disk has not taken it within a quarter of a second; a power cut loses what the disk has not
+    yet been asked to keep, see `sync_ms`.
+
+    A disk that is slow, full or gone does not stop the stream: touches are left out, which is
+    said in one line and counted, and recording goes on once the disk does.
+
+    Parameters
+    ----------
+    new
+        The frames that came since the touch before, each H x W, 8 or 16 bit.
+    image
+        K x H x W; tells how many LEDs there are.
+    name
+        The touch's name.
+    state
+        What the camera counts, written beside each touch.
+    folder
+        Made if needed.  A recording that is there already is continued in new files.
+    file_mb, file_minutes
+        A new file is begun when one is as large, or as old.
+    total_gb
+        What all files in the folder may take together.
+    when_full
+        At that limit "stop" recording, or let the "oldest" file go.
+    sync_ms
+        Least pause between two orders to the disk to keep what was written: what a power cut
+        may cost.  0: after each touch, or as often as the disk manages.
+    queue_mb
+        Memory for touches that wait for the disk.
+    wait
+        Let the stream wait for a slow disk, instead of leaving touches out: for streams that
+        are not live.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written when the recording begins, or the ``mcap`` libraries
+        are not installed.
+    """
+    recording = session.keep(
+        lambda: _Recording(
+            folder,
+            Limits(
+                file_bytes=1e6 * file_mb,
+                file_s=60 * file_minutes,
+                total_bytes=1e9 * total_gb,
+                when_full=when_full,
+                queue_bytes=1e6 * queue_mb,
+                sync_s=1e-3 * sync_ms,
+                wait=wait,
+            ),
+            leds=image.shape[0],
+            provenance=provenance,
+        )
+    )
+    recording.put(new, name, state)
+    for line in recording.log.take_lines():
+        warn(line)
+
+
+class _Recording:
+    """The log, and what turns the camera's clock into the time of day."""
+
+    def __init__(self, folder: Path, limits: Limits, *, leds: int, provenance: Provenance) -> None:
+        self._offset = time.time_ns() - time.monotonic_ns()
+        about = {
+            "format": FORMAT,
+            "leds": str(leds),
+            "clock_offset_ns": str(self._offset),
+            "graph": json.dumps(provenance.graph),
+            "versions": json.dumps(provenance.versions),
+        }
+        self.log = McapLog(folder, about, limits)
+
+    def put(self, frames: list[RawFrame], name: str, state: LiveState | None) -> None:
+        messages = [self._frame(frame) for frame in frames]
+        text = json.dumps(
+            {
+                "name": name,
+                "frames": [frame.number for frame in frames],
+                "state": vars(state) if state is not None else None,
+            },
+            default=str,
+        )
+        now = messages[-1].time if messages else time.monotonic_ns() + self._offset
+        self.log.put([*messages, text_message("/touch", now, text)])
+
+    def _frame(self, frame: RawFrame) -> Message:
+        source = f"led{frame.led}" if frame.led else "off"
+        when = round(1e9 * frame.time) + self._offset
+        return image_message(f"/{source}/image_raw", when, frame.data, source, frame.number)
+
+    def close(self) -> None:
+        self.log.close()

@@ -1,0 +1,225 @@
+"""Replay a recording: the frames of `record`, put together to touches again."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain, islice, pairwise
+from pathlib import Path
+from statistics import median
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.live._assemble import Assembler, Refresh
+from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
+from tactograph.nodes.live._match_frames import make_film
+from tactograph.nodes.recording._mcap_log import log_files
+from tactograph.nodes.recording._mcap_read import McapFile, Read
+from tactograph.nodes.recording._ros import read_image
+from tactograph.nodes.recording.record import FORMAT
+
+TOPIC = re.compile(r"/(?:led(\d+)|off)/image_raw")
+LOOK_AHEAD = 40
+"""Frames from which the camera's rate is found."""
+LONGEST_PAUSE_S = 1.0
+"""Longer pauses, as between two recordings in one folder, are not waited for."""
+
+
+@node
+def replay(
+    *,
+    recording: Path,
+    calibration: Path | None = None,
+    speed: Annotated[float, Ge(0)] = 1.0,
+    refresh: Refresh = "rolling",
+) -> Iterator[Touch]:
+    """Yield the touches of a recording, as the camera's source did or otherwise assembled.
+
+    No touch is left out: a graph that is slower than `speed` falls behind.  A recording whose
+    end is missing, as after a power cut, is replayed as far as it goes, with a warning.
+
+    Parameters
+    ----------
+    recording
+        An ``.mcap`` file of `record`, or the folder of them, which are taken in their order.
+    calibration
+        For recordings that hold frames with all LEDs off: what of those is the camera's own
+        dark, which the graph takes off by itself.
+    speed
+        1: as it was recorded; 2: twice as fast; 0: as fast as possible.
+    refresh
+        "rolling": a touch with every frame, each replacing the older one of its LED.
+        "cycle": a touch whenever all LEDs are new.
+
+    Returns
+    -------
+    Touches as `read_camera` yields them.  `time` is counted as ``time.monotonic()`` counts on
+    this computer now, so that it is negative for what was recorded before its start.
+
+    Raises
+    ------
+    InputError
+        If there is no recording there, or a file is none of `record`.
+    """
+    source = _Recording(recording)
+    frames = source.frames()
+    first = list(islice(frames, LOOK_AHEAD))
+    if not first:
+        raise InputError(f"{recording}: holds no frame")
+    wait = _Pace(speed).wait
+    state = LiveState(settings=source.settings)
+    new: list[RawFrame] = []
+    assembler = _assembler(source, first, calibration, refresh)
+    for before, frame in pairwise(chain([first[0]], first, frames)):
+        if frame.data.shape != before.data.shape:
+            assembler = _assembler(source, [frame], calibration, refresh)
+        wait(frame.time)
+        new.append(frame)
+        assembler.add(frame)
+        state.frames += 1
+        state.dropped += max(frame.number - before.number - 1, 0)
+        if frame.led and assembler.due:
+            state.touches += 1
+            yield Touch(
+                assembler.take(),
+                f"{state.touches:06}",
+                assembler.newest.time,
+                new,
+                replace(state, settings=source.settings),
+            )
+            new = []
+
+
+class _Recording:
+    """The frames of one or several files, and what stands beside them.
+
+    Attributes
+    ----------
+    leds
+        How many there are; known with the first frame.
+    settings
+        The camera's, as far as they have been read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._files = _files(path)
+        # From the time of day back to this computer's clock.
+        self._offset = time.time_ns() - time.monotonic_ns()
+        self.leds = 0
+        self.settings: dict[str, Any] = {}
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the frames in the files' order; warn of what was lost."""
+        for path in self._files:
+            file = McapFile(path)
+            count = 0
+            for message in file.messages():
+                if TOPIC.fullmatch(message.topic):
+                    self._learn(file)
+                    count += 1
+                    yield self._frame(path, message)
+                elif message.topic == "/touch":
+                    self._take_state(message)
+            if not count and file.topics:
+                topics = ", ".join(sorted(file.topics)[:4])
+                raise InputError(f"{path}: is no recording of camera frames; it holds {topics}")
+            if file.lost or not count:
+                warn(
+                    f"{path}: ends early, as after a power cut: {file.lost} bytes cannot be read; "
+                    f"the {count} frames before them can"
+                )
+
+    def _learn(self, file: McapFile) -> None:
+        if not file.about.get("leds", "").isdecimal():
+            raise InputError(f"{file.path}: was not written by tactograph's 'record'")
+        if file.about.get("format") != FORMAT:
+            raise InputError(
+                f"{file.path}: is of format {file.about.get('format')}, this version reads {FORMAT}"
+            )
+        self.leds = int(file.about["leds"])
+
+    def _frame(self, path: Path, message: Read) -> RawFrame:
+        found = TOPIC.fullmatch(message.topic)
+        assert found is not None
+        try:
+            data = read_image(message.body)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        led = int(found[1] or 0)
+        return RawFrame(message.sequence, led, 1e-9 * (message.time - self._offset), data)
+
+    def _take_state(self, message: Read) -> None:
+        state = json.loads(message.body.data)["state"]
+        if state is not None:
+            self.settings = state["settings"]
+
+
+class _Pace:
+    """Lets a recording's time pass at some speed."""
+
+    def __init__(self, speed: float) -> None:
+        self._speed = speed
+        self._begin: tuple[float, float] | None = None
+        self._before = 0.0
+
+    def wait(self, recorded: float) -> None:
+        """Return when a frame is due that was exposed at `recorded`."""
+        if not self._speed:
+            return
+        now = time.monotonic()
+        pause = recorded - self._before
+        if self._begin is None or not -LONGEST_PAUSE_S < pause < LONGEST_PAUSE_S:
+            self._begin = now, recorded
+        self._before = recorded
+        began, first = self._begin
+        time.sleep(max(began + (recorded - first) / self._speed - now, 0.0))
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.exists():
+        raise InputError(f"{path}: there is no such recording")
+    if not path.is_dir():
+        return [path]
+    found = log_files(path) or sorted(path.glob("*.mcap"))
+    if not found:
+        raise InputError(f"{path}: holds no .mcap file, so no recording")
+    return found
+
+
+def _assembler(
+    source: _Recording, frames: list[RawFrame], calibration: Path | None, refresh: Refresh
+) -> Assembler:
+    """An assembler for frames such as these; nobody asks it for motion, so any film will do."""
+    shape = frames[0].data.shape
+    dark = np.zeros(shape, np.float32)
+    if calibration is not None:
+        dark = read_calibration(file=calibration).dark
+        if dark.shape != shape:
+            raise InputError(
+                f"{calibration}: is for {dark.shape[1]} x {dark.shape[0]} pixels, "
+                f"but the recording has {shape[1]} x {shape[0]}"
+            )
+    leds = range(1, source.leds + 1)
+    off = [0] if any(frame.led == 0 for frame in frames) else []
+    film = make_film(np.ones((source.leds, *shape), np.float32))
+    bits = source.settings.get("bits")
+    full = float(2**bits - 1) if bits else 0.0
+    return Assembler(film, dark, (*leds, *off), _rate(frames), refresh, full)
+
+
+def _rate(frames: list[RawFrame]) -> float:
+    """Frames per second, from their times and numbers."""
+    steps = [
+        (b.time - a.time) / (b.number - a.number)
+        for a, b in pairwise(frames)
+        if b.number > a.number
+    ]
+    return 1 / max(median(steps or [0.1]), 1e-4)

@@ -1,0 +1,128 @@
+"""Where a height keeps the light of each LED away from itself."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
+from tactograph.nodes.simulate._sample import bilinear
+
+GROUP = 64
+STEP = np.float32(0.5)
+TINY = np.float32(1e-6)
+
+
+@node(
+    tolerance=Flips(2e-3, why="a ray that grazes the surface"),
+    sizes={"K": SizeLimit(1, 8, "a label has 8 bits")},
+)
+def cast_shadows(
+    height: Height,
+    lights: LightPositions,
+    pixel: PixelSize,
+    seen: Labels | None = None,
+    *,
+    reach_px: Annotated[int, Interval(ge=0, le=32)] = 3,
+) -> Labels:
+    """March from every pixel towards every LED, and see whether the surface rises above the ray.
+
+    Labels from the image alone err where a shadow begins, light being weak there; the shadow
+    that the height casts is sharper, provided that the height is right.  So the two are asked
+    together: a pixel is in shadow if the height says so, and the image agrees near by.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    lights
+        K x 3 in mm.
+    pixel
+        mm per px.
+    seen
+        H x W, the shadows in the image; without it the height decides alone.
+    reach_px
+        How many pixels away, along both axes, the image may show the shadow.
+
+    Returns
+    -------
+    ndarray
+        H x W, bit k-1 set where LED k does not light the pixel.
+    """
+    out = np.zeros(height.shape, np.uint8)
+    window = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
+    for k, led in enumerate(lights):
+        asked: Mask = np.ones(height.shape, np.uint8)
+        if seen is not None:
+            asked = np.asarray(cv2.dilate(np.ascontiguousarray(seen >> k & 1), window), np.uint8)
+        row, column = np.nonzero(asked)
+        if row.size:
+            out[row, column] |= _is_blocked(height, led, pixel, row, column).astype(np.uint8) << k
+    return out
+
+
+def _is_blocked(
+    height: F4, led: F4, pixel: float, row: NDArray[np.intp], column: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether the way from each pixel to the LED is blocked."""
+    rows, columns = height.shape
+    size = np.float32(pixel)
+    x, y, z = column.astype(np.float32), row.astype(np.float32), height[row, column]
+    dx = led[0] / size - (x - np.float32((columns - 1) / 2))
+    dy = led[1] / size - (y - np.float32((rows - 1) / 2))
+    plan = np.sqrt(dx * dx + dy * dy) + TINY
+    ux, uy, climb = dx / plan, dy / plan, (led[2] - z) / plan
+    top = height.max()
+    blocked = np.zeros(row.size, bool)
+    going = np.arange(row.size)
+    t = STEP
+    farthest = np.float32(rows + columns)
+    while going.size and t < farthest:
+        px, py = x[going] + ux[going] * t, y[going] + uy[going] * t
+        ray = z[going] + climb[going] * t
+        inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
+        hit = inside & (bilinear(height, px, py) > ray)
+        blocked[going[hit]] = True
+        going = going[inside & ~hit & (ray < top)]
+        t = np.float32(t + STEP)
+    return blocked
+
+
+@cast_shadows.opencl()
+def _launch(run: Launch) -> None:
+    """The top of the surface, above which no ray need be followed; then the rays."""
+    height, out = run.inputs["height"], run.outputs["cast_shadows"]
+    rows, columns = shape = run.sizes["H"], run.sizes["W"]
+    top = run.scratch((1,))
+    seen = run.inputs.get("seen")
+    run.kernel("highest", (GROUP,), height, top, rows * columns, local=(GROUP,))
+    run.kernel(
+        "cast",
+        shape,
+        height,
+        run.inputs["lights"],
+        seen if seen is not None else out,
+        top,
+        out,
+        rows,
+        columns,
+        run.sizes["K"],
+        int(seen is not None),
+        int(run.settings["reach_px"]),
+        float(run.inputs["pixel"]),
+    )
+
+
+@cast_shadows.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs above the film, and an image that shows shadows here and there."""
+    lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(6, 60, K)])
+    sparse = rng.random((H, W)) < 0.02
+    seen = np.where(sparse, rng.integers(0, 256, (H, W)), 0)
+    return {"lights": lights.astype(np.float32), "seen": seen.astype(np.uint8)}

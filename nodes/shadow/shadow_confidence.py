@@ -1,0 +1,141 @@
+"""How probable it is that a pixel's shadow labels are right."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from tactograph.graph import Close, SizeLimit, node
+from tactograph.nodes import (
+    F4,
+    Confidence,
+    Height,
+    Labels,
+    Light,
+    LightPositions,
+    PixelSize,
+    Slope,
+)
+from tactograph.nodes.light._near_light import expected_light, light_vectors
+
+FAINTEST = np.float32(0.02)
+"""Light that is expected at least."""
+HALF, ONE = np.float32(0.5), np.float32(1)
+
+
+@node(
+    tolerance=Close(1e-5, why="exponentials"),
+    sizes={"K": SizeLimit(1, 8, "a label has 8 bits")},
+)
+def shadow_confidence(
+    shadow: Labels,
+    seen: Labels,
+    light: Light,
+    sigma: Light,
+    slope: Slope,
+    height: Height,
+    lights: LightPositions,
+    pixel: PixelSize,
+    *,
+    sure: Annotated[float, Gt(0)] = 7.2,
+    by_light: Annotated[float, Ge(0)] = 5.3,
+    at_edge: Annotated[float, Ge(0)] = 5.5,
+    near_edge: Annotated[float, Ge(0)] = 4.2,
+    by_light_contradicted: Annotated[float, Ge(0)] = 1.0,
+    noisy: Annotated[float, Gt(0)] = 4.0,
+) -> Confidence:
+    """Return the probability that the labels of all LEDs are right.
+
+    For each LED the logarithm of the odds that its label is right is a sum: `sure` far from
+    any edge of its shadow; less at an edge, which may lie a pixel beside; more or less by the
+    share of the expected light that is there, from -1/2 to 1/2 in favour of the label, which
+    counts the less the noisier it is, and where the image alone says otherwise.  The
+    probabilities of the LEDs are multiplied.
+
+    The coefficients were fitted to simulated captures (`benchmarks/label_confidence.py`):
+    logistic regression, of which they are the usual reading as log odds.
+
+    Parameters
+    ----------
+    shadow
+        H x W, the labels in question.
+    seen
+        H x W, those of the image alone; `shadow` again where there are no others.
+    light, sigma
+        K x H x W, 1 on the film at rest, and its standard deviation.
+    slope, height
+        2 x H x W and H x W in mm: they say how much light is expected.
+    lights
+        K x 3 in mm.
+    pixel
+        mm per px.
+    sure
+        Log odds of a label far from edges, with the light halfway between the two.
+    by_light
+        Log odds per share of the light in the label's favour.
+    at_edge, near_edge
+        Log odds lost one and two pixels from another label of the same LED.
+    by_light_contradicted
+        What `by_light` is where `seen` differs: the light has been heard already.
+    noisy
+        Expected light, in standard deviations, that tells half of what much light would.
+
+    Returns
+    -------
+    ndarray
+        H x W, 0 to 1.
+    """
+    vectors = light_vectors(lights, height, pixel)
+    expected = np.maximum(expected_light(vectors, slope), FAINTEST)
+    share = np.clip(light / expected, 0, 1) - HALF
+    square, doubt = expected * expected, np.float32(noisy) * sigma
+    share *= square / (square + doubt * doubt)
+    edge, near = _edges(shadow, 1), _edges(shadow, 2)
+    differs = shadow ^ seen
+    sure_of_all = np.ones(shadow.shape, np.float32)
+    for k, towards_lit in enumerate(share):
+        favour = np.where(shadow >> k & 1, -towards_lit, towards_lit)
+        other = differs >> k & 1 > 0
+        odds = np.float32(sure) + favour * np.where(
+            other, np.float32(by_light_contradicted), np.float32(by_light)
+        )
+        lost = np.where(near >> k & 1, np.float32(near_edge), np.float32(0))
+        odds -= np.where(edge >> k & 1, np.float32(at_edge), lost)
+        sure_of_all *= ONE / (ONE + np.exp(-odds))
+    return np.asarray(sure_of_all, np.float32)
+
+
+shadow_confidence.opencl(grid="H W")
+
+
+def _edges(labels: Labels, reach: int) -> NDArray[np.uint8]:
+    """The LEDs whose label is not the same all over the pixels so far away, or nearer."""
+    rows, columns = labels.shape
+    padded = np.pad(labels, reach, mode="edge")
+    some, every = labels.copy(), labels.copy()
+    for down in range(2 * reach + 1):
+        for right in range(2 * reach + 1):
+            there = padded[down : down + rows, right : right + columns]
+            some |= there
+            every &= there
+    return np.asarray(some & ~every, np.uint8)
+
+
+@shadow_confidence.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs above the film; shadows in blocks, so that some pixels are far from edges."""
+    lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(20, 60, K)])
+    blocks = rng.integers(0, 1 << K, (-(-H // 8), -(-W // 8)))
+    shadow = np.kron(blocks, np.ones((8, 8), int))[:H, :W]
+    flips = np.where(rng.random((H, W)) < 0.1, rng.integers(0, 1 << K, (H, W)), 0)
+    slope: F4 = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
+    return {
+        "shadow": shadow.astype(np.uint8),
+        "seen": (shadow ^ flips).astype(np.uint8),
+        "sigma": rng.uniform(0.002, 0.05, (K, H, W)).astype(np.float32),
+        "slope": slope,
+        "lights": lights.astype(np.float32),
+    }

@@ -1,0 +1,246 @@
+"""Shadows measure heights: the paper's equation 1, read backwards."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Close, node
+from tactograph.nodes import (
+    F4,
+    Height,
+    Labels,
+    Light,
+    LightPositions,
+    PixelSize,
+    ShadowRises,
+    Slope,
+)
+from tactograph.nodes.light._near_light import light_vectors
+from tactograph.nodes.simulate._sample import bilinear
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+HALF = np.float32(0.5)
+FAINTEST = np.float32(0.02)
+STEEPEST = np.float32(3)
+FARTHEST_END = np.float32(1.5)
+OUTSIDE = np.float32(-1e6)
+NEAREST_EDGE = np.float32(1.2)
+
+
+class _Rays(NamedTuple):
+    """Rays that start at the ends of shadows: pixels, directions, distance to the LED."""
+
+    column: F4
+    row: F4
+    ux: F4
+    uy: F4
+    plan: F4
+
+    def at(self, t: F4 | np.float32) -> tuple[F4, F4]:
+        """The points t px along the rays."""
+        return self.column + self.ux * t, self.row + self.uy * t
+
+    def only(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> _Rays:
+        return _Rays(*(part[keep] for part in self))
+
+
+@node(tolerance=Close(1e-5, 1e-5, why="square roots that a device rounds otherwise"))
+def shadow_constraints(
+    light: Light,
+    shadow: Labels,
+    used: Labels,
+    slope: Slope,
+    height: Height,
+    lights: LightPositions,
+    pixel: PixelSize,
+    *,
+    step_px: Annotated[float, Interval(ge=0.1, le=1)] = 0.5,
+    longest_px: Annotated[float, Ge(0)] = 10_000.0,
+) -> ShadowRises:
+    """Measure how far the edge that casts a shadow stands above the shadow's end.
+
+    From every lit pixel whose neighbour towards the LED is dark the ray to the LED runs
+    through the dark to the first lit pixel, which cast the shadow.  It touches the film at
+    both ends, so their heights differ by the shadow's length times the tangent of the
+    light's elevation (the paper's equation 1, which predicts the length from the height).
+    The end of the shadow lies where half of the light arrives, found between pixels.
+
+    Parameters
+    ----------
+    light
+        K x H x W, 1 on the film at rest.
+    shadow
+        H x W, the LEDs that do not light a pixel.
+    used
+        H x W, the LEDs its slope was found with; both ends need two.
+    slope
+        2 x H x W; carries heights over the last half pixel.
+    height
+        H x W in mm, roughly; the elevation of a near LED depends on it a little.
+    lights
+        K x 3 in mm.
+    pixel
+        mm per px.
+    step_px
+        Step along the ray.
+    longest_px
+        Longest shadow that is measured; with 0 none is.
+
+    Returns
+    -------
+    ShadowRises
+        C measurements; none where nothing casts a shadow.
+    """
+    known = _count_bits(used) >= 2
+    found = []
+    for k, led in enumerate(lights):
+        dark = (shadow >> k & 1).astype(bool)
+        rays = _ends(dark, known, led / np.float32(pixel))
+        if rays.row.size:
+            part = _lit_part(light[k], lights[k : k + 1], slope, height, pixel)
+            ends = _march(rays, dark, part, np.float32(step_px), longest_px)
+            measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
+            found.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
+    if not found:
+        nowhere = np.zeros(0, np.int32)
+        return ShadowRises(nowhere, nowhere, np.zeros(0, np.float32), np.zeros(0, np.uint8))
+    return ShadowRises(*map(np.concatenate, zip(*found, strict=True)))
+
+
+def _count_bits(labels: Labels) -> Labels:
+    return np.unpackbits(labels[..., None], axis=-1).sum(axis=-1, dtype=np.uint8)
+
+
+def _lit_part(light: F4, led: F4, slope: Slope, height: Height, pixel: float) -> F4:
+    """The share (0 to 1) of its light that each pixel gets from one LED."""
+    p, q = slope
+    x, y, z = light_vectors(led, height, pixel)[0]
+    expected = (z - p * x - q * y) / np.sqrt(np.float32(1) + p * p + q * q)
+    return np.clip(light / np.maximum(expected, FAINTEST), np.float32(0), np.float32(1))
+
+
+def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> _Rays:
+    """The lit pixels of known slope that are dark one pixel on towards the LED (in px)."""
+    rows, columns = dark.shape
+    ring = cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & known))
+    dx = led[0] + np.float32((columns - 1) / 2) - column
+    dy = led[1] + np.float32((rows - 1) / 2) - row
+    plan = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+    rays = _Rays(column, row, dx / plan, dy / plan, plan)
+    return rays.only(_look_up(dark, *rays.at(np.float32(1))))
+
+
+def _look_up(mask: NDArray[np.bool_], x: F4, y: F4) -> NDArray[np.bool_]:
+    """`mask` at the nearest pixels; False outside the frame."""
+    rows, columns = mask.shape
+    column, row = np.rint(x).astype(int), np.rint(y).astype(int)
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    return inside & mask[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+
+
+def _measure(
+    rays: _Rays,
+    ends: tuple[F4, F4],
+    dark: NDArray[np.bool_],
+    known: NDArray[np.bool_],
+    slope: Slope,
+    height: Height,
+    led_height: np.float32,
+    pixel: float,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], F4]:
+    """The pixels at both ends of each shadow, and the rise between them in mm."""
+    end, edge = ends
+    x, y = rays.at(edge + np.float32(0.25))
+    kept = _look_up(~dark & known, x, y)
+    rays, end = rays.only(kept), end[kept]
+    top_column, top_row = np.rint(x[kept]), np.rint(y[kept])
+    row, column = rays.row.astype(np.int32), rays.column.astype(np.int32)
+    downhill = slope[0, row, column] * rays.ux + slope[1, row, column] * rays.uy
+    to_end = np.float32(pixel) * end * np.clip(downhill, -STEEPEST, STEEPEST)
+    length = (top_column - rays.column) * rays.ux + (top_row - rays.row) * rays.uy - end
+    end_height = height[row, column] + to_end
+    tangent = (led_height - end_height) / ((rays.plan - end) * np.float32(pixel))
+    rise = length * np.float32(pixel) * tangent + to_end
+    width = dark.shape[1]
+    top = (top_row * width + top_column).astype(np.int32)
+    return top, (row * width + column).astype(np.int32), np.asarray(rise, np.float32)
+
+
+def _march(
+    rays: _Rays, dark: NDArray[np.bool_], part: F4, step: np.float32, longest: float
+) -> tuple[F4, F4]:
+    """How far along each ray, in px, the shadow ends and the edge that casts it lies.
+
+    The edge is `OUTSIDE` where there is none within the frame and the longest shadow.
+    """
+    rows, columns = dark.shape
+    darkness = dark.astype(np.float32)
+    end = np.full(rays.row.size, HALF)
+    edge = np.full(rays.row.size, OUTSIDE)
+    before = bilinear(part, rays.column, rays.row)
+    going = np.arange(rays.row.size)
+    t = step
+    while going.size and t <= longest:
+        x, y = rays.only(going).at(t)
+        inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
+        going, x, y, before = going[inside], x[inside], y[inside], before[inside]
+        if t - step < FARTHEST_END:
+            now = bilinear(part, x, y)
+            falls = (now < HALF) & (before >= HALF)
+            back = step * (HALF - now) / np.maximum(before - now, np.float32(1e-6))
+            end[going[falls]] = np.clip(t - back, 0, FARTHEST_END)[falls]
+            before = now
+        lit = (t > NEAREST_EDGE) & (bilinear(darkness, x, y) < HALF)
+        edge[going[lit]] = t
+        going, before = going[~lit], before[~lit]
+        t = np.float32(t + step)
+    return end, edge
+
+
+@shadow_constraints.opencl()
+def _launch(run: Launch) -> None:
+    """Measure everywhere, count by rows, then gather in the order of LEDs, rows and columns."""
+    lights, height, width = sizes = tuple(run.sizes[symbol] for symbol in "KHW")
+    of = run.inputs
+    part, rise = run.scratch(sizes), run.scratch(sizes)
+    top, counts = run.scratch(sizes, np.int32), run.scratch((lights * height,), np.int32)
+    pixel = float(of["pixel"])
+    run.kernel(
+        "lit_part", run.in_lanes(height, width),
+        of["light"], of["slope"], of["height"], of["lights"], part, *sizes, pixel,
+    )  # fmt: skip
+    run.kernel(
+        "measure", sizes,
+        of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part, top, rise,
+        *sizes, pixel, run.settings["step_px"], run.settings["longest_px"],
+    )  # fmt: skip
+    run.kernel("count_rows", counts.shape, top, counts, lights * height, width)
+    ends = np.cumsum(run.download(counts), dtype=np.int32)
+    run.found("C", int(ends[-1]))
+    start = run.put(np.concatenate([[0], ends[:-1]]).astype(np.int32))
+    out = [run.outputs[name] for name in ShadowRises._fields]
+    run.kernel("gather_rows", counts.shape, top, rise, start, *out, *sizes)
+
+
+@shadow_constraints.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """Patches of shadow on a rough film that two LEDs at least were used on nearly everywhere."""
+    shape = sizes["H"], sizes["W"]
+    patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
+    shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]
+    around = rng.uniform(0, 2 * np.pi, sizes["K"])
+    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    return {
+        "shadow": np.ascontiguousarray(shadow),
+        "used": np.where(rng.random(shape) < 0.9, 15, 1).astype(np.uint8),
+        "height": rng.uniform(0, 0.5, shape).astype(np.float32),
+        "lights": lights.astype(np.float32),
+    }

@@ -1,0 +1,5 @@
+"""Sensors made of software.
+
+Shapes, the press into a soft film, LEDs, and the renderer.
+A new shape goes here.
+"""

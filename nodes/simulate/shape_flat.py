@@ -1,0 +1,26 @@
+"""The untouched film."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM, Length, Shape, Side, shape
+
+
+@node
+def shape_flat(
+    *, width_px: Side = 320, height_px: Side = 240, pixel_size_mm: Length = PAPER_PIXEL_MM
+) -> Shape:
+    """Return a film that nothing touches: the flat frame of a calibration.
+
+    Parameters
+    ----------
+    width_px, height_px, pixel_size_mm
+        The image.
+
+    Returns
+    -------
+    Height H x W, zero, and the pixel size.
+    """
+    return shape(np.zeros((height_px, width_px)), pixel_size_mm)

@@ -1,0 +1,69 @@
+"""A height map from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from tactograph.graph import InputError, node
+from tactograph.nodes.simulate._shape import F8, PAPER_PIXEL_MM, Length, Shape, shape
+
+
+@node
+def shape_image(
+    *,
+    file: Path,
+    rise_mm: Length | None = None,
+    pixel_size_mm: Length = PAPER_PIXEL_MM,
+) -> Shape:
+    """Return the height held in a picture or an array; the image is as large as that.
+
+    Parameters
+    ----------
+    file
+        PNG, TIFF, PGM, BMP (grey; 8 or 16 bit, or a float TIFF) or NPY, H x W.
+    rise_mm
+        Height of full scale: white for integers, 1.0 for floats.  By default floats are mm;
+        integers need it.
+    pixel_size_mm
+        Side of a pixel of the file.
+
+    Returns
+    -------
+    Height H x W, mm (what is negative becomes 0), and the pixel size.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not two-dimensional or not finite, or needs `rise_mm`.
+    """
+    values = _read(file)
+    if values.ndim != 2:
+        raise InputError(f"shape_image: {file} is not grey (its shape is {values.shape}); convert")
+    if values.dtype.kind in "iu":
+        if rise_mm is None:
+            raise InputError(f"shape_image: {file} holds integers; say with rise_mm what white is")
+        return shape(values / np.iinfo(values.dtype).max * rise_mm, pixel_size_mm)
+    height: F8 = values.astype(float) * (1.0 if rise_mm is None else rise_mm)
+    if not np.isfinite(height).all():
+        raise InputError(f"shape_image: {file} holds values that are not finite; fill them first")
+    return shape(height, pixel_size_mm)
+
+
+def _read(file: Path) -> np.ndarray:
+    if not file.is_file():
+        raise InputError(f"shape_image: there is no file {file}; give a height map")
+    if file.suffix.lower() == ".npy":
+        try:
+            values = np.load(file, allow_pickle=False)
+        except (OSError, ValueError) as error:
+            raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
+    else:
+        values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
+        if values is None:
+            raise InputError(f"shape_image: {file} is no picture that OpenCV can read; convert it")
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
+    return np.asarray(values)

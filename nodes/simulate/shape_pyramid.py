@@ -1,0 +1,58 @@
+"""A pyramid with a regular base."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node
+from tactograph.nodes.simulate._shape import (
+    PAPER_PIXEL_MM,
+    Length,
+    Offset,
+    Shape,
+    Side,
+    grid,
+    shape,
+)
+
+
+@node
+def shape_pyramid(
+    *,
+    faces: Annotated[int, Interval(ge=3, le=64)] = 4,
+    inradius_mm: Length = 4.0,
+    rise_mm: Length = 3.0,
+    angle_deg: float = 0.0,
+    offset_mm: Offset = (0.0, 0.0),
+    width_px: Side = 320,
+    height_px: Side = 240,
+    pixel_size_mm: Length = PAPER_PIXEL_MM,
+) -> Shape:
+    """Return the height of a pyramid: plane faces, one slope each, and sharp ridges.
+
+    Parameters
+    ----------
+    faces
+        Number of faces.
+    inradius_mm
+        From the axis to the foot of a face, measured at right angles to its foot.
+    rise_mm
+        Height of the tip above the plane.
+    angle_deg
+        Azimuth in which the first face looks, from x (right) towards y (down).
+    offset_mm
+        Axis of the pyramid from the centre of the image.
+    width_px, height_px, pixel_size_mm
+        The image.
+
+    Returns
+    -------
+    Height H x W, mm, and the pixel size.
+    """
+    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    azimuth = np.deg2rad(angle_deg + 360.0 / faces * np.arange(faces))
+    outwards = np.max([np.cos(a) * x + np.sin(a) * y for a in azimuth], axis=0)
+    return shape(rise_mm * (1 - outwards / inradius_mm), pixel_size_mm)

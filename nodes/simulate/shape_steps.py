@@ -1,0 +1,63 @@
+"""A staircase."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge
+
+from tactograph.graph import node
+from tactograph.nodes.simulate._shape import (
+    PAPER_PIXEL_MM,
+    Length,
+    Offset,
+    Shape,
+    Side,
+    grid,
+    shape,
+    turned,
+)
+
+
+@node
+def shape_steps(
+    *,
+    count: Annotated[int, Ge(1)] = 4,
+    tread_mm: Length = 2.0,
+    step_mm: Length = 0.4,
+    breadth_mm: Length = 10.0,
+    angle_deg: float = 0.0,
+    offset_mm: Offset = (0.0, 0.0),
+    width_px: Side = 320,
+    height_px: Side = 240,
+    pixel_size_mm: Length = PAPER_PIXEL_MM,
+) -> Shape:
+    """Return the height of a staircase: vertical walls of known height.
+
+    Parameters
+    ----------
+    count
+        Number of steps; the last is `count` times `step_mm` high.
+    tread_mm
+        Depth of a step, in the direction in which the stairs climb.
+    step_mm
+        Rise from a step to the next.
+    breadth_mm
+        Extent across the climb.
+    angle_deg
+        Azimuth in which the stairs climb, from x (right) towards y (down).
+    offset_mm
+        Middle of the staircase from the centre of the image.
+    width_px, height_px, pixel_size_mm
+        The image.
+
+    Returns
+    -------
+    Height H x W, mm, and the pixel size.
+    """
+    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    along, across = turned(x, y, angle_deg)
+    tread = np.floor(along / tread_mm + count / 2)
+    there = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
+    return shape(np.where(there, (tread + 1) * step_mm, 0.0), pixel_size_mm)

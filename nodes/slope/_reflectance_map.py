@@ -1,0 +1,96 @@
+"""A reflectance that varies over the film: what one-shot colour sensors need.
+
+Their lights are LEDs a few millimetres beside the film, so how light depends on the slope is
+another function at every place, and light grows with height.  Divided by the film at rest::
+
+    I_k / I_flat - 1 = sum_b c_kb(x, y) B_b(n) + c_k8(x, y) z                             (M1)
+
+B are the second-order harmonics of equation 4 without the constant, each less its value at
+rest, so that a film at rest (n = z axis, z = 0) has 1 exactly; z is the height in mm; every c
+is a polynomial of degree 4 in x and y.  ``kernels/slope/solve_reflectance_map.cl`` holds the same.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.fit_reflectance import harmonics
+
+F8 = NDArray[np.float64]
+
+DEGREE = 4
+TERMS = 15
+SHADES = 9
+"""Eight harmonics and the height."""
+SUBSAMPLE = 120
+"""So many pixels of a press are fitted: 27 functions of the slope need no more."""
+INNER = 0.85
+"""Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
+ROBUST = 3.0
+"""Cauchy's scale in standard deviations of the residual."""
+RIDGE = 1e-6
+"""Relative; keeps terms that the presses do not determine at zero."""
+
+
+class Pixels(NamedTuple):
+    """Pixels of one press that are fitted: x, y of length N, light less 1 and weight K x N."""
+
+    x: F8
+    y: F8
+    light: F8
+    weight: F8
+
+
+def terms(x: F8, y: F8, shape: tuple[int, int]) -> F8:
+    """Return the 15 monomials 1, u, v, u^2, u v, v^2, ... of the place, by growing degree.
+
+    u and v are x and y in px from the image's middle, divided by half its width.
+    """
+    height, width = shape
+    u = (x - 0.5 * (width - 1)) / (0.5 * width)
+    v = (y - 0.5 * (height - 1)) / (0.5 * width)
+    return np.stack([u ** (d - i) * v**i for d in range(DEGREE + 1) for i in range(d + 1)])
+
+
+def shades(slope: F8, height: F8) -> F8:
+    """Return B of equation M1 and the height: 9 x N."""
+    at_rest = harmonics(np.zeros((2, 1), np.float32)).astype(np.float64)
+    bent = harmonics(np.asarray(slope)) - at_rest
+    return np.asarray(np.concatenate([bent[1:], height[None]]))
+
+
+def ball_pixels(light: F4, flat: F4, circle: F8, share: float = INNER) -> Pixels:
+    """Return pixels evenly spread over the inner `share` of a contact circle (x, y, radius)."""
+    y, x = np.indices(flat.shape[1:])
+    inside = np.flatnonzero(np.hypot(x - circle[0], y - circle[1]) < share * circle[2])
+    # A stride that is no divisor of rows spreads the pixels over all columns.
+    inside = inside[:: inside.size // SUBSAMPLE + 1]
+    return Pixels(
+        x.flat[inside].astype(np.float64),
+        y.flat[inside].astype(np.float64),
+        light.reshape(len(light), -1)[:, inside].astype(np.float64) - 1,
+        flat.reshape(len(flat), -1)[:, inside].astype(np.float64),
+    )
+
+
+def ball_shape(x: F8, y: F8, circle: F8, radius: float, pixel: float) -> tuple[F8, F8]:
+    """Return the slope (2 x N) and the height in mm over the contact's rim; `radius` in px."""
+    dx, dy = x - circle[0], y - circle[1]
+    z = np.sqrt(np.maximum(radius**2 - dx * dx - dy * dy, 1e-3 * radius**2))
+    rim = np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))
+    return np.stack([-dx / z, -dy / z]), (z - rim) * pixel
+
+
+def robust_weights(error: F8, weight: F8) -> F8:
+    """Return `weight` lowered where errors are large against their median (Cauchy)."""
+    spread = 1.4826 * np.median(np.abs(error), axis=-1, keepdims=True) + 1e-9
+    return np.asarray(weight / (1 + (error / (ROBUST * spread)) ** 2))
+
+
+def predicted(reflectance: F8, shade: F8, place: F8) -> F8:
+    """Return light less 1, K x N, by equation M1: K x 9 x 15, 9 x N, 15 x N."""
+    return np.einsum("kbq,bn,qn->kn", reflectance, shade, place, optimize=True)

@@ -1,0 +1,72 @@
+"""The mean slope over a pixel, from the slope of its mean normal."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Slope
+from tactograph.nodes.light._blocks import in_blocks
+
+TWELFTH = np.float32(1 / 12)
+ONE = np.float32(1)
+
+
+@node(neutral="slope", tolerance=Close(2e-5, 2e-5, why="differences of rounded normals"))
+def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1)] = 0.05) -> Slope:
+    """Correct slopes for the change of the normal within a pixel.
+
+    A pixel gathers the light of its whole area, so its lights give the mean normal, whereas
+    a step of height is the mean slope.  With n' the change of the normal per pixel along an
+    axis, Jensen's inequality to second order says, for p = -n_x / n_z, that the mean slope
+    exceeds the slope of the mean normal by (n'_x n'_z + p n'_z^2) / (12 n_z^2), summed over
+    both axes; the same for q.
+
+    Parameters
+    ----------
+    slope
+        2 x H x W.
+    most
+        Largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails.
+    """
+    rows, columns = slope.shape[1:]
+    corrected = np.empty_like(slope)
+
+    def correct(part: slice) -> None:
+        around = slice(max(part.start - 1, 0), part.stop + 1)
+        inner = slice(part.start - around.start, part.stop - around.start)
+        corrected[:, part] = _corrected(slope[:, around], inner, np.float32(most))
+
+    in_blocks(correct, rows, columns)
+    return corrected
+
+
+def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
+    """The slopes of some rows, of which the others are neighbours."""
+    p, q = slope
+    square = ONE + p * p + q * q
+    nz = ONE / np.sqrt(square)
+    normal = np.stack([-p * nz, -q * nz, nz])
+    slope, square = slope[:, rows], square[rows]
+    add = np.zeros_like(slope)
+    for axis in (1, 2):
+        change = _change(normal, axis)[:, rows]
+        along, dz = change[:2], change[2]
+        add += dz * (along + slope * dz)
+    limit = most * square
+    add *= square * TWELFTH
+    return slope + np.clip(add, -limit, limit)
+
+
+def _change(planes: F4, axis: int) -> F4:
+    """Change per pixel along `axis`: central, one-sided at the ends."""
+    if planes.shape[axis] == 1:
+        return np.zeros_like(planes)
+    return np.asarray(np.gradient(planes, axis=axis), np.float32)
+
+
+pixel_mean_slope.opencl(grid="H W", lanes=True)
+pixel_mean_slope.numba(rows="H")

@@ -1,0 +1,158 @@
+"""Slope from light whose dependence on slope is another one at every place."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Gt, Interval
+
+from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.nodes import F4, Height, Light, Slope
+from tactograph.nodes.slope._reflectance_map import DEGREE, SHADES, TERMS
+
+ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
+"""Coefficients of equation M1 (`_reflectance_map`): 9 shades, 15 monomials of the place."""
+
+ONE = np.float32(1)
+HALF = np.float32(0.5)
+SMALLEST = np.float32(1e-12)
+
+
+@node(
+    sizes={"K": SizeLimit(2, 8, "two unknowns need two lights, and labels have 8 bits")},
+    tolerance=Flips(
+        2e-3,
+        2e-3,
+        2e-3,
+        why="Gauss-Newton on lights that hardly depend on slope amplifies rounding",
+    ),
+)
+def solve_reflectance_map(
+    light: Light,
+    flat: Light,
+    height: Height,
+    reflectance: ReflectanceMap,
+    *,
+    steps: Annotated[int, Interval(ge=1, le=30)] = 8,
+    prior: Annotated[float, Gt(0)] = 4e-4,
+    limit: Annotated[float, Gt(0)] = 0.3,
+) -> Slope:
+    """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
+
+    Minimises sum_k flat_k (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 + prior (p^2 + q^2) per
+    pixel (equation M1).  The flat image is the weight because the variance of a quotient of
+    shot noise is as its inverse: dim lights say little.
+
+    Parameters
+    ----------
+    light, flat
+        K x H x W: the light relative to the film at rest, and the film at rest.
+    height
+        H x W in mm, from the pass before; zero in the first.
+    reflectance
+        K x 9 x 15, as `fit_reflectance_map` gives it.
+    steps
+        Gauss-Newton steps.
+    prior
+        Weight of small slopes; matters where no light tells the slope.
+    limit
+        Longest step, as the angle in radians by which it turns the normal.
+    """
+    maps = _maps(reflectance, light.shape[1:])
+    rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]
+    p = q = np.zeros(light.shape[1:], np.float32)
+    for _ in range(steps):
+        dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
+        p, q = p + dp, q + dq
+    return np.asarray(np.stack([p, q]), np.float32)
+
+
+def _maps(reflectance: F4, shape: tuple[int, ...]) -> F4:
+    """The coefficients at every pixel: K x 9 x H x W."""
+    rows, columns = shape
+    scale = HALF * np.float32(columns)
+    u = (np.arange(columns, dtype=np.float32) - HALF * np.float32(columns - 1)) / scale
+    v = (np.arange(rows, dtype=np.float32) - HALF * np.float32(rows - 1)) / scale
+    place = np.empty((TERMS, rows, columns), np.float32)
+    place[0] = ONE
+    last = 0
+    for degree in range(1, DEGREE + 1):
+        first = last + degree
+        place[first : first + degree] = place[last : last + degree] * u[None, :]
+        place[first + degree] = place[first - 1] * v[:, None]
+        last = first
+    maps = np.zeros((*reflectance.shape[:2], rows, columns), np.float32)
+    for term in range(TERMS):
+        maps += reflectance[:, :, term, None, None] * place[term]
+    return maps
+
+
+def _step(
+    rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
+) -> tuple[F4, F4]:
+    """One solution of the weighted normal equations, cut to `limit`."""
+    square = ONE + p * p + q * q
+    w: F4 = np.divide(ONE, np.sqrt(square), dtype=np.float32)
+    normal = (-p * w, -q * w, w)
+    cube = w / square
+    by_p = (p * p * cube - w, p * q * cube, -p * cube)
+    by_q = (p * q * cube, q * q * cube - w, -q * cube)
+    a = c = np.full_like(p, prior)
+    b = np.zeros_like(p)
+    s, t = -prior * p, -prior * q
+    for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
+        value, gradient = _shading(normal, coefficients)
+        j_p = gradient[0] * by_p[0] + gradient[1] * by_p[1] + gradient[2] * by_p[2]
+        j_q = gradient[0] * by_q[0] + gradient[1] * by_q[1] + gradient[2] * by_q[2]
+        left = rest - value
+        w_p, w_q = weight * j_p, weight * j_q
+        a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
+        s, t = s + w_p * left, t + w_q * left
+    determinant = np.maximum(a * c - b * b, SMALLEST)
+    dp = np.divide(c * s - b * t, determinant, dtype=np.float32)
+    dq = np.divide(a * t - b * s, determinant, dtype=np.float32)
+    length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
+    shrink = np.minimum(ONE, limit * square / np.maximum(length, SMALLEST), dtype=np.float32)
+    return np.asarray(dp * shrink, np.float32), np.asarray(dq * shrink, np.float32)
+
+
+def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
+    """The sum over the eight harmonics of equation M1, and its derivative by n."""
+    x, y, z = n
+    value = (
+        c[0] * x + c[1] * y + c[2] * (z - ONE)
+        + c[3] * (x * y) + c[4] * (x * z) + c[5] * (y * z)
+        + c[6] * (x * x - y * y) + c[7] * (3 * (z * z - ONE))
+    )  # fmt: skip
+    gradient = (
+        c[0] + c[3] * y + c[4] * z + 2 * c[6] * x,
+        c[1] + c[3] * x + c[5] * z - 2 * c[6] * y,
+        c[2] + c[4] * x + c[5] * y + 6 * c[7] * z,
+    )
+    return value, gradient
+
+
+solve_reflectance_map.opencl(grid="H W")
+
+
+@solve_reflectance_map.example
+def _coloured_film(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """Lights from all sides that vary over the film, and a rough surface under them."""
+    count, shape = sizes["K"], (sizes["H"], sizes["W"])
+    azimuth = 2 * np.pi * np.arange(count) / count
+    reflectance = rng.uniform(-0.02, 0.02, (count, SHADES, TERMS))
+    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
+    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
+    reflectance[:, 2, 0] += 0.8
+    p, q = rng.uniform(-0.5, 0.5, (2, *shape))
+    w = 1 / np.sqrt(1 + p * p + q * q)
+    light = [
+        1 + _shading((-p * w, -q * w, w), maps)[0]
+        for maps in _maps(reflectance.astype(np.float32), shape)
+    ]
+    return {
+        "light": np.asarray(light, np.float32),
+        "reflectance": reflectance.astype(np.float32),
+        "height": rng.uniform(0, 0.5, shape).astype(np.float32),
+    }

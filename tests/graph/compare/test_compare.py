@@ -1,0 +1,240 @@
+"""Variants side by side: every cell is run, kept, and told."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tactograph.graph.compare import compare
+from tactograph.graph.run.open import open_pipeline
+from tests.graph.conftest import Command, Write
+
+GRAPH = """
+format: 1
+params:
+  capture: {kind: text}
+  level: {kind: number, default: 1}
+prefer: [numpy]
+nodes:
+  frames: {op: touches, with: {count: 1}}
+  cal:    {op: at_rest, with: {level: $level}}
+  light:  {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}}
+  more:   {op: doubled, in: {image: light}}
+  score:  {op: watched, in: {image: more, truth: frames.truth}}
+outputs: {score: score}
+"""
+VARIANT = "format: 1\nextends: first.yaml\npatch: [{set: frames, with: {count: 2}}]"
+FAILING = (
+    "format: 1\nextends: first.yaml\npatch: [{replace: more, op: failing, in: {image: light}}]"
+)
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> list[Path]:
+    folders = [tmp_path / "captures" / name for name in ("a", "b")]
+    for folder in folders:
+        folder.mkdir(parents=True)
+    return folders
+
+
+@pytest.fixture
+def graphs(toys: list[str], write: Write) -> list[str]:
+    return [
+        write(GRAPH, "first.yaml"), write(VARIANT, "second.yaml"), write(FAILING, "third.yaml")
+    ]  # fmt: skip
+
+
+def table(folder: Path) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = json.loads((folder / "table.json").read_text())
+    return rows
+
+
+def test_every_variant_runs_on_every_capture_on_every_back_end(
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+) -> None:
+    out = tmp_path / "report"
+    done = tactograph(
+        "compare", *graphs[:2], "--over", captures[0], "--over", captures[1],
+        "--backends", "numpy,opencl", "--out", out,
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    rows = table(out)
+    assert len(rows) == 8
+    assert {(row["variant"], row["capture"], row["backend"]) for row in rows} == {
+        (v, c, b) for v in ("first", "second") for c in "ab" for b in ("numpy", "opencl")
+    }
+    assert rows[0]["figures"] == {"mean": 2.0, "truth": 1.0}
+    assert {"light", "more"} <= set(rows[0]["milliseconds"])
+    assert rows[1]["backends"]["light"] == "opencl"
+    with (out / "table.csv").open(newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert [float(line["mean"]) for line in lines] == [row["figures"]["mean"] for row in rows]
+
+
+def test_what_was_finished_is_not_run_again(
+    graphs: list[str], captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command
+) -> None:
+    words = ("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")
+    assert tactograph(*words).code == 0
+    first = table(tmp_path / "report")
+    toys.clear()
+    assert tactograph(*words).code == 0
+    assert toys == []
+    assert table(tmp_path / "report") == first
+
+
+@pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
+def test_what_has_changed_is_run_again(
+    graphs: list[str],
+    captures: list[Path],
+    tmp_path: Path,
+    toys: list[str],
+    write: Write,
+    tactograph: Command,
+    what: str,
+) -> None:
+    out = tmp_path / "report"
+    words: list[object] = ["compare", graphs[0], "--over", captures[0], "--out", out]
+    assert tactograph(*words).code == 0
+    toys.clear()
+    if what == "value":
+        words.append("level=2")
+    elif what == "graph":
+        write(GRAPH.replace("count: 1", "count: 3"), "first.yaml")
+    elif what == "back end":
+        words += ["--backends", "opencl"]
+    elif what == "device":
+        words += ["--device", "e"]
+    else:
+        (row,) = out.rglob("row.json")
+        row.write_text('{"half')
+    assert tactograph(*words).code == 0
+    assert "touch 1" in toys
+
+
+@pytest.mark.parametrize("failure", ["a node", "the engine"])
+def test_a_run_that_fails_does_not_end_the_rest(
+    graphs: list[str],
+    captures: list[Path],
+    tmp_path: Path,
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    failure: str,
+) -> None:
+    if failure == "the engine":
+        ordinary = open_pipeline
+
+        def broken(graph: Any, *args: Any, **keywords: Any) -> Any:
+            if graph.name == "third":
+                raise RuntimeError("a careless node")
+            return ordinary(graph, *args, **keywords)
+
+        monkeypatch.setattr(compare, "open_pipeline", broken)
+    out = tmp_path / "report"
+    done = tactograph("compare", graphs[2], graphs[0], "--over", captures[0], "--out", out)
+    assert done.code == 0, done.err
+    assert "failed: third on a: " in done.out
+    assert "a careless node" in done.out
+    rows = table(out)
+    assert [bool(row["error"]) for row in rows] == [True, False]
+    assert not (out / "third" / "preferred" / "a" / "row.json").exists()
+
+
+def test_if_every_run_fails_the_command_fails(
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+) -> None:
+    done = tactograph("compare", graphs[2], "--over", captures[0], "--out", tmp_path / "report")
+    assert done.code == 2
+    assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
+
+
+def test_a_fallback_is_told(
+    graphs: list[str],
+    captures: list[Path],
+    tmp_path: Path,
+    tactograph: Command,
+    write: Write,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "tactograph.graph.run.open.choose_device",
+        lambda text=None: (None, "no OpenCL device works"),
+    )
+    graph = write(GRAPH.replace("prefer: [numpy]\n", ""), "first.yaml")
+    done = tactograph("compare", graph, "--over", captures[0], "--out", tmp_path / "report")
+    line = "light runs on numba: opencl is preferred, but no OpenCL device works"
+    assert f"fallback: first: {line}" in done.out
+    assert table(tmp_path / "report")[0]["fallbacks"] == [line]
+
+
+def test_two_captures_of_one_name_are_refused(
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+) -> None:
+    more = tmp_path / "more" / "a"
+    more.mkdir(parents=True)
+    done = tactograph(
+        "compare", graphs[0], "--over", captures[0], "--over", more, "--out", tmp_path / "report"
+    )
+    assert done.code == 2
+    assert "two of the runs are called first/preferred/a" in done.err
+
+
+def test_a_capture_is_named_by_its_folder_however_it_is_reached(
+    graphs: list[str],
+    captures: list[Path],
+    tmp_path: Path,
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(captures[0])
+    done = tactograph("compare", graphs[0], "--over", ".", "--out", tmp_path / "report")
+    assert done.code == 0, done.err
+    assert (tmp_path / "report" / "first" / "preferred" / "a" / "row.json").is_file()
+
+
+def test_a_name_in_brackets_is_printed_as_it_is(
+    graphs: list[str], tmp_path: Path, tactograph: Command
+) -> None:
+    folder = tmp_path / "[red] [bold]"
+    folder.mkdir()
+    done = tactograph("compare", graphs[0], "--over", folder, "--out", tmp_path / "report")
+    assert done.code == 0, done.err
+    assert "[red] [bold]" in done.out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--over", "nowhere"), "--over nowhere: there is no such folder"),
+        (("--over", ".", "--backends", "cuda"), "--backends cuda: there are numpy, numba, opencl"),
+        (("--over", ".", "levle=1"), "no parameter 'levle'; did you mean 'level'?"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_runs(
+    graphs: list[str],
+    toys: list[str],
+    tactograph: Command,
+    tmp_path: Path,
+    words: tuple[str, ...],
+    message: str,
+) -> None:
+    done = tactograph("compare", graphs[0], *words, "--out", tmp_path / "report")
+    assert done.code == 2
+    assert message in done.err
+    assert toys == []
+    assert not (tmp_path / "report").exists()
+
+
+def test_a_report_that_cannot_be_written_is_one_line(
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+) -> None:
+    (tmp_path / "file").write_text("a file is in the way")
+    out = tmp_path / "file" / "report"
+    done = tactograph("compare", graphs[0], "--over", captures[0], "--out", out)
+    assert done.code == 2
+    assert "cannot be written" in done.err
+    assert "Traceback" not in done.err

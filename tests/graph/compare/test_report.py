@@ -1,0 +1,300 @@
+"""The comparison as a user makes it, and its page as a browser shows it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph.compare.differences import Difference, differences
+from tactograph.graph.files.dump import dump_graph
+from tactograph.graph.files.read import read_graph, shipped_names
+from tests.graph.conftest import Command, Write
+
+ONE = """
+format: 1
+title: A ball <under> four lights & noise
+prefer: [numpy]
+nodes:
+  shape:  {op: shape_ball, with: {radius_mm: 0.8, width_px: 48, height_px: 40}}
+  lights: {op: light_ring}
+  scene:  {op: render, in: {height: shape.height, pixel: shape.pixel_size, lights: lights}}
+  camera: {op: expose, in: {light: scene.light}, with: {seed: 5}}
+  shadow: {op: label_lit, in: {light: camera.image}}
+  slope:  {op: height_slopes, in: {height: shape.height, pixel: shape.pixel_size}}
+  height: {op: integrate_dct, in: {slope: slope.slope, pixel: shape.pixel_size}}
+  found:  {op: evaluate_shadow, in: {shadow: shadow, truth: scene.labels}}
+  error:  {op: evaluate_height, in: {height: height, pixel: shape.pixel_size, truth: shape.height}}
+  score:  {op: join_metrics, in: {first: error, second: found}}
+outputs:
+  image: camera.image
+  truth: shape.height
+  truth_shadow: scene.labels
+  shadow: shadow
+  height: height
+  metrics: score
+"""
+TWO = """
+format: 1
+extends: one.yaml
+title: Another integrator
+patch:
+  - replace: height
+    op: integrate_frankot_chellappa
+"""
+OVER = """
+format: 1
+params:
+  capture: {kind: path}
+  out:     {kind: path, default: out}
+prefer: [numpy]
+nodes:
+  frames: {op: read_capture, with: {folder: $capture}}
+  lit:    {op: label_lit, in: {light: frames.image}}
+  score:  {op: evaluate_shadow, in: {shadow: lit, truth: frames.truth_shadow}}
+outputs: {shadow: lit, metrics: score}
+"""
+SWEEP = ("--sweep", "camera.full_well=log:100..10000:2", "--seed", "camera.seed", "--repeats", 2)
+EXAMINE = """<script>addEventListener("load", () => {
+  const images = [...document.images];
+  document.title = JSON.stringify({
+    images: images.length,
+    broken: images.filter(i => !i.complete || !i.naturalWidth).length,
+    tooWide: document.documentElement.scrollWidth > innerWidth,
+    hidden: images.filter(i => !i.getBoundingClientRect().height).length,
+    height: document.body.scrollHeight,
+  });
+});</script>"""
+
+
+class _References(HTMLParser):
+    """Everything that a page would fetch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found += [
+            v or "" for k, v in attrs if k in ("src", "href", "srcset", "data", "action")
+        ]
+
+
+@pytest.fixture
+def variants(write: Write) -> tuple[str, str]:
+    return write(ONE, "one.yaml"), write(TWO, "two.yaml")
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> list[Path]:
+    rng = np.random.default_rng(0)
+    folders = [tmp_path / name for name in ("left", "right")]
+    for folder in folders:
+        folder.mkdir()
+        images = rng.integers(0, 255, (4, 12, 16)).astype(np.uint8)
+        labels = np.zeros((12, 16), np.uint8)
+        for k, image in enumerate(images):
+            image[:3, :4] = 0
+            labels |= ((image == 0) << k).astype(np.uint8)
+            cv2.imwrite(str(folder / f"led{k + 1}.png"), image)
+        cv2.imwrite(str(folder / "truth_shadow.png"), labels)
+    return folders
+
+
+def chromium(*words: object) -> subprocess.CompletedProcess[str]:
+    """Run the browser; its absence fails the test, it does not skip it."""
+    found = shutil.which("chromium") or shutil.which("chromium-browser")
+    assert found, "chromium is missing; tests/install_system.sh installs it"
+    safe = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
+    quiet = ("--enable-logging=stderr", "--v=0", "--host-resolver-rules=MAP * ~NOTFOUND")
+    return subprocess.run(
+        [found, *safe, *quiet, *map(str, words)], capture_output=True, text=True, timeout=60
+    )
+
+
+def rows_of(folder: Path) -> list[dict[str, object]]:
+    return json.loads((folder / "table.json").read_text())
+
+
+def test_a_browser_shows_the_whole_page(
+    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "report"
+    assert tactograph("compare", *variants, *SWEEP, "--out", out).code == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    references = _References()
+    references.feed(page)
+    assert references.found
+    assert all(reference.startswith("data:") for reference in references.found)
+    assert not re.search(r"@import|url\(|<script", page)
+
+    examined = tmp_path / "examined.html"
+    examined.write_text(page.replace("</body>", f"{EXAMINE}</body>"), encoding="utf-8")
+    shown = chromium("--window-size=1300,900", "--dump-dom", examined.as_uri())
+    assert "CONSOLE" not in shown.stderr
+    title = re.search(r"<title>(.*?)</title>", shown.stdout)
+    assert title
+    state = json.loads(title[1].replace("&quot;", '"'))
+    # One sweep picture; of the runs: images, labels, heights, errors, section.
+    assert state["images"] == 6
+    assert (state["broken"], state["hidden"], state["tooWide"]) == (0, 0, False)
+    assert state["height"] > 2000
+
+
+def test_the_page_is_not_blank(
+    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "report"
+    tactograph("compare", *variants, "--out", out)
+    picture = tmp_path / "page.png"
+    chromium(f"--screenshot={picture}", "--window-size=1300,2400", (out / "report.html").as_uri())
+    pixels = cv2.imread(str(picture))
+    assert pixels is not None
+    assert pixels.shape[1] == 1300
+    assert (pixels < 128).mean() > 0.01
+    assert len(np.unique(pixels @ np.array([1, 256, 65536]))) > 1000
+
+
+def test_the_page_says_what_was_ablated_and_how_it_was_made(
+    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+) -> None:
+    tactograph("compare", *variants, "--out", tmp_path / "report")
+    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    for text in (
+        "integrate_frankot_chellappa",
+        read_graph(variants[0]).hash,
+        read_graph(variants[1]).hash,
+        "--again report",
+        "A ball &lt;under&gt; four lights &amp; noise",
+    ):
+        assert text in page
+
+
+def test_repeats_by_seed_give_intervals(
+    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "report"
+    tactograph("compare", *variants, *SWEEP, "--out", out)
+    rows = rows_of(out)
+    assert len(rows) == 2 * 2 * 2
+    assert {row["seed"] for row in rows} == {5, 6}
+    assert len({row["hash"] for row in rows}) == len(rows)
+    assert "±" in (out / "table.md").read_text()
+
+
+def test_what_was_done_is_not_done_again_until_something_changes(
+    tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+) -> None:
+    words = ("compare", write(OVER), "--over", captures[0], captures[1], "--out", tmp_path / "r")
+    assert "there already" not in tactograph(*words).err
+    assert "2 of 2 runs were there already" in tactograph(*words).err
+    before = rows_of(tmp_path / "r")
+    truth = cv2.imread(str(captures[0] / "truth_shadow.png"), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(captures[0] / "truth_shadow.png"), truth ^ 1)
+    assert "1 of 2 runs were there already" in tactograph(*words).err
+    after = rows_of(tmp_path / "r")
+    assert after[0]["figures"] != before[0]["figures"]
+    assert after[1] == before[1]
+
+
+def test_one_failing_run_does_not_end_the_rest(
+    tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+) -> None:
+    (captures[0] / "led2.png").write_bytes(b"no image")
+    words = ("compare", write(OVER), "--over", captures[0], captures[1], "--out", tmp_path / "r")
+    done = tactograph(*words)
+    assert done.code == 0
+    assert "failed: graph on left" in done.out
+    assert [bool(row["error"]) for row in rows_of(tmp_path / "r")] == [True, False]
+    assert "failed: " in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
+
+
+def test_again_repeats_what_was_recorded(
+    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "report"
+    tactograph("compare", *variants, *SWEEP, "--out", out)
+    for variant in variants:
+        Path(variant).unlink()
+    again = tactograph("compare", "--again", out)
+    assert again.code == 0
+    assert re.search(r"all \d+ figures are the same as before", again.out)
+    assert len(rows_of(tmp_path / "report_again")) == len(rows_of(out))
+
+
+def test_again_says_what_changed(
+    tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "r"
+    tactograph("compare", write(OVER), "--over", captures[0], "--out", out)
+    truth = cv2.imread(str(captures[0] / "truth_shadow.png"), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(captures[0] / "truth_shadow.png"), truth ^ 1)
+    again = tactograph("compare", "--again", out, "--out", tmp_path / "s")
+    assert "changed: capture left was" in again.out
+    assert "the largest change is" in again.out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--again", "nowhere"), "--again wants a report's folder"),
+        (("simulate", "--again", "nowhere"), "only --out may be said with it"),
+        (("paper",), "say --over DIR"),
+        (("paper", "--over", "nowhere"), "there is no such folder"),
+        (("table1", "--repeats", 3), "--repeats needs --seed node.param"),
+        (("table1", "--sweep", "lights.slant=1,2"), "has no parameter 'slant'"),
+        (("table1", "--sweep", "lights.slant_deg=1"), "at least two values"),
+        (("table1", "--seed", "camera.sed"), "has no parameter 'sed'"),
+        (
+            ("table1", "--seed", "camera.seed", "--sweep", "camera.seed=1,2"),
+            "only once",
+        ),
+    ],
+)
+def test_a_wrong_comparison_is_refused_in_one_line(
+    tactograph: Command, words: tuple[object, ...], said: str
+) -> None:
+    refused = tactograph("compare", *words)
+    assert refused.code == 2
+    assert said in refused.err
+    assert refused.err.count("\n") == 1
+
+
+def test_a_graph_that_was_tampered_with_is_not_run_again(
+    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+) -> None:
+    out = tmp_path / "report"
+    tactograph("compare", *variants, "--out", out)
+    file = out / "graphs" / "one.yaml"
+    file.write_text(file.read_text().replace("0.8", "0.7"))
+    refused = tactograph("compare", "--again", out)
+    assert refused.code == 2
+    assert "was changed since" in refused.err
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_a_dumped_graph_reads_back_as_the_same(name: str, write: Write) -> None:
+    graph = read_graph(name)
+    again = read_graph(write(dump_graph(graph)))
+    assert again.hash == graph.hash
+    assert again.as_dict() == graph.as_dict()
+
+
+def test_differences_are_told_node_by_node() -> None:
+    base = read_graph("paper")
+    assert differences(base, base) == []
+    assert differences(base, read_graph("paper_no_shadow")) == [
+        Difference("shadow", "taken out", "no", "yes, by its neutral value")
+    ]
+    found = differences(base, read_graph("reconstruct_no_flat"))
+    assert Difference("smooth", "added", "", "estimate_flat") in found
+    assert Difference("raw", "op", "integrate_frankot_chellappa", "integrate_dct") in found
+    without = differences(base, read_graph("paper_no_flat"))
+    assert Difference("light", "input flat", "cal.flat", "smooth") in without

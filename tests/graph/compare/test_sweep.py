@@ -1,0 +1,104 @@
+"""Sweeps as users write them, and the runs they make."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.compare.sweep import (
+    Sweep,
+    check_targets,
+    has_parameter,
+    points,
+    read_sweep,
+    seed_like,
+    seeds,
+)
+from tactograph.graph.files.read import read_graph
+from tests.graph.conftest import Write
+
+NOISY = """
+format: 1
+params:
+  seed: {kind: integer, default: 7}
+nodes:
+  shape:  {op: shape_ball, with: {width_px: 32, height_px: 24}}
+  lights: {op: light_ring}
+  scene:  {op: render, in: {height: shape.height, pixel: shape.pixel_size, lights: lights}}
+  camera: {op: expose, in: {light: scene.light}, with: {seed: $seed}}
+outputs: {image: camera.image}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("0.1..0.3:3", (0.1, 0.2, 0.3)),
+        ("15..60:4", (15, 30, 45, 60)),
+        ("0..1:5", (0.0, 0.25, 0.5, 0.75, 1.0)),
+        ("-1.5..1.5:2", (-1.5, 1.5)),
+        ("3..1:3", (3, 2, 1)),
+        ("log:0.01..1:3", (0.01, 0.1, 1.0)),
+        ("1,2,4", (1, 2, 4)),
+        ("0.5, true, text", (0.5, True, "text")),
+    ],
+)
+def test_values(text: str, values: tuple[object, ...]) -> None:
+    found = read_sweep(f"node.param={text}").values
+    assert found == pytest.approx(values) if "text" not in text else found == values
+    assert list(map(type, found)) == list(map(type, values))
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "node.param", "param=1,2", "node.=1,2", "node.param=1", "node.param=1,1", "node.param=",
+        "node.param=1..2", "node.param=1..2:1", "node.param=1..2:x", "node.param=a..2:3",
+        "node.param=log:0..1:3", "node.param=1..1:3", "node.param=1..2:100000", "a b.c=1,2",
+    ],
+)  # fmt: skip
+def test_a_wrong_sweep_is_refused_in_one_line(word: str) -> None:
+    with pytest.raises(InputError, match="--sweep") as error:
+        read_sweep(word)
+    assert "\n" not in str(error.value)
+
+
+def test_two_sweeps_make_a_grid() -> None:
+    sweeps = [Sweep("shadow.threshold", (2, 4)), Sweep("frames.single", (True, False))]
+    grid = points(read_graph("paper"), sweeps)
+    assert len(grid) == 4
+    assert grid[1] == {"shadow.threshold": 2, "frames.single": False}
+
+
+def test_a_variant_without_the_node_runs_once() -> None:
+    sweeps = [Sweep("shadow.threshold", (2, 4))]
+    assert points(read_graph("paper_no_shadow"), sweeps) == [{}]
+    assert points(read_graph("simulate"), sweeps) == [{}]
+    assert not has_parameter(read_graph("paper"), "shadow.nonsense")
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("shadow.treshold", "it has: threshold"),
+        ("shaddow.threshold", "no graph has a node 'shaddow'"),
+    ],
+)
+def test_a_sweep_over_nothing_says_what_there_is(target: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        check_targets([read_graph("paper")], [target], "--sweep")
+    with pytest.raises(InputError, match="taken out"):
+        check_targets([read_graph("paper_no_shadow")], ["shadow.threshold"], "--sweep")
+
+
+def test_seeds_count_up_from_the_graphs_own(write: Write) -> None:
+    graph = read_graph(write(NOISY))
+    assert seed_like([graph]) == ["camera.seed"]
+    assert seeds(graph, "camera.seed", 3, {}) == [{"camera.seed": s} for s in (7, 8, 9)]
+    assert seeds(graph, "camera.seed", 2, {"seed": 1})[1] == {"camera.seed": 2}
+    assert seeds(read_graph("paper"), "camera.seed", 3, {}) == [{}]
+
+
+def test_a_seed_is_a_whole_number(write: Write) -> None:
+    with pytest.raises(InputError, match="whole number"):
+        seeds(read_graph(write(NOISY)), "camera.read_noise", 2, {})

@@ -1,0 +1,118 @@
+"""Tables: means, intervals, the best value, and every format."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tactograph.graph.compare.compare import Row
+from tactograph.graph.compare.tables import (
+    columns,
+    estimate,
+    higher_is_better,
+    is_best,
+    make_lines,
+    over_all,
+    print_table,
+    write_tables,
+)
+
+
+def row(variant: str, capture: str = "a", seed: int | None = None, **figures: float) -> Row:
+    return Row(
+        variant, capture, "numpy", "0" * 16, figures, {"step": 2.0}, {"step": "numpy"}, seed=seed
+    )
+
+
+def test_the_interval_is_students() -> None:
+    values = [1.0, 2.0, 4.0, 4.5]
+    found = estimate(values)
+    wanted = stats.t.interval(0.95, 3, np.mean(values), stats.sem(values))
+    assert (found.low, found.high) == pytest.approx(wanted)
+    assert estimate([3.0]).half == 0
+    assert estimate([2.0, 2.0]).half == 0
+
+
+def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(1)
+    held = [
+        e.low <= 5 <= e.high for e in (estimate(list(rng.normal(5, 2, 4))) for _ in range(2000))
+    ]
+    assert np.mean(held) == pytest.approx(0.95, abs=0.015)
+
+
+def test_repeats_are_one_line() -> None:
+    rows = [row("x", seed=s, error=float(s)) for s in range(3)] + [row("y", error=9.0)]
+    first, second = make_lines(rows)
+    assert (first.figures["error"].mean, first.figures["error"].count) == (1.0, 3)
+    assert second.figures["error"].count == 1
+
+
+@pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1"])
+def test_figures_that_should_be_high(name: str) -> None:
+    assert higher_is_better(name)
+    assert not higher_is_better("rmse_px")
+
+
+def test_the_best_is_sought_within_a_capture() -> None:
+    lines = make_lines(
+        [
+            row("x", "a", error=-3.0, iou=0.5, same=1.0),
+            row("y", "a", error=2.0, iou=0.4, same=1.0),
+            row("x", "b", error=0.1, iou=0.9, same=1.0),
+        ]
+    )
+    assert [is_best(line, "error", lines) for line in lines] == [False, True, False]
+    assert [is_best(line, "iou", lines) for line in lines] == [True, False, False]
+    assert not any(is_best(line, "same", lines) for line in lines)
+
+
+def test_the_mean_over_captures_leaves_out_variants_that_failed() -> None:
+    rows = [row(v, c, error=e) for v, c, e in (("x", "a", 1.0), ("x", "b", 3.0), ("y", "a", 1.0))]
+    rows.append(Row("y", "b", "numpy", "", error="broken"))
+    (mean,) = over_all(make_lines(rows))
+    assert (mean.variant, mean.figures["error"].mean) == ("x", 2.0)
+    assert over_all(make_lines([row("x")])) == []
+
+
+def test_details_are_for_programs(tmp_path: Path) -> None:
+    rows = [Row("x_1", "a", "numpy", "h", {"iou": 0.5, "iou/led1": 0.25}, sweep={"n.p": 0.1})]
+    assert columns(make_lines(rows)) == ["iou"]
+    write_tables(rows, tmp_path)
+    (line,) = csv.DictReader((tmp_path / "table.csv").open())
+    assert (line["iou/led1"], line["n.p"], line["hash"]) == ("0.25", "0.1", "h")
+    assert json.loads((tmp_path / "table.json").read_text())[0]["figures"]["iou/led1"] == 0.25
+    assert "led1" not in (tmp_path / "table.md").read_text()
+
+
+def test_markdown_and_latex_mark_the_best_and_escape(tmp_path: Path) -> None:
+    write_tables([row("a_b", error=1.0), row("c", error=2.0), row("c", "z", error=2.0)], tmp_path)
+    markdown = (tmp_path / "table.md").read_text().splitlines()
+    assert len({text.count("|") for text in markdown}) == 1
+    assert "| **1** |" in markdown[2]
+    latex = (tmp_path / "table.tex").read_text()
+    assert r"a\_b" in latex
+    assert r"\textbf{1}" in latex
+    assert latex.count(r"\midrule") == 3
+    assert {text.count("&") for text in latex.splitlines() if "&" in text} == {4}
+
+
+def test_repeats_have_intervals_in_every_table(tmp_path: Path) -> None:
+    write_tables([row("x", seed=s, error=float(s)) for s in (1, 2, 3)], tmp_path)
+    (line,) = csv.DictReader((tmp_path / "table.csv").open())
+    assert float(line["error_low"]) < 2 < float(line["error_high"])
+    assert line["runs"] == "3"
+    assert "2 ± 2.5" in (tmp_path / "table.md").read_text()
+    assert r"2 $\pm$ 2.5" in (tmp_path / "table.tex").read_text()
+
+
+def test_the_terminal_shows_failures_once() -> None:
+    said: list[str] = []
+    rows = [row("x", error=1.0), Row("y", "a", "numpy", "", error="no light", sweep={"n.p": 2})]
+    print_table(rows, said.append, 120)
+    assert said[1:] == ["failed: y on a n.p=2: no light"]

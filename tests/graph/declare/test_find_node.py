@@ -1,0 +1,222 @@
+"""Nodes are found by name: the built-in ones, and those that other packages bring."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import GraphError, InputError, NodeError, load
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.find_node import builtin_names, find_node, node_names
+from tactograph.graph.files.read import read_graph
+from tests.graph.conftest import Command, Write
+
+NODE = '''
+"""A node of another package."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node
+
+Light = Annotated[NDArray[np.float32], Port("K H W", "1")]
+
+
+@node(neutral="light")
+def {name}(light: Light, *, by: float = 3.0) -> Light:
+    """Multiply the light."""
+    return light * np.float32(by)
+
+
+{name}.opencl(grid="K H W")
+{name}.numba(rows="H")
+'''
+NUMBA = """
+def {name}(light, out, by, first, last):
+    K, _, W = light.shape
+    for k in range(K):
+        for row in range(first, last):
+            for column in range(W):
+                out[k, row, column] = light[k, row, column] * by
+"""
+KERNEL = """
+#include "common.clh"
+
+__kernel void {name}(
+    __global const float *restrict light,
+    __global float *restrict out,
+    const int K, const int H, const int W,
+    const float by)
+{{
+    const int x = get_global_id(0), y = get_global_id(1), k = get_global_id(2);
+    if (x >= W || y >= H || k >= K) return;
+    const int i = (k * H + y) * W + x;
+    out[i] = light[i] * by;
+}}
+"""
+STREAM = """
+format: 1
+params: {{folder: {{kind: path}}}}
+nodes:
+  frames: {{op: read_capture, with: {{folder: $folder}}}}
+  more:   {{op: {name}, in: {{light: frames.image}}, with: {{by: 4}}}}
+outputs: {{light: more}}
+"""
+
+Install = Callable[..., Path]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Lay a package with a node into a folder as pip does, and put the folder on the path."""
+    site = tmp_path / "site"
+    before = set(sys.modules)
+
+    def lay(package: str, name: str, node: str = NODE, kernel: str | None = KERNEL) -> Path:
+        module = package.replace("-", "_")
+        folder = site / module
+        folder.mkdir(parents=True)
+        (folder / "__init__.py").write_text("")
+        (folder / f"{name}.py").write_text(node.format(name=name))
+        if kernel is not None:
+            (folder / f"{name}.cl").write_text(kernel.format(name=name))
+        (folder / f"{name}_numba.py").write_text(NUMBA.format(name=name))
+        info = site / f"{module}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(
+            f"[tactograph.nodes]\n{name} = {module}.{name}:{name}\n"
+        )
+        monkeypatch.syspath_prepend(str(site))
+        return folder
+
+    yield lay
+    for module in set(sys.modules) - before:
+        if module.startswith(("acme", "other")):
+            del sys.modules[module]
+
+
+def test_every_node_file_is_a_node_of_that_name() -> None:
+    assert "flat_field" in builtin_names()
+    assert not [name for name in builtin_names() if name.startswith("_")]
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"), [("flat_feild", "flat_field"), ("integrate_dtc", "integrate_dct")]
+)
+def test_a_misspelt_name_is_met_with_the_one_that_was_meant(name: str, meant: str) -> None:
+    with pytest.raises(GraphError, match=f"no node is called '{name}'; did you mean '{meant}'"):
+        find_node(name)
+
+
+@pytest.mark.parametrize("name", ["_fourier", "__init__", "os", "os.path", "", "read_capture.x"])
+def test_what_is_no_node_is_not_found(name: str) -> None:
+    with pytest.raises(GraphError, match="no node is called"):
+        find_node(name)
+
+
+def test_a_node_of_another_package_is_found_by_its_name(install: Install) -> None:
+    install("acme-optics", "acme_scale")
+    assert "acme_scale" in node_names()
+    node = find_node("acme_scale")
+    assert node.package == "acme-optics"
+    assert node.kernel_package == "acme_optics"
+
+
+@pytest.mark.parametrize("backend", ["numpy", "numba", "opencl"])
+def test_a_node_of_another_package_runs_on_all_back_ends(
+    install: Install, write: Write, device: OpenCL, backend: str
+) -> None:
+    install("acme-optics", "acme_scale")
+    pipeline = load(write(STREAM.format(name="acme_scale")), backend=backend)
+    stack = np.linspace(0, 1, 3 * 7 * 11, dtype=np.float32).reshape(3, 7, 11)
+    found = pipeline(frames=stack)
+    np.testing.assert_array_equal(found["light"], stack * np.float32(4))
+    assert pipeline.plan.placements["more"].backend == backend
+
+
+def test_a_node_of_another_package_is_loaded_only_when_a_graph_names_it(
+    install: Install, write: Write
+) -> None:
+    install("acme-optics", "acme_scale")
+    node_names()
+    find_node("flat_field")
+    read_graph("paper")
+    load("reconstruct", calibration="cal.npz", backend="numpy")
+    assert "acme_optics" not in sys.modules
+    load(write(STREAM.format(name="acme_scale")), backend="numpy")
+    assert "acme_optics.acme_scale" in sys.modules
+
+
+def test_a_package_that_cannot_be_loaded_harms_only_the_graph_that_names_it(
+    install: Install, write: Write, tactograph: Command
+) -> None:
+    install("acme-optics", "acme_scale", node="raise RuntimeError('no licence')")
+    assert tactograph("check", "paper").code == 0
+    done = tactograph("check", write(STREAM.format(name="acme_scale")))
+    assert done.code == 1
+    assert "'acme_scale' of package acme-optics cannot be loaded: no licence" in done.err
+    listed = tactograph("nodes")
+    assert listed.code == 0
+    assert "no licence" in listed.out
+    assert "flat_field" in listed.out
+
+
+def test_a_name_that_two_packages_use_is_an_error_that_names_both(
+    install: Install, write: Write
+) -> None:
+    install("acme-optics", "acme_scale")
+    install("other-optics", "acme_scale")
+    with pytest.raises(InputError, match="in acme-optics and other-optics; uninstall one"):
+        find_node("acme_scale")
+    with pytest.raises(GraphError, match=r"graph.yaml:6:12: nodes.more.op: two nodes are called"):
+        load(write(STREAM.format(name="acme_scale")))
+
+
+def test_a_name_that_a_built_in_node_has_is_an_error_that_names_both(install: Install) -> None:
+    install("acme-optics", "flat_field")
+    with pytest.raises(InputError, match="'flat_field', in acme-optics and tactograph"):
+        find_node("flat_field")
+
+
+def test_an_entry_point_that_holds_no_node_is_refused(install: Install) -> None:
+    install("acme-optics", "acme_scale", node="def acme_scale(light): return light")
+    with pytest.raises(NodeError, match="defines no @node function of that name"):
+        find_node("acme_scale")
+
+
+def test_a_kernel_that_does_not_match_the_declaration_is_refused_before_the_run(
+    install: Install, write: Write, device: OpenCL
+) -> None:
+    install("acme-optics", "acme_scale", kernel=KERNEL.replace("const float by", "const int by"))
+    with pytest.raises(NodeError, match="argument 6 is 'int by', but the declaration says"):
+        load(write(STREAM.format(name="acme_scale")), backend="opencl")
+
+
+def test_a_kernel_that_is_missing_is_refused_before_the_run(
+    install: Install, write: Write, device: OpenCL
+) -> None:
+    install("acme-optics", "acme_scale", kernel=None)
+    with pytest.raises(NodeError, match=r"there is no acme_scale.cl in acme_optics"):
+        load(write(STREAM.format(name="acme_scale")), backend="opencl")
+
+
+def test_an_installed_package_is_seen_by_the_command_line(install: Install, tmp_path: Path) -> None:
+    folder = install("acme-optics", "acme_scale")
+    done = subprocess.run(
+        [sys.executable, "-m", "tactograph.graph.command", "nodes", "acme_scale"],
+        env={"PYTHONPATH": str(folder.parent), "PATH": ""},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("# acme_scale\n\nMultiply the light.")
+    assert "Of the package acme-optics" in done.stdout

@@ -1,0 +1,131 @@
+"""A new node starts as one that works, in the project or in a package beside it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+from tests.graph.conftest import Command
+
+
+@pytest.fixture
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for part in ("nodes/light", "kernels/light", "pipelines", "tests/nodes"):
+        (tmp_path / part).mkdir(parents=True)
+    (tmp_path / "nodes" / "light" / "__init__.py").touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_in_a_clone_a_node_is_three_files(tactograph: Command, clone: Path) -> None:
+    before = {*clone.rglob("*")}
+    outcome = tactograph("new-node", "light/brighten")
+    assert outcome.code == 0
+    written = {str(f.relative_to(clone)) for f in clone.rglob("*") if f.is_file()} - {
+        str(f.relative_to(clone)) for f in before
+    }
+    assert written == {
+        "nodes/light/brighten.py",
+        "kernels/light/brighten.cl",
+        "tests/nodes/light/test_brighten.py",
+    }
+
+
+def test_a_node_goes_into_a_room(tactograph: Command, clone: Path) -> None:
+    outcome = tactograph("new-node", "brighten")
+    assert outcome.code == 2
+    assert "say ROOM/brighten, with a room of light" in outcome.err
+
+
+@pytest.mark.parametrize("check", [["check"], ["format", "--check", "--diff"]])
+@pytest.mark.parametrize("package", [False, True])
+def test_what_is_written_is_formatted_and_clean(
+    tactograph: Command, clone: Path, package: bool, check: list[str]
+) -> None:
+    tactograph(
+        "new-node", *(["brighten", "--package", "my-nodes"] if package else ["light/brighten"])
+    )
+    config = ["--config", str(ROOT / "pyproject.toml")]
+    if package:
+        # Seen from a package of its own, tactograph is one of the others.
+        config = ["--isolated", "--line-length", "100"]
+        config += ["--select", "E,F,I,UP"] if check == ["check"] else []
+    done = subprocess.run(
+        [sys.executable, "-m", "ruff", *check, *config, "."],
+        cwd=clone / "my-nodes" if package else clone,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_package_brings_a_node_whose_own_tests_pass(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert tactograph("new-node", "brighten", "--package", "my-nodes").code == 0
+    site = tmp_path / "site"
+    install = ["pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    done = subprocess.run(
+        [sys.executable, "-m", *install, "--target", str(site), "./my-nodes"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    # Away from the sources, so that the installed files are what is tested.
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "--rootdir", "my-nodes", "my-nodes/tests"],
+        capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(site)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "passed" in done.stdout
+    assert "skipped" not in done.stdout
+
+
+def test_a_second_node_of_a_package_says_what_to_register(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tactograph("new-node", "brighten", "--package", "my-nodes")
+    outcome = tactograph("new-node", "darken", "--package", "my-nodes")
+    assert 'darken = "my_nodes.darken:darken"' in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["light/flat_field"], "there is a node 'flat_field' already"),
+        (["light/Flat"], "lower-case"),
+        (["light/class"], "a word of Python's own"),
+        (["light/a-b"], "lower-case"),
+        (["brighten", "--package", "1nodes"], "cannot be a package"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused(
+    tactograph: Command, clone: Path, words: list[str], message: str
+) -> None:
+    outcome = tactograph("new-node", *words)
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert not [f for f in clone.rglob("*") if f.is_file() and f.name != "__init__.py"]
+
+
+def test_nothing_is_overwritten(tactograph: Command, clone: Path) -> None:
+    (clone / "kernels" / "light" / "brighten.cl").write_text("mine")
+    outcome = tactograph("new-node", "light/brighten")
+    assert outcome.code == 2
+    assert "nothing was written" in outcome.err
+    assert not (clone / "nodes" / "brighten.py").exists()
+
+
+def test_outside_a_clone_a_package_must_be_named(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = tactograph("new-node", "brighten")
+    assert outcome.code == 2
+    assert "--package FOLDER" in outcome.err

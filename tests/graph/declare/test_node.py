@@ -1,0 +1,200 @@
+"""A node is declared by its function's signature."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from tactograph.graph import Close, Exact, Port, Provenance, SizeLimit, node
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.nodes import F4, Height, Light, PixelSize
+
+
+class Two(NamedTuple):
+    light: Light
+    pixel: PixelSize
+    label: str = ""
+
+
+def test_positional_arguments_are_inputs_and_keyword_only_ones_are_parameters() -> None:
+    @node
+    def each(light: Light, pixel: PixelSize, *, gain: float, floor: float = 0.1) -> Height: ...
+
+    assert list(each.inputs) == ["light", "pixel"]
+    assert list(each.parameters) == ["gain", "floor"]
+    assert each.parameters["gain"].required
+    assert not each.parameters["floor"].required
+    assert each.parameters["floor"].default == 0.1
+
+
+def test_a_single_output_has_the_name_of_the_node() -> None:
+    @node
+    def each(light: Light) -> Height: ...
+
+    assert list(each.outputs) == ["each"]
+    assert each.outputs["each"].dims == ("H", "W")
+
+
+def test_a_record_gives_several_outputs() -> None:
+    @node
+    def each(light: Light) -> Two: ...
+
+    assert list(each.outputs) == ["light", "pixel", "label"]
+    assert [port.kind for port in each.outputs.values()] == ["array", "number", "object"]
+
+
+def test_a_record_as_an_argument_is_an_input_for_each_of_its_fields() -> None:
+    @node
+    def each(two: Two) -> Height: ...
+
+    assert list(each.inputs) == ["two.light", "two.pixel", "two.label"]
+    assert each.input_records == {"two": Two}
+
+
+def test_an_argument_with_a_default_is_an_optional_input() -> None:
+    @node
+    def each(light: Light, truth: Height | None = None) -> Height: ...
+
+    assert each.optional_inputs == {"truth"}
+    assert each.inputs["truth"].optional
+
+
+def test_no_inputs_make_a_source_and_no_outputs_a_sink() -> None:
+    @node
+    def source() -> Height: ...
+
+    @node
+    def sink(height: Height) -> None: ...
+
+    assert (source.source, source.sink) == (True, False)
+    assert (sink.source, sink.sink) == (False, True)
+
+
+def test_an_iterator_makes_a_stream() -> None:
+    @node
+    def stream() -> Iterator[Two]: ...
+
+    @node
+    def single() -> Two: ...
+
+    assert stream.stream
+    assert list(stream.outputs) == ["light", "pixel", "label"]
+    assert not single.stream
+
+
+def test_symbols_stand_in_the_order_in_which_they_first_appear() -> None:
+    @node
+    def each(height: Height, light: Light) -> Annotated[F4, Port("N 2")]: ...
+
+    assert each.symbols == ("H", "W", "K", "N")
+
+
+def test_provenance_is_handed_in_by_the_engine_and_is_no_parameter() -> None:
+    @node
+    def sink(height: Height, *, folder: str, provenance: Provenance) -> None: ...
+
+    assert list(sink.parameters) == ["folder"]
+    assert sink.provenance == "provenance"
+
+
+def test_a_node_is_callable_as_the_plain_function() -> None:
+    @node(neutral="light")
+    def doubled(light: Light, *, by: float = 2.0) -> Light:
+        """Doubles.
+
+        More.
+        """
+        return light * np.float32(by)
+
+    assert doubled(np.ones((1, 1, 1), np.float32), by=3.0)[0, 0, 0] == 3
+    assert doubled.summary == "Doubles."
+
+
+def test_back_ends_agree_exactly_unless_a_tolerance_says_otherwise() -> None:
+    @node
+    def exact(light: Light) -> Light: ...
+
+    @node(tolerance=Close(1e-3, 1e-3, why="a sum"))
+    def close(light: Light) -> Light: ...
+
+    assert exact.tolerance == Exact()
+    assert close.tolerance == Close(1e-3, 1e-3, why="a sum")
+
+
+def test_only_a_declared_kernel_counts() -> None:
+    @node
+    def each(light: Light) -> Height: ...
+
+    assert not each.has_kernel
+    each.opencl(grid="H W")
+    assert each.has_kernel
+    assert each.grid == ("H", "W")
+
+
+def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:
+    @node
+    def each(light: Light) -> Light: ...
+
+    assert each.backends == {"numpy"}
+    each.numba(rows="H", fixed="K")
+    assert each.backends == {"numpy", "numba"}
+    assert (each.rows, each.fixed) == ("H", ("K",))
+
+
+def test_numba_takes_no_objects() -> None:
+    @node
+    def worded(light: Light, name: str) -> Light: ...
+
+    with pytest.raises(TypeError, match="worded: numba takes arrays and numbers"):
+        worded.numba(rows="H")
+
+
+@pytest.mark.parametrize(("size", "refused"), [(2, True), (3, False), (8, False), (9, True)])
+def test_a_size_limit_refuses_what_lies_outside(size: int, refused: bool) -> None:
+    assert SizeLimit(3, 8, "why").refuses(size) is refused
+
+
+def no_type(light, *, gain: float = 1) -> Height: ...  # type: ignore[no-untyped-def]
+def no_port(light: F4) -> Height: ...
+def union(light: Light | Height) -> Height: ...
+def no_port_out(light: Light) -> F4: ...
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (no_type, "no_type: argument 'light' has no type"),
+        (no_port, "port 'light': an array needs"),
+        (union, "a union of types cannot be a port"),
+        (no_port_out, "port 'no_port_out': an array needs"),
+    ],
+)
+def test_a_signature_that_is_no_declaration_is_refused(
+    function: Callable[..., Any], message: str
+) -> None:
+    with pytest.raises(TypeError, match=message):
+        node(function)
+
+
+def test_a_neutral_input_is_of_the_type_of_the_output() -> None:
+    with pytest.raises(TypeError, match="neutral 'light' is no input of the output's type"):
+
+        @node(neutral="light")
+        def each(light: Light) -> Height: ...
+
+
+def test_only_a_node_with_one_output_has_a_neutral() -> None:
+    with pytest.raises(TypeError, match="only a node with one output"):
+
+        @node(neutral=0)
+        def each(light: Light) -> Two: ...
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_built_in_node_says_what_it_does(name: str) -> None:
+    found = find_node(name)
+    assert found.name == name
+    assert 10 < len(found.summary) < 200

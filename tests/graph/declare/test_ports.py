@@ -1,0 +1,112 @@
+"""Ports: what an annotation says about a value, and which ports fit together."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple, Optional
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.graph import GraphError, Port
+from tactograph.graph.declare.ports import is_record, read_port, record_ports
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.open import placeholders
+from tests.graph.conftest import SLOPES, Write
+
+
+def test_an_array_port_has_dimensions_an_element_type_and_a_unit() -> None:
+    port = read_port("light", Annotated[NDArray[np.uint8], Port("K 9 H", "LED bits")])
+    assert (port.kind, port.dims, port.dtype) == ("array", ("K", 9, "H"), np.dtype("uint8"))
+    assert str(port) == "uint8 K x 9 x H [LED bits]"
+
+
+def test_a_number_port_has_a_unit() -> None:
+    port = read_port("pixel", Annotated[float, Port(unit="mm/px")])
+    assert (port.kind, port.unit) == ("number", "mm/px")
+    assert str(port) == "number [mm/px]"
+
+
+def test_a_plain_float_is_a_number_without_dimension() -> None:
+    assert read_port("gain", float).unit == "1"
+
+
+@pytest.mark.parametrize("python", [str, dict[str, float], list[int]])
+def test_anything_else_is_an_object(python: Any) -> None:
+    port = read_port("name", python)
+    assert (port.kind, port.python) == ("object", python)
+
+
+@pytest.mark.parametrize(
+    "annotation",
+    [
+        Annotated[NDArray[np.float32], Port("H W")] | None,
+        Optional[Annotated[NDArray[np.float32], Port("H W")]],  # noqa: UP045
+    ],
+)
+def test_or_none_makes_a_port_optional(annotation: Any) -> None:
+    port = read_port("truth", annotation)
+    assert port.optional
+    assert port.kind == "array"
+
+
+def test_an_array_without_dimensions_is_refused() -> None:
+    with pytest.raises(TypeError, match="port 'light': an array needs"):
+        read_port("light", NDArray[np.float32])
+
+
+def test_a_record_is_a_port_for_each_field() -> None:
+    class Pair(NamedTuple):
+        name: str
+        gain: float
+
+    assert is_record(Pair)
+    assert not is_record(tuple)
+    ports = record_ports(Pair, "pair.")
+    assert {field: port.name for field, port in ports.items()} == {
+        "name": "pair.name", "gain": "pair.gain"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("height: height,", "height: pixel,", "pixel.pixel_size is number [mm/px]: a number is"),
+        ("pixel: pixel}}\n  again", "pixel: height}}\n  again", "an array is not a number"),
+        ("slope: slope.slope", "slope: height", "the numbers of axes differ"),
+        ("slope: slope.slope", "slope: slope.mask", "the element types differ"),
+        (
+            "op: integrate_dct, in: {slope: slope.slope, pixel: pixel}",
+            "op: in_metres, in: {height: height}",
+            "'height' of in_metres wants float32 H x W [m], but height.read_height is "
+            "float32 H x W [mm]: the units differ",
+        ),
+    ],
+)
+def test_ports_that_do_not_fit_are_both_named(
+    toys: list[str], write: Write, old: str, new: str, message: str
+) -> None:
+    assert old in SLOPES
+    graph = read_graph(write(SLOPES.replace(old, new)))
+    with pytest.raises(GraphError) as caught:
+        make_plan(graph, placeholders(graph), device=None)
+    assert message in str(caught.value)
+    assert "graph.yaml:" in str(caught.value)
+    assert ".in." in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("reader", "message"),
+    [
+        ("{op: in_metres, in: {height: frames.truth}}", "the units differ"),
+        ("{op: rest_at_border, in: {height: frames.truth}}", "it may be absent"),
+        ("{op: doubled, in: {image: frames.name}}", "an object is not an array"),
+    ],
+)
+def test_a_value_that_may_be_absent_or_is_no_array_is_refused(
+    toys: list[str], write: Write, reader: str, message: str
+) -> None:
+    text = f"format: 1\nnodes:\n  frames: {{op: touches}}\n  a: {reader}\noutputs: {{a: a}}"
+    with pytest.raises(GraphError, match=message):
+        make_plan(read_graph(write(text)), {}, device=None)

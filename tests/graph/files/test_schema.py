@@ -1,0 +1,107 @@
+"""The JSON schema of graph files: right ones pass, a slip does not."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from tactograph.graph.declare.find_node import builtin_names
+from tactograph.graph.files.read import graph_file, shipped_names
+from tactograph.graph.files.schema import make_schema
+from tactograph.graph.files.strict_yaml import parse_yaml, read_yaml
+from tests.conftest import ROOT
+from tests.graph.conftest import SLOPES
+
+
+@cache
+def validator() -> jsonschema.Draft202012Validator:
+    return jsonschema.Draft202012Validator(make_schema())
+
+
+def slopes() -> dict[str, Any]:
+    data: dict[str, Any] = parse_yaml(SLOPES, "g.yaml").data
+    return data
+
+
+def test_the_schema_is_a_schema() -> None:
+    jsonschema.Draft202012Validator.check_schema(make_schema())
+
+
+def test_the_schema_beside_the_pipelines_is_of_these_nodes() -> None:
+    """If not: ``tactograph schema > pipelines/pipeline.schema.json``."""
+    kept = json.loads((ROOT / "pipelines" / "pipeline.schema.json").read_text())
+    assert kept == json.loads(json.dumps(make_schema()))
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_a_shipped_graph_tells_editors_where_the_schema_is(name: str) -> None:
+    first = Path(graph_file(name)).read_text().partition("\n")[0]
+    assert first == "# yaml-language-server: $schema=pipeline.schema.json"
+
+
+def test_the_schema_is_the_same_every_time() -> None:
+    assert make_schema() == make_schema()
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_a_shipped_graph_passes(name: str) -> None:
+    validator().validate(read_yaml(Path(graph_file(name))).data)
+
+
+def test_a_small_graph_passes() -> None:
+    validator().validate(slopes())
+
+
+Slip = Callable[[dict[str, Any]], object]
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [
+        pytest.param(lambda g: g.pop("format"), id="no format"),
+        pytest.param(lambda g: g.update(format=2), id="another format"),
+        pytest.param(lambda g: g.update(titel=g.pop("title")), id="a key of the file"),
+        pytest.param(lambda g: g["nodes"]["pixel"].update(wiht={}), id="a key of a node"),
+        pytest.param(lambda g: g["nodes"]["pixel"].pop("op"), id="no op"),
+        pytest.param(lambda g: g["nodes"]["pixel"].update(op=5), id="an op that is no name"),
+        pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(nm=1), id="a parameter"),
+        pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(mm=0), id="out of range"),
+        pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(mm="x"), id="of another type"),
+        pytest.param(lambda g: g["nodes"]["slope"]["in"].update(hieght="a"), id="an input"),
+        pytest.param(lambda g: g["nodes"]["slope"]["in"].update(height="a.b.c"), id="a reference"),
+        pytest.param(lambda g: g["nodes"]["slope"].update(backend="gpu"), id="a back end"),
+        pytest.param(lambda g: g["params"]["file"].update(kind="file"), id="the kind of a param"),
+        pytest.param(lambda g: g.update(prefer=["cuda"]), id="a preference"),
+        pytest.param(lambda g: g.update(patch=[{"sett": "a"}]), id="a verb"),
+    ],
+)
+def test_a_slip_does_not_pass(slip: Slip) -> None:
+    graph = copy.deepcopy(slopes())
+    slip(graph)
+    with pytest.raises(jsonschema.ValidationError):
+        validator().validate(graph)
+
+
+def test_a_param_of_the_graph_may_stand_for_any_parameter() -> None:
+    graph = slopes()
+    graph["nodes"]["pixel"]["with"]["mm"] = "$mm"
+    validator().validate(graph)
+
+
+def test_a_node_of_another_package_passes() -> None:
+    graph = slopes()
+    graph["nodes"]["pixel"] = {"op": "acme_scale", "with": {"by": 4}, "in": {"light": "height"}}
+    validator().validate(graph)
+
+
+def test_every_built_in_node_is_in_the_schema() -> None:
+    entry = make_schema()["$defs"]["NodeModel"]
+    assert entry["properties"]["op"]["anyOf"][0]["enum"] == builtin_names()
+    assert len(entry["allOf"]) == len(builtin_names())

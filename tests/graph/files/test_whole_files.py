@@ -1,0 +1,98 @@
+"""Files appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.whole_files import whole_file, whole_files
+
+
+def test_files_appear_when_the_block_is_done(tmp_path: Path) -> None:
+    with whole_files(tmp_path / "new" / "folder") as stage:
+        (stage / "a.txt").write_text("a")
+        (stage / "b.txt").write_text("b")
+        assert not (tmp_path / "new" / "folder" / "a.txt").exists()
+    assert sorted(f.name for f in (tmp_path / "new" / "folder").iterdir()) == ["a.txt", "b.txt"]
+
+
+def test_a_single_file_keeps_its_suffix_while_it_is_written(tmp_path: Path) -> None:
+    with whole_file(tmp_path / "cal.npz") as target:
+        assert target.suffix == ".npz"
+        target.write_text("x")
+    assert (tmp_path / "cal.npz").read_text() == "x"
+
+
+def write_and_fail(folder: Path, error: BaseException) -> None:
+    with whole_files(folder) as stage:
+        (stage / "a.txt").write_text("half")
+        raise error
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), KeyboardInterrupt(), InputError("no")])
+def test_nothing_appears_if_the_block_raises(tmp_path: Path, error: BaseException) -> None:
+    with pytest.raises(type(error)):
+        write_and_fail(tmp_path, error)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_was_there_before_stays_if_the_block_raises(tmp_path: Path) -> None:
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    with pytest.raises(RuntimeError):
+        write_and_fail(tmp_path, RuntimeError())
+    assert file.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("old")
+    (tmp_path / "other.txt").write_text("mine")
+    with whole_file(tmp_path / "a.txt") as target:
+        target.write_text("new")
+    assert (tmp_path / "a.txt").read_text() == "new"
+    assert (tmp_path / "other.txt").read_text() == "mine"
+
+
+def test_a_disk_that_is_full_half_way_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written: No space left"):
+        write_and_fail(tmp_path, OSError(errno.ENOSPC, "No space left on device"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_read_only_is_an_input_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**keywords: object) -> str:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse)
+    with (
+        pytest.raises(InputError, match="cannot be written: Read-only file system"),
+        whole_files(tmp_path),
+    ):
+        pytest.fail("the block must not run")
+
+
+@pytest.mark.parametrize("below", ["file.txt", "file.txt/deeper", "n" * 300])
+def test_a_folder_that_cannot_be_is_an_input_error(tmp_path: Path, below: str) -> None:
+    (tmp_path / "file.txt").write_text("a file, not a folder")
+    with pytest.raises(InputError, match="cannot be written"), whole_files(tmp_path / below):
+        pytest.fail("the block must not run")
+
+
+def write_two(folder: Path) -> None:
+    with whole_files(folder) as stage:
+        (stage / "a.txt").write_text("a")
+        (stage / "z.txt").write_text("z")
+
+
+def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
+    (tmp_path / "z.txt").mkdir()
+    with pytest.raises(InputError, match=r"z\.txt is a folder"):
+        write_two(tmp_path)
+    assert [f.name for f in tmp_path.iterdir()] == ["z.txt"]

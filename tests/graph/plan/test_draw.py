@@ -1,0 +1,70 @@
+"""Pictures of a plan: DOT, Mermaid, and SVG where graphviz is there."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.plan.draw import edges, to_dot, to_mermaid
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.open import placeholders
+from tests.graph.conftest import SLOPES, Write
+
+
+def planned(file: str, device: OpenCL | None) -> Plan:
+    graph = read_graph(file)
+    return make_plan(graph, placeholders(graph), device=device)
+
+
+def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
+    plan = planned(write(SLOPES), device)
+    dot = to_dot(plan)
+    mermaid = to_mermaid(plan)
+    assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
+    for step in plan.steps:
+        assert dot.count(f'\n  "{step.name}" [label=') == 1
+    assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
+
+
+def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None:
+    drawn = edges(planned(write(SLOPES), device))
+    assert ("height", "upload height.read_height", "read_height") in drawn
+    assert ("upload height.read_height", "slope", "read_height") in drawn
+    assert ("height", "slope", "read_height") not in drawn
+
+
+def test_without_a_device_no_transfer_is_drawn(write: Write) -> None:
+    assert ("height", "slope", "read_height") in edges(planned(write(SLOPES), None))
+
+
+def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -> None:
+    dot = to_dot(planned(write(SLOPES), device))
+    colours = set(re.findall(r'fillcolor="(#\w+)"', dot))
+    assert len(colours) == 2
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_every_edge_joins_two_steps(name: str, device: OpenCL) -> None:
+    plan = planned(name, device)
+    steps = {step.name for step in plan.steps}
+    assert all({a, b} <= steps for a, b, _ in edges(plan))
+
+
+@pytest.mark.parametrize("name", ['we"ird.yaml', "back\\slash.yaml", "two words.yaml"])
+def test_the_name_of_the_file_breaks_no_quotes(write: Write, name: str) -> None:
+    first = to_dot(planned(write(SLOPES, name), None)).splitlines()[0]
+    assert re.fullmatch(r'digraph "(?:[^"\\]|\\.)*" \{', first)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not here")
+def test_graphviz_takes_the_dot_file(write: Write, device: OpenCL, tmp_path: Path) -> None:
+    dot = to_dot(planned("paper", device))
+    done = subprocess.run(["dot", "-Tsvg"], input=dot, capture_output=True, text=True, check=True)
+    assert "<svg" in done.stdout

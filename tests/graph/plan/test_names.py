@@ -1,0 +1,229 @@
+"""Pass 1: every name in a graph means something, and nothing runs in a circle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tactograph.graph import GraphError, InputError
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.plan.names import bind
+from tactograph.graph.plan.plan import Draft, Value
+from tactograph.graph.run.open import placeholders
+from tests.graph.conftest import SLOPES, STREAM, Write
+
+
+def bound(
+    file: str, *, sinks: bool = True, stand_ins: frozenset[str] = frozenset(), **given: Any
+) -> Draft:
+    graph = read_graph(file)
+    return bind(graph, {**placeholders(graph), **given}, sinks=sinks, stand_ins=stand_ins)
+
+
+def refusal(file: str, **given: Any) -> str:
+    with pytest.raises(GraphError) as caught:
+        bound(file, **given)
+    return str(caught.value)
+
+
+def test_a_bare_reference_means_the_only_output(write: Write) -> None:
+    draft = bound(write(SLOPES))
+    assert draft.tasks["slope"].reads["height"] == Value("height", "read_height")
+    assert draft.outputs["height"] == Value("again", "integrate_dct")
+
+
+def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
+    draft = bind(read_graph(write(SLOPES)), {"file": "a.npy"}, sinks=True, stand_ins=frozenset())
+    assert str(draft.tasks["height"].settings["file"]) == "a.npy"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("op: height_slopes", "op: heigt_slopes",
+         "9:12: nodes.slope.op: no node is called 'heigt_slopes'; did you mean 'height_slopes'?"),
+        ("in: {height: height, pixel: pixel}", "in: {height: height}",
+         "nodes.slope.in: node 'height_slopes' needs the input 'pixel'"),
+        (", in: {height: height, pixel: pixel}", "",
+         "nodes.slope.in: node 'height_slopes' needs the input"),
+        ("pixel: pixel}}\n  again", "pixel: pixel, mask: pixel}}\n  again",
+         "nodes.slope.in.mask: node 'height_slopes' has no input 'mask'"),
+        ("{height: height, p", "{hieght: height, p",
+         "slope.in.hieght: node 'height_slopes' has no input 'hieght'; did you mean 'height'"),
+        ("height: height,", "height: hight,",
+         "nodes.slope.in.height: there is no node 'hight'; did you mean 'height'?"),
+        ("slope: slope.slope", "slope: slope",
+         "node 'slope' has several outputs; say which: slope.slope, slope.mask"),
+        ("slope: slope.slope", "slope: slope.slop",
+         "nodes.again.in.slope: node 'slope' makes no 'slop'; did you mean 'slope'?"),
+        ("{mm: 0.1}", "{mm: 0}",
+             "nodes.pixel.with.mm: input should be greater than or equal to 0.000001, not 0"),
+        ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
+        (", with: {mm: 0.1}", "", "nodes.pixel.with.mm: node 'pixel_size' needs the parameter"),
+        ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
+        ("height: again", "height: agian",
+         "11:11: outputs.height: there is no node 'agian'; did you mean 'again'?"),
+        ("mask: slope.mask", "mask: slope.flag",
+         "outputs.mask: node 'slope' makes no 'flag'; it makes slope, mask"),
+    ],
+)  # fmt: skip
+def test_a_name_that_means_nothing_is_an_error_with_its_place(
+    write: Write, old: str, new: str, message: str
+) -> None:
+    assert SLOPES.count(old) == 1
+    file = write(SLOPES.replace(old, new))
+    said = refusal(file)
+    assert said.startswith(f"{file}:")
+    assert message in said
+
+
+def test_a_cycle_is_printed(write: Write) -> None:
+    text = """
+format: 1
+nodes:
+  pixel: {op: pixel_size, with: {mm: 1}}
+  a: {op: rest_at_border, in: {height: c}}
+  b: {op: height_slopes, in: {height: a, pixel: pixel}}
+  c: {op: integrate_dct, in: {slope: b.slope, pixel: pixel}}
+outputs: {c: c}
+"""
+    said = refusal(write(text))
+    assert "the graph runs in a circle: " in said
+    walk = said.partition("circle: ")[2].split(" -> ")
+    assert walk[0] == walk[-1]
+    assert sorted(walk[1:]) == ["a", "b", "c"]
+
+
+def test_a_node_that_reads_itself_is_a_cycle(write: Write) -> None:
+    text = "format: 1\nnodes: {a: {op: rest_at_border, in: {height: a}}}\noutputs: {a: a}"
+    assert "circle: a -> a" in refusal(write(text))
+
+
+def test_neutral_nodes_that_pass_on_one_another_are_a_cycle(write: Write) -> None:
+    text = """
+format: 1
+nodes:
+  a: {op: rest_at_border, in: {height: b}, neutral: true}
+  b: {op: rest_at_border, in: {height: a}, neutral: true}
+outputs: {a: a}
+"""
+    assert "the neutral nodes pass on one another in a cycle" in refusal(write(text))
+
+
+def test_a_sink_makes_nothing_that_could_be_read(toys: list[str], write: Write) -> None:
+    said = refusal(write(STREAM.replace("score: score", "score: save")))
+    assert "outputs.score: node 'save' only writes" in said
+
+
+def test_a_graph_without_outputs_and_sinks_has_nothing_to_do(write: Write) -> None:
+    said = refusal(write("format: 1\nnodes: {p: {op: pixel_size, with: {mm: 1}}}"))
+    assert "nothing to do: the graph has neither outputs nor sinks" in said
+
+
+def test_what_no_output_needs_is_not_run(write: Write) -> None:
+    draft = bound(write(SLOPES.replace("height: again", "height: height")))
+    assert draft.unused == ["again"]
+    assert "again" not in draft.tasks
+
+
+def test_sinks_run_unless_they_are_left_out(toys: list[str], write: Write) -> None:
+    file = write(STREAM)
+    assert "save" in bound(file).tasks
+    assert "save" not in bound(file, sinks=False).tasks
+
+
+def test_a_graph_has_one_stream(toys: list[str], write: Write) -> None:
+    text = """
+format: 1
+nodes:
+  one: {op: touches}
+  two: {op: touches}
+  a: {op: watched, in: {image: one.image, truth: two.truth}}
+outputs: {a: a}
+"""
+    assert "a graph has one stream; 'one' is one already" in refusal(write(text))
+
+
+def test_what_reads_the_stream_is_part_of_it_and_nothing_else_is(
+    toys: list[str], write: Write
+) -> None:
+    tasks = bound(write(STREAM)).tasks
+    assert {name for name, task in tasks.items() if task.stream} == {
+        "frames", "light", "score", "save"
+    }  # fmt: skip
+
+
+def test_a_neutral_node_that_passes_on_an_input_vanishes(toys: list[str], write: Write) -> None:
+    text = STREAM.replace("dark: cal.dark}}", "dark: cal.dark}, neutral: true}")
+    draft = bound(write(text))
+    assert "light" not in draft.tasks
+    assert "cal" not in draft.tasks
+    assert draft.outputs["light"] == Value("frames", "image")
+    assert draft.passed == {"light": Value("frames", "image")}
+
+
+def test_a_chain_of_neutral_nodes_passes_on_its_first_input(write: Write) -> None:
+    text = """
+format: 1
+nodes:
+  z: {op: read_height, with: {file: z.npy}}
+  a: {op: rest_at_border, in: {height: z}, neutral: true}
+  b: {op: rest_at_border, in: {height: a}, neutral: true}
+outputs: {b: b}
+"""
+    assert bound(write(text)).outputs["b"] == Value("z", "read_height")
+
+
+@pytest.mark.parametrize(
+    ("node", "message"),
+    [
+        ("{op: rest_at_border, neutral: true}", "a.in: node 'rest_at_border' needs the input"),
+        ("{op: rest_at_border, in: {height: zz}, neutral: true}", "there is no node 'zz'"),
+        ("{op: rest_at_border, in: {height: z.y}, neutral: true}", "node 'z' makes no 'y'"),
+        ("{op: rest_at_border, in: {height: s}, neutral: true}", "node 's' has several outputs"),
+        ("{op: integrate_dct, in: {slope: s.slope}, neutral: true}", "has no neutral value"),
+    ],
+)  # fmt: skip
+def test_a_neutral_node_is_checked_too(write: Write, node: str, message: str) -> None:
+    text = f"""
+format: 1
+nodes:
+  z: {{op: read_height, with: {{file: z.npy}}}}
+  p: {{op: pixel_size, with: {{mm: 1}}}}
+  s: {{op: height_slopes, in: {{height: z, pixel: p}}}}
+  a: {node}
+outputs: {{a: a}}
+"""
+    said = refusal(write(text))
+    assert "graph.yaml:7:" in said
+    assert message in said
+
+
+def test_a_record_is_read_whole(write: Write) -> None:
+    draft = bound("paper", sinks=False)
+    reads = draft.tasks["coarse"].reads
+    assert reads["index.axes"] == Value("index", "axes")
+
+
+def test_a_record_is_read_from_a_node_that_gives_one(write: Write) -> None:
+    file = write(
+        "format: 1\nextends: paper\npatch:\n"
+        "  - {replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}"
+    )
+    assert "'index' takes all outputs of a node that gives a" in refusal(file)
+
+
+def test_a_value_for_a_param_that_is_not_there_is_refused(write: Write) -> None:
+    with pytest.raises(InputError, match="has no parameter 'fiel'; did you mean 'file'"):
+        bound(write(SLOPES), fiel="x")
+
+
+def test_a_value_that_is_needed_is_asked_for_with_its_help(write: Write) -> None:
+    with pytest.raises(InputError, match=r"graph needs file=... \(a height map\)"):
+        bind(read_graph(write(SLOPES)), {}, sinks=True, stand_ins=frozenset())
+
+
+def test_only_a_source_can_be_stood_in_for(write: Write) -> None:
+    with pytest.raises(InputError, match="no source node 'slope'; it has: height, pixel"):
+        bound(write(SLOPES), stand_ins=frozenset({"slope"}))

@@ -1,0 +1,114 @@
+"""Pass 6: the order of the steps, and when a buffer is free again."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.plan.plan import Plan, Value
+from tactograph.graph.run.open import placeholders
+from tests.graph.conftest import STREAM, Write
+
+
+def planned(file: str, device: OpenCL | None) -> Plan:
+    graph = read_graph(file)
+    return make_plan(graph, placeholders(graph), device=device)
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> None:
+    made: set[Value] = set()
+    for step in planned(name, device).steps:
+        assert set(step.reads) <= made
+        made |= set(step.writes)
+
+
+def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
+    toys: list[str], write: Write, device: OpenCL
+) -> None:
+    source = "  cal:    {op: at_rest}\n"
+    last = STREAM.replace(source, "").replace("outputs:", f"{source}outputs:")
+    more = last.replace("  light:", "  more: {op: doubled, in: {image: frames.image}}\n  light:")
+    file = write(more.replace("outputs: {", "outputs: {more: more, "))
+    runs = [step.name for step in planned(file, device).steps if step.kind == "run"]
+    assert runs[:2] == ["cal", "frames"]
+
+
+def test_the_device_is_given_work_before_the_host_starts_on_its_own(
+    toys: list[str], write: Write, device: OpenCL
+) -> None:
+    """And before all what the host waits for."""
+    text = STREAM.replace(
+        "  score:",
+        "  own:    {op: doubled, in: {image: frames.image}}\n"
+        "  late:   {op: summed, in: {image: frames.image}}\n"
+        "  score:",
+    ).replace("outputs: {", "outputs: {own: own, late: late, ")
+    text = text.replace("{op: watched, in: {image: light", "{op: watched, in: {image: back")
+    back = "  back:   {op: doubled, in: {image: light}}\n  score:"
+    steps = [s.name for s in planned(write(text.replace("  score:", back)), device).steps]
+    places = [steps.index(name) for name in ("light", "download light.flat_field", "late", "own")]
+    assert places == sorted(places)
+
+
+def test_what_runs_once_comes_first(toys: list[str], write: Write, device: OpenCL) -> None:
+    stream = [step.stream for step in planned(write(STREAM), device).steps]
+    assert stream == sorted(stream)
+
+
+def test_writers_come_last_so_that_nothing_is_written_if_a_computation_fails(
+    toys: list[str], write: Write, device: OpenCL
+) -> None:
+    assert [step.name for step in planned(write(STREAM), device).steps][-1] == "save"
+
+
+def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(
+    toys: list[str], write: Write
+) -> None:
+    text = "format: 1\nnodes:\n  frames: {op: touches}\n" + "".join(
+        f"  n{number}: {{op: doubled, in: {{image: frames.image}}}}\n" for number in (9, 3, 7)
+    )
+    file = write(text + "outputs: {a: n3, b: n7, c: n9}")
+    assert [step.name for step in planned(file, None).steps] == ["frames", "n9", "n3", "n7"]
+
+
+def test_a_value_on_the_device_is_let_go_after_its_last_reader(
+    toys: list[str], write: Write, device: OpenCL
+) -> None:
+    released = {
+        value: step.name for step in planned(write(STREAM), device).steps for value in step.release
+    }
+    assert released == {
+        Value("frames", "image"): "light",
+        Value("light", "flat_field"): "download light.flat_field",
+    }
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
+    name: str, device: OpenCL
+) -> None:
+    plan = planned(name, device)
+    steps = [step for step in plan.steps if step.stream]
+    recalled = {value for task in plan.tasks.values() for value in task.recalls.values()}
+    on_device = {
+        value
+        for step in steps
+        if step.kind == "upload" or (step.backend == "opencl" and step.kind != "download")
+        for value in step.writes
+    }
+    released: list[Value] = []
+    for step in steps:
+        if step.backend == "opencl":
+            assert not set(step.reads) & set(released)
+        released += step.release
+    assert len(set(released)) == len(released)
+    assert on_device - recalled <= set(released)
+    assert not recalled & set(released)
+
+
+def test_what_is_made_once_is_never_let_go(toys: list[str], write: Write, device: OpenCL) -> None:
+    released = {v for step in planned(write(STREAM), device).steps for v in step.release}
+    assert not [value for value in released if value.node == "cal"]

@@ -1,0 +1,91 @@
+"""Pass 3: sizes bind across the graph, and clash before anything runs."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactograph.graph import GraphError, InputError
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sizes import Bound, Symbol
+from tactograph.graph.run.open import placeholders
+from tests.graph.conftest import SLOPES, STREAM, Write
+
+
+def planned(file: str) -> Plan:
+    graph = read_graph(file)
+    return make_plan(graph, placeholders(graph), device=None)
+
+
+def test_the_two_ends_of_an_edge_have_the_same_sizes(write: Write) -> None:
+    plan = planned(write(SLOPES))
+    roots = {plan.sizes.root[node, "H"] for node in ("height", "slope", "again")}
+    assert len(roots) == 1
+    assert plan.sizes.root["height", "W"] not in roots
+
+
+def test_fixed_sizes_that_differ_clash_before_anything_runs(toys: list[str], write: Write) -> None:
+    text = SLOPES.replace(
+        "outputs: {",
+        "  more: {op: three_planes, in: {planes: slope.slope}}\noutputs: {more: more, ",
+    )
+    with pytest.raises(GraphError) as caught:
+        planned(write(text))
+    said = str(caught.value)
+    assert "graph.yaml:11:" in said
+    assert "nodes.more.in.planes: sizes clash: more.planes has 3, slope.slope has 2" in said
+
+
+def test_fixed_sizes_clash_through_nodes_that_take_any_size(toys: list[str], write: Write) -> None:
+    text = """
+format: 1
+nodes:
+  z: {op: read_height, with: {file: z.npy}}
+  p: {op: pixel_size, with: {mm: 1}}
+  s: {op: height_slopes, in: {height: z, pixel: p}}
+  any: {op: many_planes, in: {planes: s.slope}}
+  three: {op: three_planes, in: {planes: any}}
+outputs: {three: three}
+"""
+    with pytest.raises(GraphError, match=r"three.planes has 3, (s.slope|any.many_planes) has 2"):
+        planned(write(text))
+
+
+def test_a_fixed_size_that_a_node_does_not_take_is_refused_before_anything_runs(
+    toys: list[str], write: Write
+) -> None:
+    text = SLOPES.replace(
+        "outputs: {", "  more: {op: many_planes, in: {planes: slope.slope}}\noutputs: {more: more, "
+    )
+    with pytest.raises(GraphError, match=r"nodes.more.in: slope.slope has size 2: it takes three"):
+        planned(write(text))
+
+
+def test_a_size_that_clashes_in_the_data_names_both_ports(toys: list[str], write: Write) -> None:
+    plan = planned(write(STREAM))
+    known: dict[Symbol, Bound] = {}
+    plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
+    with pytest.raises(
+        InputError, match=r"the size H is 7 in frames.image but 4 in cal.flat; they have to be"
+    ):
+        plan.sizes.bind(known, plan.tasks["frames"], "image", (3, 7, 5))
+
+
+def test_a_size_that_a_node_does_not_take_is_refused_with_its_reason() -> None:
+    plan = planned("paper")
+    with pytest.raises(InputError, match=r"shadow: K = 3: the shadow test needs 4 to 8 LEDs"):
+        plan.sizes.bind({}, plan.tasks["frames"], "image", (3, 4, 5))
+
+
+def test_a_limit_of_a_node_that_is_taken_out_does_not_count() -> None:
+    plan = planned("paper_no_shadow")
+    plan.sizes.bind({}, plan.tasks["frames"], "image", (3, 4, 5))
+
+
+def test_sizes_of_a_node_are_known_as_soon_as_its_sources_have_spoken(write: Write) -> None:
+    plan = planned(write(SLOPES))
+    known: dict[Symbol, Bound] = {}
+    assert plan.sizes.sizes_of(plan.tasks["again"], known) == {}
+    plan.sizes.bind(known, plan.tasks["height"], "read_height", (24, 32))
+    assert plan.sizes.sizes_of(plan.tasks["again"], known) == {"H": 24, "W": 32}

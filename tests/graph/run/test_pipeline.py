@@ -1,0 +1,442 @@
+"""Running: streams, stand-ins, buffers, failures, and nothing done behind the user's back."""
+
+from __future__ import annotations
+
+import threading
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, NodeError, load
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tests.graph.conftest import SLOPES, STREAM, Write
+
+BACKENDS = pytest.mark.parametrize("backend", ["numpy", "numba", "opencl"])
+WAITING = STREAM.replace(", default: 3}", "}")
+
+
+def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
+    return open_pipeline(read_graph(graph), given, backend=backend)
+
+
+@BACKENDS
+def test_a_source_may_yield_many_touches(toys: list[str], write: Write, backend: str) -> None:
+    results = list(opened(write(STREAM), backend).items())
+    assert [result["score"]["mean"] for result in results] == [1, 2, 3]
+    assert [float(result["light"].mean()) for result in results] == [1, 2, 3]
+
+
+@BACKENDS
+def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    results = opened(write(STREAM), backend).items()
+    assert [result["score"]["truth"] for result in results] == [1, -1, 3]
+
+
+def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next(
+    toys: list[str], write: Write
+) -> None:
+    nodes = """  glare: {op: glared, in: {image: light}}
+  whole: {op: failing, in: {image: light}, with: {at: 3}}
+  sum: {op: summed, in: {image: whole, before: glare.glare}}
+  save:"""
+    text = WAITING.replace("  save:", nodes).replace("{light: light", "{light: sum")
+    pipeline = load(write(text), backend="opencl")
+    dim, bright = np.ones((3, 4, 5), np.float32), np.full((3, 4, 5), 3, np.float32)
+    with pytest.raises(NodeError):
+        pipeline(frames=bright)
+    np.testing.assert_array_equal(pipeline(frames=dim)["light"], dim)
+
+
+@BACKENDS
+def test_what_does_not_depend_on_the_stream_runs_once(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    list(opened(write(STREAM), backend).items())
+    assert toys == ["at_rest", "touch 1", "noted 1", "touch 2", "noted 2", "touch 3", "noted 3"]
+
+
+def test_an_item_is_read_only_when_the_one_before_is_done(toys: list[str], write: Write) -> None:
+    next(opened(write(STREAM)).items())
+    assert "touch 2" not in toys
+
+
+@BACKENDS
+def test_repeats_compute_an_item_often_and_write_it_once(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = STREAM.replace("image: light}}\noutputs", "image: more}}\noutputs").replace(
+        "  save:", "  more: {op: doubled, in: {image: light}}\n  save:"
+    )
+    results = list(opened(write(text), backend, count=2).items(repeats=3))
+    assert [result["score"]["mean"] for result in results] == [1, 2]
+    assert toys.count("doubled") == 6
+    assert [word for word in toys if word.startswith("noted")] == ["noted 2", "noted 4"]
+
+
+@BACKENDS
+def test_a_graph_without_a_stream_has_one_item(
+    write: Write, height_file: str, backend: str
+) -> None:
+    results = list(opened(write(SLOPES), backend, file=height_file).items())
+    assert len(results) == 1
+    truth = np.load(height_file)
+    found = results[0]["height"]
+    np.testing.assert_allclose(found, truth - truth.mean(), atol=0.02)
+
+
+def test_every_step_of_the_plan_has_its_time(toys: list[str], write: Write) -> None:
+    pipeline = opened(write(STREAM), "opencl")
+    for result in pipeline.items():
+        computed = {step.name for step in pipeline.plan.steps}
+        assert computed <= {*result.times}
+        assert all(ms >= 0 for ms in result.times.values())
+
+
+def test_a_result_is_a_mapping_of_its_outputs(toys: list[str], write: Write) -> None:
+    (result, *_) = opened(write(STREAM)).items()
+    assert set(result) == {"light", "score"}
+    assert "height" not in result
+    with pytest.raises(KeyError, match="no output 'height'; there are light, score"):
+        result["height"]
+
+
+@BACKENDS
+def test_an_array_stands_in_for_a_source(toys: list[str], write: Write, backend: str) -> None:
+    pipeline = load(write(WAITING), backend=backend)
+    for level in (0.25, 0.5):
+        stack = np.full((3, 4, 5), level, np.float32)
+        np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack)
+    assert toys == ["at_rest"]
+
+
+def test_a_result_is_not_overwritten_by_the_next_one(toys: list[str], write: Write) -> None:
+    for backend in ("numpy", "opencl"):
+        pipeline = load(write(WAITING), backend=backend)
+        first = pipeline(frames=np.full((3, 4, 5), 0.5, np.float32))
+        pipeline(frames=np.full((3, 4, 5), 0.25, np.float32))
+        assert float(first["light"].max()) == 0.5
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_unsigned_integers_count_as_fractions_of_full_scale(
+    toys: list[str], write: Write, dtype: type
+) -> None:
+    stack = np.full((3, 4, 5), np.iinfo(dtype).max, dtype)
+    assert float(load(write(WAITING), backend="numpy")(frames=stack)["light"].min()) == 1
+
+
+def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> None:
+    stack = np.random.default_rng(1).random((5, 4, 3)).astype(np.float32).T
+    found = load(write(WAITING), backend="opencl")(frames=stack)["light"]
+    np.testing.assert_array_equal(found, stack)
+
+
+@pytest.mark.parametrize(
+    ("stack", "message"),
+    [
+        (np.zeros((4, 5), np.float32), r"K x H x W, not of shape \(4, 5\)"),
+        (np.zeros((3, 0, 5), np.float32), "holds no pixel"),
+        (np.full((3, 4, 5), np.nan), "holds NaN or infinite values"),
+        (np.full((3, 4, 5), np.inf), "holds NaN or infinite values"),
+        (np.zeros((3, 4, 5), np.int16), "unsigned integers or floats, not int16"),
+        (np.zeros((3, 4, 5), bool), "unsigned integers or floats, not bool"),
+        (np.zeros((3, 4, 5), complex), "unsigned integers or floats, not complex128"),
+        (np.zeros((3, 4, 5), object), "unsigned integers or floats, not object"),
+        (np.zeros((3, 4, 6), np.float32), "the size W is 6 in frames.image but 5 in cal.flat"),
+        (np.zeros((4, 4, 5), np.float32), "the size K is 4 in frames.image but 3 in cal.flat"),
+    ],
+)
+def test_a_stack_that_does_not_fit_is_refused(
+    toys: list[str], write: Write, stack: Any, message: str
+) -> None:
+    pipeline = load(write(WAITING), backend="numpy")
+    with pytest.raises(InputError, match=message):
+        pipeline(frames=stack)
+    good = np.ones((3, 4, 5), np.float32)
+    assert float(pipeline(frames=good)["light"].max()) == 1, "a refusal leaves no trace"
+
+
+@pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
+def test_exactly_the_sources_that_wait_are_stood_in_for(
+    toys: list[str], write: Write, names: tuple[str, ...]
+) -> None:
+    pipeline = load(write(WAITING), backend="numpy")
+    with pytest.raises(InputError, match=r"arrays are needed for \['frames'\]"):
+        pipeline(**dict.fromkeys(names, np.ones((3, 4, 5), np.float32)))
+
+
+def test_a_pipeline_that_waits_for_arrays_has_no_items(toys: list[str], write: Write) -> None:
+    with pytest.raises(InputError, match="call the pipeline with arrays for frames"):
+        next(load(write(WAITING), backend="numpy").items())
+
+
+def test_a_pipeline_with_a_stream_of_its_own_is_not_called(toys: list[str], write: Write) -> None:
+    pipeline = load(write(WAITING), backend="numpy", count=2)
+    with pytest.raises(InputError, match=r"'frames' yields a stream of its own; go through items"):
+        pipeline()
+    assert len(list(pipeline.items())) == 2
+
+
+def test_an_optional_input_of_a_stand_in_is_absent(toys: list[str], write: Write) -> None:
+    found = load(write(WAITING), backend="opencl")(frames=np.ones((3, 4, 5), np.float32))
+    assert found["score"]["truth"] == -1
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = """
+format: 1
+nodes:
+  frames: {op: touches}
+  found:  {op: bright, in: {image: frames.image}}
+outputs: {pixel: found.pixel, light: found.light}
+"""
+    results = list(open_pipeline(read_graph(write(text)), {}, backend=backend).items())
+    assert [result["pixel"].tolist() for result in results] == [[], [*range(20)], [*range(20)]]
+    assert [result["light"].tolist() for result in results] == [[], [2.0] * 20, [3.0] * 20]
+
+
+def test_a_steady_stream_allocates_nothing_after_its_first_item(
+    toys: list[str], write: Write, device: OpenCL
+) -> None:
+    text = STREAM.replace("with: {count: $count}", "with: {count: $count, rows: 64, columns: 80}")
+    text = text.replace("{op: at_rest}", "{op: at_rest, with: {rows: 64, columns: 80}}")
+    pipeline = opened(write(text), "opencl", count=200)
+    pool = pipeline._device.pool  # type: ignore[union-attr]
+    managed: list[int] = []
+    blocks: list[int] = []
+    memory: list[int] = []
+    tracemalloc.start()
+    try:
+        for _ in pipeline.items():
+            managed.append(pool.managed_bytes)
+            blocks.append(pipeline.buffers)
+            memory.append(tracemalloc.get_traced_memory()[0])
+            toys.clear()
+    finally:
+        tracemalloc.stop()
+    assert len(managed) == 200
+    assert set(managed) == {managed[0]}
+    assert set(blocks) == {blocks[0]}
+    image = 3 * 64 * 80 * 4
+    assert memory[-1] - memory[20] < 5 * image, "180 items leave less than five images behind"
+
+
+def test_calls_with_arrays_allocate_nothing_after_the_first(toys: list[str], write: Write) -> None:
+    pipeline = load(write(WAITING), backend="opencl")
+    stack = np.ones((3, 4, 5), np.float32)
+    pool = pipeline._device.pool  # type: ignore[union-attr]
+    managed = set()
+    for _ in range(50):
+        pipeline(frames=stack)
+        managed.add(pool.managed_bytes)
+    assert len(managed) == 1
+
+
+def test_another_size_of_image_is_taken_from_call_to_call(write: Write) -> None:
+    text = """
+format: 1
+params: {folder: {kind: path}}
+nodes:
+  frames: {op: read_capture, with: {folder: $folder}}
+  lit: {op: label_lit, in: {light: frames.image}}
+outputs: {lit: lit}
+"""
+    pipeline = load(write(text), backend="opencl")
+    for shape in ((3, 4, 5), (4, 9, 7), (3, 1, 1)):
+        assert pipeline(frames=np.ones(shape, np.float32))["lit"].shape == shape[1:]
+
+
+@BACKENDS
+def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    pipeline = load(write(WAITING), backend=backend)
+    good = np.ones((3, 4, 5), np.float32)
+    for _ in range(2):
+        assert float(pipeline(frames=good)["light"].min()) == 1
+        with pytest.raises(InputError, match=r"the size W is 6 in frames.image but 5 in cal.flat"):
+            pipeline(frames=np.ones((3, 4, 6), np.float32))
+
+
+@BACKENDS
+def test_nodes_of_one_kernel_keep_to_their_own_settings(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    more = "\n".join(
+        f"  n{floor}: {{op: flat_field, with: {{floor: {floor}}}, "
+        "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
+        for floor in (2, 4)
+    )
+    text = WAITING.replace("  score:", f"{more}\n  score:")
+    pipeline = load(
+        write(text.replace("{light: light,", "{light: light, half: n2, quarter: n4,")),
+        backend=backend,
+    )
+    for level in (1.0, 0.5):
+        found = pipeline(frames=np.full((3, 4, 5), level, np.float32))
+        assert [float(found[n].max()) / level for n in ("light", "half", "quarter")] == [
+            1,
+            0.5,
+            0.25,
+        ]
+
+
+@BACKENDS
+def test_a_calibration_of_another_size_than_the_capture_is_refused(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = STREAM.replace("{op: at_rest}", "{op: at_rest, with: {rows: 7}}")
+    with pytest.raises(
+        InputError, match=r"the size H is 4 in frames.image but 7 in cal.flat; they have to be"
+    ):
+        list(opened(write(text), backend).items())
+    assert not [word for word in toys if word.startswith("noted")]
+
+
+def test_a_once_only_step_that_failed_is_tried_afresh(write: Write, height_file: str) -> None:
+    pipeline = opened(write(SLOPES), file=height_file)
+    good = np.load(height_file)
+    np.save(height_file, np.full((3, 3), np.nan))
+    with pytest.raises(InputError, match="NaN"):
+        next(pipeline.items())
+    np.save(height_file, good[:5, :6])
+    assert next(pipeline.items())["height"].shape == (5, 6)
+
+
+@pytest.mark.parametrize(
+    ("op", "kind", "message"),
+    [
+        ("failing", NodeError, r"node 'light' \(failing\) failed: RuntimeError: a careless node"),
+        ("refusing", InputError, "image.png: too dark"),
+        ("forgetful", NodeError, "declares float32 K x H x W .* but made a NoneType"),
+        ("listing", NodeError, "declares float32 K x H x W .* but made a list"),
+        ("doubtful", NodeError, "declares float32 K x H x W .* but made float64"),
+    ],
+)
+def test_a_node_that_fails_is_named(
+    toys: list[str], write: Write, op: str, kind: type[Exception], message: str
+) -> None:
+    text = STREAM.replace("flat_field", op).replace(", flat: cal.flat, dark: cal.dark", "")
+    with pytest.raises(kind, match=message):
+        list(opened(write(text)).items())
+    assert not [word for word in toys if word.startswith("noted")]
+
+
+@BACKENDS
+def test_only_the_caller_may_hand_in_a_cameras_integers(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: byte_touches")
+    with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but made uint8"):
+        list(opened(write(text), backend).items())
+
+
+def test_a_failure_is_not_tried_again_elsewhere(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*args: object) -> None:
+        raise RuntimeError("the device is gone")
+
+    pipeline = opened(write(STREAM), "opencl")
+    monkeypatch.setattr(Prepared, "launch", fail)
+    with pytest.raises(NodeError, match=r"'light' \(flat_field\) failed: .* the device is gone"):
+        next(pipeline.items())
+
+
+def test_a_warning_is_in_the_result_and_said_once(toys: list[str], write: Write) -> None:
+    text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
+    results = list(opened(write(text)).items())
+    assert [result.warnings for result in results] == [["a warning"]] * 3
+
+
+def test_pipelines_of_several_threads_do_not_disturb_one_another(
+    toys: list[str], write: Write
+) -> None:
+    file = write(WAITING)
+    wrong: list[float] = []
+
+    def work(level: float) -> None:
+        pipeline = load(file, backend="opencl")
+        stack = np.full((3, 4, 5), level, np.float32)
+        for _ in range(20):
+            found = pipeline(frames=stack)["light"]
+            wrong.extend(found[found != np.float32(level)])
+
+    threads = [threading.Thread(target=work, args=(level,)) for level in (0.25, 0.5, 0.75)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert wrong == []
+
+
+def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
+    toys: list[str], write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[np.dtype[Any]] = []
+    upload = OpenCL.start_upload
+
+    def watched(self: OpenCL, array: np.ndarray) -> Any:
+        sent.append(array.dtype)
+        return upload(self, array)
+
+    monkeypatch.setattr(OpenCL, "start_upload", watched)
+    text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
+    pipeline = load(write(text.replace(", score: score", "")), backend="opencl")
+    pipeline(frames=np.zeros((3, 4, 5), np.uint8))
+    assert sent == [np.float32, np.float32, np.uint8]  # flat, dark, image
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("op", ["flat_field", "doubled"])
+def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
+    toys: list[str], write: Write, dtype: type, op: str
+) -> None:
+    text = WAITING.replace(
+        "  frames:", "  more: {op: doubled, in: {image: frames.image}}\n  frames:"
+    )
+    # With a reader on the host the integers cannot go to the device as they came.
+    graph = write(text if op == "doubled" else WAITING)
+    stack = np.arange(60, dtype=dtype).reshape(3, 4, 5) * dtype(4)
+    on_host = load(graph, backend="numpy")(frames=stack)["light"]
+    on_device = load(graph, backend="opencl")(frames=stack)["light"]
+    np.testing.assert_array_equal(on_device, on_host)
+    np.testing.assert_array_equal(on_host, stack / np.float32(np.iinfo(dtype).max))
+
+
+@BACKENDS
+def test_images_of_another_type_are_taken_from_call_to_call(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
+    pipeline = load(write(text.replace(", score: score", "")), backend=backend)
+    expected = np.linspace(0, 1, 60, dtype=np.float32).round().reshape(3, 4, 5)
+    for dtype in (np.uint8, np.float32, np.uint16, np.uint8, np.uint32, np.float64):
+        full = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1
+        stack = expected.astype(dtype) * dtype(full)
+        np.testing.assert_array_equal(pipeline(frames=stack)["light"], expected, str(dtype))
+
+
+@BACKENDS
+def test_labels_of_three_axes_are_no_fractions_of_full_scale(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace(
+        "  score:",
+        "  labels: {op: labelled, in: {image: frames.image}}\n"
+        "  number: {op: bits, in: {labels: labels}}\n  score:",
+    )
+    pipeline = load(write(text.replace("{light: light,", "{light: number,")), backend=backend)
+    stack = np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5)
+    np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack > 0.5)

@@ -1,0 +1,121 @@
+"""A calibration is read back as it was written, and refused if it is not whole."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, Provenance, Wanted
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.calibrate.write_calibration import write_calibration
+
+RNG = np.random.default_rng(0)
+MADE = Provenance({}, None, [], {}, {}, [], [])
+
+
+def random(*shape: int) -> np.ndarray:
+    return RNG.random(shape).astype(np.float32)
+
+
+ARRAYS = (
+    random(4, 6, 8),
+    random(6, 8),
+    0.07,
+    random(50, 4),
+    random(50, 2),
+    RNG.integers(0, 15, 50).astype(np.uint8),
+    random(4, 9),
+    random(4),
+    random(4),
+    0.004,
+    random(4, 3),
+    random(2),
+    random(8, 4, 3),
+)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    target = tmp_path / "cal.npz"
+    write_calibration(*ARRAYS, {"entries": 50.0}, file=target, provenance=MADE)
+    return target
+
+
+def change(file: Path, **arrays) -> None:
+    with np.load(file) as archive:
+        kept = dict(archive)
+    kept.update(arrays)
+    np.savez(file, **{name: array for name, array in kept.items() if array is not None})
+
+
+def test_what_was_written_is_read(file: Path) -> None:
+    for written, read in zip(ARRAYS, read_calibration(file=file), strict=True):
+        assert np.allclose(written, read)
+
+
+def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:
+    change(file, others=None)
+    notes: list[str] = []
+    with collect_warnings(notes):
+        found = read_calibration(file=file)
+        read_calibration(file=file, wanted=Wanted(frozenset({"lights"})))
+    assert (found.others == found.lights).all()
+    assert found.others.shape == (8, 4, 3)
+    assert len(notes) == 1
+    assert notes[0].endswith("calibrate again")
+
+
+def test_units_and_version_are_inside(file: Path) -> None:
+    with np.load(file, allow_pickle=False) as archive:
+        about = json.loads(str(archive["about"]))
+    assert about["format"] == 1
+    assert about["units"]["pixel_size"] == "mm/px"
+    assert about["quality"] == {"entries": 50.0}
+
+
+SPOIL = {
+    "there is no such calibration": lambda f: f.unlink(),
+    "damaged": lambda f: f.write_bytes(f.read_bytes()[:500]),
+    "the calibration is": lambda f: f.write_bytes(b""),
+    "it holds a pickle": lambda f: np.savez(f, about=np.array([{}], dtype=object)),
+    "not a calibration": lambda f: np.savez(f, height=np.zeros(3)),
+    "calibration format 99": lambda f: change(
+        f, about=np.array(json.dumps({"kind": "tactograph calibration", "format": 99}))
+    ),
+    "'null' is missing": lambda f: change(f, null=None),
+    "'flat' holds NaN": lambda f: change(f, flat=np.full((4, 6, 8), np.nan, np.float32)),
+    "'reflectance' has shape": lambda f: change(f, reflectance=random(3, 9)),
+    "'lut_slope' is float64": lambda f: change(f, lut_slope=np.zeros((50, 2))),
+    "'lights' is missing": lambda f: change(f, lights=None),
+    "not above the film": lambda f: change(f, lights=-random(4, 3)),
+    "'others' has shape": lambda f: change(f, others=random(7, 4, 3)),
+    "'noise' has shape": lambda f: change(f, noise=random(3)),
+    "is not positive": lambda f: change(f, pixel_size=np.float32(0)),
+}
+
+
+@pytest.mark.parametrize("message", SPOIL)
+def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> None:
+    SPOIL[message](file)
+    with pytest.raises(InputError) as caught:
+        read_calibration(file=file)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_suffix_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"something\.npz"):
+        write_calibration(*ARRAYS, {}, file=tmp_path / "cal.yaml", provenance=MADE)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("cut", range(100, 3000, 290))
+def test_a_file_cut_anywhere_is_refused(file: Path, cut: int) -> None:
+    whole = file.read_bytes()
+    file.write_bytes(whole[: min(cut, len(whole) - 1)])
+    with pytest.raises(InputError):
+        read_calibration(file=file)

@@ -1,0 +1,71 @@
+"""Dividing by the untouched film takes uneven light out; it may be read or estimated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.capture.read_flat import read_flat
+from tactograph.nodes.light.estimate_flat import estimate_flat
+from tactograph.nodes.light.flat_field import flat_field
+from tests.nodes.scenes import lambert
+
+Y, X = np.mgrid[:60, :80] / 80
+UNEVEN = np.stack([0.5 + 0.3 * X, 0.8 - 0.4 * Y, 0.4 + 0.2 * X * Y, 0.6 - 0.2 * X**2]).astype(
+    np.float32
+)
+DARK = np.zeros((60, 80), np.float32)
+
+
+def write(folder: Path, images: np.ndarray) -> Path:
+    folder.mkdir()
+    for k, image in enumerate(images, start=1):
+        cv2.imwrite(str(folder / f"led{k}.png"), np.rint(image * 65535).astype(np.uint16))
+    return folder
+
+
+def test_the_film_at_rest_is_one_everywhere() -> None:
+    assert np.allclose(flat_field(UNEVEN, UNEVEN, DARK), 1)
+
+
+def test_the_dark_level_is_taken_off() -> None:
+    dark = DARK + np.float32(0.05)
+    assert np.allclose(flat_field(UNEVEN + dark, UNEVEN, dark), 1, atol=1e-6)
+
+
+def test_black_corners_are_not_blown_up() -> None:
+    nothing = np.zeros_like(UNEVEN)
+    assert flat_field(nothing + np.float32(0.001), nothing, DARK, floor=0.02).max() < 0.06
+
+
+def test_the_untouched_film_is_read_and_its_noise_smoothed(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).normal(0, 0.01, UNEVEN.shape)
+    folder = write(tmp_path / "flat", UNEVEN + noise)
+    flat = read_flat(UNEVEN, folder=folder, smooth_px=3.0).flat
+    assert np.abs(flat - UNEVEN)[:, 8:-8, 8:-8].max() < 0.006
+
+
+def test_without_a_flat_frame_the_light_is_uniform_and_a_warning_says_so() -> None:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        flat = read_flat(UNEVEN)
+    assert (flat.flat == 1).all()
+    assert "no flat frame was given" in notes[0]
+
+
+def test_a_flat_frame_of_another_size_is_refused(tmp_path: Path) -> None:
+    folder = write(tmp_path / "flat", UNEVEN[:, :50])
+    with pytest.raises(InputError, match="4 lights of 80 x 50 pixels, but the capture 4 lights"):
+        read_flat(UNEVEN, folder=folder)
+
+
+def test_uneven_light_is_estimated_beside_a_touch() -> None:
+    slope = np.zeros((2, 60, 80), np.float32)
+    slope[0, 20:40, 30:40], slope[0, 20:40, 40:50] = 0.5, -0.5
+    touched = UNEVEN * lambert(slope) / lambert(0 * slope)
+    assert np.abs(estimate_flat(touched) / UNEVEN - 1).max() < 0.01

@@ -1,0 +1,208 @@
+"""Captures are read whole and right, or refused with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.capture.read_capture import read_capture
+
+RNG = np.random.default_rng(0)
+IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
+
+
+def write(folder: Path, images=IMAGES, suffix: str = ".png") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for k, image in enumerate(images, start=1):
+        cv2.imwrite(str(folder / f"led{k}{suffix}"), image)
+    return folder
+
+
+def read_one(folder: Path, **settings):
+    (capture,) = read_capture(folder=folder, **settings)
+    return capture
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".pgm", ".bmp"])
+def test_eight_bits_are_fractions_of_255(tmp_path: Path, suffix: str) -> None:
+    capture = read_one(write(tmp_path, suffix=suffix))
+    assert np.array_equal(capture.image, IMAGES / np.float32(255))
+    assert capture.image.dtype == np.float32
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".pgm"])
+def test_sixteen_bits_are_fractions_of_65535(tmp_path: Path, suffix: str) -> None:
+    images = IMAGES.astype(np.uint16) * 257
+    capture = read_one(write(tmp_path, images, suffix))
+    assert np.allclose(capture.image, IMAGES / np.float32(255), atol=1e-7)
+
+
+def test_twelve_bits_in_sixteen(tmp_path: Path) -> None:
+    write(tmp_path, IMAGES.astype(np.uint16) * 16)
+    (tmp_path / "capture.yaml").write_text("bits: 12\n")
+    assert read_one(tmp_path).image.max() == pytest.approx(int(IMAGES.max()) * 16 / 4095)
+
+
+def test_a_subset_of_leds_in_another_order(tmp_path: Path) -> None:
+    capture = read_one(write(tmp_path), leds=(4, 1, 2))
+    assert np.array_equal(capture.image, IMAGES[[3, 0, 1]] / np.float32(255))
+
+
+def test_other_file_names(tmp_path: Path) -> None:
+    for k, image in enumerate(IMAGES, start=1):
+        cv2.imwrite(str(tmp_path / f"image{k:02}.png"), image)
+    assert read_one(tmp_path, files="image{:02}").image.shape == (4, 12, 16)
+
+
+def test_a_crop(tmp_path: Path) -> None:
+    capture = read_one(write(tmp_path), crop=(2, 3, 10, 8))
+    assert np.array_equal(capture.image, IMAGES[:, 3:8, 2:10] / np.float32(255))
+
+
+@pytest.mark.parametrize(("lights", "order"), [("bgr", [0, 1, 2]), ("rgb", [2, 1, 0])])
+def test_colour_channels_as_lights(tmp_path: Path, lights: str, order: list[int]) -> None:
+    cv2.imwrite(str(tmp_path / "touch.png"), IMAGES[:3].transpose(1, 2, 0))
+    capture = read_one(tmp_path, lights=lights)
+    assert np.array_equal(capture.image, IMAGES[order] / np.float32(255))
+
+
+def test_sixteen_bit_colour_keeps_its_depth(tmp_path: Path) -> None:
+    image = RNG.integers(5000, 65535, (5, 6, 3)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "touch.png"), image)
+    found = read_one(tmp_path, lights="bgr").image
+    assert np.allclose(found, image.transpose(2, 0, 1) / 65535, atol=1e-6)
+
+
+def test_capture_yaml_says_that_channels_are_lights(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "touch.png"), IMAGES[:3].transpose(1, 2, 0))
+    (tmp_path / "capture.yaml").write_text("lights: bgr\n")
+    assert read_one(tmp_path).image.shape == (3, 12, 16)
+
+
+def test_a_folder_of_captures_is_a_stream_in_order_of_name(tmp_path: Path) -> None:
+    for name in ("b", "a", "c"):
+        write(tmp_path / name)
+    assert [c.name for c in read_capture(folder=tmp_path)] == ["a", "b", "c"]
+
+
+def test_the_truth_beside_the_images_comes_along(tmp_path: Path) -> None:
+    truth = RNG.random((12, 16)).astype(np.float32)
+    np.save(write(tmp_path) / "truth_height_mm.npy", truth)
+    assert np.array_equal(read_one(tmp_path).truth, truth)
+    assert read_one(write(tmp_path / "without")).truth is None
+
+
+def test_saturation_is_a_warning_with_its_share(tmp_path: Path) -> None:
+    images = IMAGES.copy()
+    images[1, :3] = 255
+    notes: list[str] = []
+    with collect_warnings(notes):
+        read_one(write(tmp_path, images))
+    assert "led2.png: 25.0% of the pixels are saturated" in notes[0]
+
+
+def test_what_looks_like_twelve_bits_is_a_warning(tmp_path: Path) -> None:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        read_one(write(tmp_path, IMAGES.astype(np.uint16) * 16))
+    assert "bits: 12" in notes[0]
+
+
+def no_folder(folder: Path) -> None:
+    for file in folder.iterdir():
+        file.unlink()
+    folder.rmdir()
+
+
+def colour(folder: Path) -> None:
+    cv2.imwrite(str(folder / "led2.png"), RNG.integers(0, 255, (12, 16, 3)).astype(np.uint8))
+
+
+SPOIL = {
+    "there is no such folder": no_folder,
+    "the image of LED 3 is missing": lambda d: (d / "led3.png").unlink(),
+    "led2.png: is 8 x 5, but led1.png is 16 x 12": lambda d: cv2.imwrite(
+        str(d / "led2.png"), IMAGES[0, :5, :8]
+    ),
+    "led2.png: is 16 bit, but led1.png is 8 bit": lambda d: cv2.imwrite(
+        str(d / "led2.png"), IMAGES[0].astype(np.uint16)
+    ),
+    "led1.png: the file is empty": lambda d: (d / "led1.png").write_bytes(b""),
+    "led4.png: cannot be decoded": lambda d: (d / "led4.png").write_bytes(
+        (d / "led4.png").read_bytes()[:-40]
+    ),
+    "led4.png: not an image": lambda d: (d / "led4.png").write_text("hello"),
+    "led2.png: a colour image": colour,
+    "led3.png: all black": lambda d: cv2.imwrite(str(d / "led3.png"), 0 * IMAGES[0]),
+    "needs from 3": lambda d: [(d / f"led{k}.png").unlink() for k in (3, 4)],
+    "capture.yaml:1:1: bitz": lambda d: (d / "capture.yaml").write_text("bitz: 12\n"),
+    "truth_height_mm.npy: is 3 x 2": lambda d: np.save(
+        d / "truth_height_mm.npy", np.zeros((2, 3), np.float32)
+    ),
+    "truth_height_mm.npy: holds NaN": lambda d: np.save(
+        d / "truth_height_mm.npy", np.full((12, 16), np.nan, np.float32)
+    ),
+    "truth_height_mm.npy: not a NumPy array of numbers": lambda d: np.save(
+        d / "truth_height_mm.npy", np.array([{}], dtype=object), allow_pickle=True
+    ),
+}
+
+
+@pytest.mark.parametrize("message", SPOIL)
+def test_a_spoilt_capture_is_refused(tmp_path: Path, message: str) -> None:
+    folder = write(tmp_path / "touch")
+    SPOIL[message](folder)
+    with pytest.raises(InputError) as caught:
+        read_one(folder)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"leds": (1, 1, 2)}, "named twice"),
+        ({"leds": (1, 2, 7)}, "LED 7 is missing"),
+        ({"files": "led"}, "write it as led"),
+        ({"crop": (0, 0, 99, 5)}, "has only 16 x 12"),
+        ({"lights": "bgr"}, "one colour image is needed"),
+    ],
+)
+def test_settings_that_do_not_fit_the_capture(tmp_path: Path, settings, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_one(write(tmp_path), **settings)
+
+
+def test_a_folder_without_images_says_what_it_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"holds no led1.png"):
+        list(read_capture(folder=tmp_path))
+
+
+def test_one_capture_is_asked_for_and_several_are_there(tmp_path: Path) -> None:
+    write(tmp_path / "a")
+    write(tmp_path / "b")
+    with pytest.raises(InputError, match="holds 2 captures, but one is needed"):
+        list(read_capture(folder=tmp_path, single=True))
+
+
+def test_true_slopes_and_shadows_are_read_and_cropped(tmp_path: Path) -> None:
+    write(tmp_path)
+    slope = RNG.normal(size=(2, 12, 16)).astype(np.float32)
+    np.save(tmp_path / "truth_slope.npy", slope)
+    cv2.imwrite(str(tmp_path / "truth_shadow.png"), IMAGES[0])
+    capture = read_one(tmp_path, crop=(2, 1, 10, 9))
+    assert capture.truth is None
+    assert np.array_equal(capture.truth_slope, slope[:, 1:9, 2:10])
+    assert np.array_equal(capture.truth_shadow, IMAGES[0, 1:9, 2:10])
+
+
+@pytest.mark.parametrize("shape", [(2, 12, 15), (3, 12, 16), (12, 16)])
+def test_true_slopes_of_another_size_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    np.save(write(tmp_path) / "truth_slope.npy", np.zeros(shape, np.float32))
+    with pytest.raises(InputError, match=r"truth_slope\.npy"):
+        read_one(tmp_path)

@@ -1,0 +1,34 @@
+"""Errors as the paper's Table 1 states them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes.evaluate.evaluate_height import evaluate_height
+
+TRUTH = np.zeros((40, 50), np.float32)
+TRUTH[10:20, 10:30] = 2.0
+
+
+def test_no_truth_no_figures() -> None:
+    assert evaluate_height(TRUTH, 0.1) == {}
+
+
+def test_the_truth_itself_has_no_error() -> None:
+    found = evaluate_height(TRUTH, 0.1, TRUTH)
+    assert (found["max_error_px"], found["rmse_px"], found["over_10_percent"]) == (0, 0, 0)
+    assert found["peak_px"] == pytest.approx(20)
+
+
+def test_errors_are_in_pixels_and_the_share_is_of_the_objects_area() -> None:
+    height = TRUTH.copy()
+    height[0, :10] = 0.5
+    found = evaluate_height(height, 0.1, TRUTH)
+    assert found["max_error_px"] == pytest.approx(5)
+    assert found["over_10_percent"] == pytest.approx(100 * 10 / 200)
+
+
+def test_a_tenth_of_the_objects_height_is_the_limit() -> None:
+    assert evaluate_height(TRUTH + np.float32(0.19), 0.1, TRUTH)["over_10_percent"] == 0
+    assert evaluate_height(TRUTH + np.float32(0.21), 0.1, TRUTH)["over_10_percent"] == 1000

@@ -1,0 +1,388 @@
+"""Shadows, weights and errors, on surfaces whose heights are known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.nodes import ShadowRises
+from tactograph.nodes.height import _springs
+from tactograph.nodes.height._height_system import Window, height_system
+from tactograph.nodes.height._springs import Springs, Ties
+from tactograph.nodes.height.height_error import height_error
+from tactograph.nodes.height.integrate_weighted import integrate_weighted
+from tactograph.nodes.height.settle_loose import settle_loose
+from tactograph.nodes.light.calm_film import calm_film
+from tactograph.nodes.light.rest_mask import rest_mask
+from tactograph.nodes.shadow.cast_shadows import cast_shadows
+from tactograph.nodes.shadow.majority_labels import majority_labels
+from tactograph.nodes.shadow.shadow_constraints import shadow_constraints
+from tactograph.nodes.slope.pixel_mean_slope import pixel_mean_slope
+from tests.nodes.scenes import LIGHTS, lambert
+
+F4 = NDArray[np.float32]
+PIXEL = 0.1
+SHAPE = (40, 64)
+NO_RISES = ShadowRises(
+    np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.uint8)
+)
+
+
+def plateau(height_mm: float = 0.5) -> F4:
+    """A block with vertical walls in the middle of the film."""
+    z = np.zeros(SHAPE, np.float32)
+    z[12:28, 20:36] = height_mm
+    return z
+
+
+def dome() -> tuple[F4, F4]:
+    """A smooth bump inside the frame, and its slope."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float) * PIXEL
+    r2 = ((x - 3.2) ** 2 + (y - 2.0) ** 2) / 0.6**2
+    z = 0.3 * np.exp(-r2)
+    slope = np.stack([-2 * (x - 3.2) / 0.36 * z, -2 * (y - 2.0) / 0.36 * z])
+    return z.astype(np.float32), slope.astype(np.float32)
+
+
+def at_rest(z: F4, margin: int = 3) -> NDArray[np.uint8]:
+    rest = np.ones(SHAPE, np.uint8)
+    rows, columns = np.nonzero(np.abs(z) > 1e-4)
+    rest[
+        max(rows.min() - margin, 0) : rows.max() + margin + 1,
+        max(columns.min() - margin, 0) : columns.max() + margin + 1,
+    ] = 0
+    return rest
+
+
+def distant_led(elevation_deg: float, azimuth_deg: float = 0.0) -> F4:
+    up, around = np.radians(elevation_deg), np.radians(azimuth_deg)
+    far = 1e4
+    direction = [np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]
+    return far * np.array([direction], np.float32)
+
+
+def variance_of(value: float) -> F4:
+    return np.full((2, *SHAPE), value, np.float32)
+
+
+def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
+    shadow = cast_shadows(plateau(0.5), distant_led(45), PIXEL)
+    assert shadow[20].sum() == pytest.approx(5, abs=1)
+    assert not shadow[20, 20:].any()
+
+
+def test_a_steps_shadow_measures_its_height() -> None:
+    z = plateau(0.5)
+    led = distant_led(30, 0)
+    shadow = cast_shadows(z, led, PIXEL)
+    light = (1 - shadow)[None].astype(np.float32)
+    used = np.full(SHAPE, 0b111, np.uint8)
+    level = np.zeros((2, *SHAPE), np.float32)
+    rises = shadow_constraints(light, shadow, used, level, np.zeros(SHAPE, np.float32), led, PIXEL)
+    assert len(rises.rise) >= 14
+    step = z.ravel()[rises.top] - z.ravel()[rises.foot]
+    assert np.allclose(step, 0.5)
+    assert np.median(rises.rise) == pytest.approx(0.5, abs=0.5 * PIXEL)
+
+
+def test_no_shadow_measures_nothing() -> None:
+    lit, level = np.ones((1, *SHAPE), np.float32), np.zeros((2, *SHAPE), np.float32)
+    none, all_used = np.zeros(SHAPE, np.uint8), np.full(SHAPE, 7, np.uint8)
+    rises = shadow_constraints(lit, none, all_used, level, level[0], distant_led(30), PIXEL)
+    assert [part.size for part in rises] == [0, 0, 0, 0]
+
+
+def test_exact_slopes_give_the_exact_surface() -> None:
+    z, slope = dome()
+    found = integrate_weighted(
+        slope, variance_of(1e-6), at_rest(z), np.zeros_like(z), NO_RISES, PIXEL, steps=30
+    )
+    assert np.abs(found - z).max() < 0.01 * PIXEL
+
+
+def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
+    z = plateau(0.5)
+    rim = np.zeros(SHAPE, bool)
+    rim[10:30, 18:38] = True
+    rim[14:26, 22:34] = False
+    variance = np.where(rim, np.float32(1e12), np.float32(1e-6)) * np.ones((2, 1, 1), np.float32)
+    rows = np.arange(14, 26)
+    top, foot = rows * SHAPE[1] + 22, rows * SHAPE[1] + 12
+    rises = ShadowRises(
+        top.astype(np.int32),
+        foot.astype(np.int32),
+        np.full(12, 0.5, np.float32),
+        np.ones(12, np.uint8),
+    )
+    level = np.zeros((2, *SHAPE), np.float32)
+    arguments = (level, variance.astype(np.float32), at_rest(z), level[0])
+    lying = integrate_weighted(*arguments, NO_RISES, PIXEL)
+    standing = integrate_weighted(*arguments, rises, PIXEL, steps=30)
+    assert np.abs(lying[16:24, 24:32]).max() < 0.02
+    assert np.abs(standing[16:24, 24:32] - 0.5).max() < 0.02
+
+
+def test_a_wall_beside_the_dark_may_end_there() -> None:
+    slope, variance = np.zeros((2, *SHAPE), np.float32), variance_of(1e-6)
+    slope[0, :, 24] = -30
+    variance[:, :, 25:30] = 1e12
+    rest, frame = np.zeros(SHAPE, np.uint8), Window(slice(0, SHAPE[0]), slice(0, SHAPE[1]))
+    arguments = (frame, slope, variance, rest, NO_RISES, PIXEL, None)
+    system = height_system(*arguments, bend=0.25, floor=0.07, rise_px=0.5)
+    assert system.right[:, 24] == pytest.approx(-30 * PIXEL)
+    assert (system.right_variance[:, 24] > (30 * PIXEL) ** 2).all()
+
+
+def test_outliers_are_given_up() -> None:
+    z, slope = dome()
+    spoilt = slope.copy()
+    rng = np.random.default_rng(3)
+    spoilt[:, rng.random(SHAPE) < 0.03] = 3.0
+    arguments = (spoilt, variance_of(1e-6), at_rest(z), np.zeros_like(z), NO_RISES, PIXEL)
+    robust = integrate_weighted(*arguments, rounds=8, steps=15, ease=2.0, bend=0.0)
+    plain = integrate_weighted(*arguments, rounds=1, steps=60, robust=1e6, bend=0.0)
+    assert np.abs(robust - z).mean() < 0.2 * np.abs(plain - z).mean()
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many cycles every call of the solver takes, from now on."""
+    counts: list[int] = []
+    plain = _springs.cycle
+
+    def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
+        counts[-1] += depth == 0
+        return plain(levels, force, depth)
+
+    monkeypatch.setattr(_springs, "cycle", cycle)
+    return counts
+
+
+def test_a_film_that_changes_little_is_found_from_the_height_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Twenty touches, each a hundredth higher; cold, and each from the one before."""
+    counts = counted(monkeypatch)
+    z, slope = dome()
+    noise = np.random.default_rng(5).normal(0, 0.003, slope.shape).astype(np.float32)
+    before, cold_cycles, warm_cycles = None, 0, 0
+    for size in 1 + 0.01 * np.arange(20, dtype=np.float32):
+        given = (size * slope + noise, variance_of(1e-5), at_rest(z), 0.7 * size * z, NO_RISES)
+        counts.append(0)
+        cold = integrate_weighted(*given, PIXEL, ease=4.0)
+        cold_cycles += counts[-1]
+        counts.append(0)
+        warm = integrate_weighted(*given, PIXEL, None, before, ease=4.0)
+        warm_cycles += counts[-1]
+        assert np.abs(warm - cold).max() < 0.003 * PIXEL
+        before = warm
+    assert warm_cycles < 0.7 * cold_cycles
+
+
+def test_the_height_before_does_not_count_when_the_touch_is_another() -> None:
+    z, slope = dome()
+    given = (slope, variance_of(1e-5), at_rest(z), z, NO_RISES, PIXEL)
+    other = integrate_weighted(*given, None, np.roll(z, 12, axis=1))
+    assert np.array_equal(other, integrate_weighted(*given))
+
+
+def test_pixels_that_do_not_count_change_nothing() -> None:
+    z, slope = dome()
+    mask = np.ones(SHAPE, np.uint8)
+    mask[16:19, 30:36] = 0
+    wild = np.where(mask, slope, np.float32(3)).astype(np.float32)
+    top, foot = np.array([17 * SHAPE[1] + 32], np.int32), np.array([5], np.int32)
+    wrong = ShadowRises(top, foot, np.array([2], np.float32), np.array([1], np.uint8))
+    found = integrate_weighted(
+        wild, variance_of(1e-6), at_rest(z), 0 * z, wrong, PIXEL, mask, steps=30
+    )
+    assert not found[mask == 0].any()
+    assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
+
+
+def test_parts_that_a_mask_parts_are_found_each_for_itself() -> None:
+    """The left part is held by the film at rest, the right by nothing; no light moves it."""
+    z, slope = dome()
+    mask = np.ones(SHAPE, np.uint8)
+    mask[:, 40:42] = 0
+    rest = at_rest(z)
+    rest[:, 40:] = 0
+    found = integrate_weighted(slope, variance_of(1e-6), rest, z, NO_RISES, PIXEL, mask, steps=30)
+    assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
+
+
+def test_a_touch_without_any_film_at_rest_has_a_border_at_zero() -> None:
+    z, slope = dome()
+    nowhere = np.zeros(SHAPE, np.uint8)
+    found = integrate_weighted(slope, variance_of(1e-6), nowhere, z + 1, NO_RISES, PIXEL, steps=30)
+    assert np.abs(found - z).max() < 0.02 * PIXEL
+
+
+def test_the_film_at_rest_stays_at_zero() -> None:
+    z, slope = dome()
+    rest = at_rest(z)
+    noisy = slope + np.random.default_rng(1).normal(0, 0.02, slope.shape).astype(np.float32)
+    found = integrate_weighted(noisy, variance_of(4e-4), rest, z, NO_RISES, PIXEL)
+    assert np.abs(found[rest > 0]).max() < 1e-5
+
+
+def test_without_a_touch_everything_is_at_rest() -> None:
+    rng = np.random.default_rng(2)
+    light = rng.normal(1, 0.01, (4, *SHAPE)).astype(np.float32)
+    rest = rest_mask(calm_film(light, np.full_like(light, 0.01)), PIXEL)
+    assert rest.all()
+    none = np.zeros((2, *SHAPE), np.float32)
+    assert not integrate_weighted(none, variance_of(1), rest, none[0], NO_RISES, PIXEL).any()
+
+
+def test_a_flat_top_is_not_the_film_at_rest() -> None:
+    calm = np.ones(SHAPE, np.uint8)
+    calm[10:30, 20:44] = 0
+    calm[14:26, 24:40] = 1
+    rest = rest_mask(calm, PIXEL, margin_mm=2 * PIXEL)
+    assert not rest[14:26, 24:40].any()
+    assert rest[:7].all()
+
+
+def test_the_gentle_skirt_of_a_press_is_not_pinned_to_zero() -> None:
+    """A film comes back to rest as exp(-d / reach); 5 sigma before that it looks calm."""
+    x = np.arange(SHAPE[1], dtype=np.float32) * PIXEL
+    z = 0.3 * np.exp(-np.maximum(x - 1, 0) / 0.5)
+    p = np.tile(np.gradient(z, PIXEL), (SHAPE[0], 1)).astype(np.float32)
+    light = lambert(np.stack([p, np.zeros_like(p)])) / LIGHTS[:, 2, None, None]
+    noisy = light + np.random.default_rng(3).normal(0, 0.01, light.shape).astype(np.float32)
+    calm = calm_film(noisy, np.full_like(light, 0.01))
+    column = np.argmax(rest_mask(calm, PIXEL).any(axis=0))
+    assert z[column] < 0.002 < z[np.argmax(rest_mask(calm, PIXEL, margin_mm=0.0).any(axis=0))]
+
+
+def test_one_pixel_is_outvoted() -> None:
+    shadow = np.zeros(SHAPE, np.uint8)
+    shadow[5:15, 5:15] = 0b10
+    holed = shadow.copy()
+    holed[9, 9] = 0
+    assert majority_labels(holed)[9, 9] == 0b10
+
+
+def test_the_mean_slope_exceeds_the_slope_of_the_mean_normal() -> None:
+    """Slopes of normals averaged over each pixel, on a cylinder, against the true mean slope."""
+    fine, radius = 64, 5.0
+    x = (np.arange(SHAPE[1] * fine) + 0.5) / fine * PIXEL - 3.2
+    p = -x / np.sqrt(radius**2 - x**2)
+    normal = np.stack([-p, np.ones_like(p)]) / np.sqrt(1 + p * p)
+    nx, nz = normal.reshape(2, -1, fine).mean(axis=2)
+    mean = p.reshape(-1, fine).mean(axis=1)
+    slope = np.zeros((2, *SHAPE), np.float32)
+    slope[0] = -nx / nz
+    corrected = pixel_mean_slope(slope)[0, 0]
+    inner = slice(2, -2)
+    assert np.abs(corrected - mean)[inner].max() < 0.3 * np.abs(slope[0, 0] - mean)[inner].max()
+
+
+def test_a_loose_spike_settles_and_a_ridge_stays() -> None:
+    z = np.zeros(SHAPE, np.float32)
+    z[20, 30] = 1
+    z[5] = 1
+    settled = settle_loose(z, variance_of(1.0))
+    assert settled[20, 30] == 0
+    assert (settled[5] == 1).all()
+    assert np.array_equal(settle_loose(z, variance_of(0.01)), z)
+
+
+def exact(lights: F4) -> F4:
+    """The other places of LEDs whose places are exact."""
+    return np.repeat(lights[None], 8, axis=0)
+
+
+def error_of(z: F4, slope: F4, brightness: float) -> F4:
+    """The error of a dome's height when `brightness` times more photons arrive."""
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light = np.ones((4, *SHAPE), np.float32)
+    sigma = np.full_like(light, 0.01 / np.sqrt(brightness))
+    used = np.full(SHAPE, 15, np.uint8)
+    noise_alone = dict.fromkeys(("aperture", "kink", "flat_noise", "bend"), 0.0)
+    return np.asarray(
+        height_error(
+            z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights,
+            exact(lights), PIXEL, **noise_alone,
+        )
+    )  # fmt: skip
+
+
+def test_the_error_shrinks_with_the_root_of_the_light() -> None:
+    z, slope = dome()
+    dim, bright = error_of(z, slope, 1), error_of(z, slope, 100)
+    inside = at_rest(z) == 0
+    assert np.allclose(dim[inside], 10 * bright[inside], rtol=1e-2)
+    assert not dim[~inside].any()
+
+
+def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
+    z, slope = dome()
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
+    found = []
+    for share in (0.0, 0.01, 0.02):
+        others = exact(lights)
+        others[::2, 0, 0] *= 1 + share
+        others[1::2, 0, 0] *= 1 - share
+        found.append(
+            height_error(
+                z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, 1e-6 * light, used,
+                lights, others, PIXEL, **nothing,
+            )
+        )  # fmt: skip
+    inside = at_rest(z) == 0
+    assert found[1][inside].min() > 10 * found[0][inside].max()
+    assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
+    assert not any(error[~inside].any() for error in found)
+
+
+def test_all_that_a_rim_carries_shares_its_error() -> None:
+    """A table: no slope on its top errs, but all of it stands on the steps of its rim."""
+    z = np.zeros(SHAPE, np.float32)
+    z[10:30, 20:44] = 1
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    noise, others = 0.001 * light, exact(lights)
+    surroundings = (at_rest(z), NO_RISES, light, noise, used, lights, others, PIXEL)
+    sharp, blind = (
+        height_error(z, slope, variance_of(1e-4), *surroundings, kink=kink) for kink in (0.45, 0.0)
+    )
+    top = np.s_[15:25, 26:38]
+    assert sharp[top].min() > 2 * blind[top].max()
+    assert np.ptp(sharp[top]) < 0.3 * sharp[top].mean()
+
+
+def test_noise_does_to_the_height_what_the_error_says() -> None:
+    z, slope = dome()
+    inside = at_rest(z) == 0
+    stated = error_of(z, slope, 1)
+    sd = 0.01 / (np.sqrt(2) * np.cos(np.radians(60)) / np.sin(np.radians(60)))
+    rng = np.random.default_rng(7)
+    found = [
+        integrate_weighted(
+            slope + rng.normal(0, sd, slope.shape).astype(np.float32),
+            variance_of(1e-4), at_rest(z), z, NO_RISES, PIXEL, bend=0.0, robust=1e6,
+        ) - z
+        for _ in range(12)
+    ]  # fmt: skip
+    ratio = np.sqrt(np.mean(np.square(found), axis=0)[inside]).mean() / stated[inside].mean()
+    assert ratio == pytest.approx(1, abs=0.3)
+
+
+def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
+    rng = np.random.default_rng(4)
+    right, down, ground = (
+        rng.uniform(0.1, 1, shape).astype(np.float32) for shape in ((7, 8), (6, 9), (7, 9))
+    )
+    ties = Ties(np.array([3]), np.array([50]), np.array([0.7], np.float32))
+    springs = Springs(right, down, ground, ties)
+    coarse = springs.coarser()
+    z = rng.uniform(size=coarse.shape).astype(np.float32)
+    fine = z.repeat(2, axis=0).repeat(2, axis=1)[:7, :9]
+    assert np.vdot(fine, springs.apply(fine)) == pytest.approx(np.vdot(z, coarse.apply(z)), 1e-5)

@@ -1,0 +1,77 @@
+"""Images looked at in cells of several pixels, and heights brought back from there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.parity import Case, compare
+from tactograph.nodes import F4
+from tactograph.nodes.height.enlarge_height import enlarge_height
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.coarsen_dark import coarsen_dark
+from tactograph.nodes.light.coarsen_pixel import coarsen_pixel
+
+
+def like(rows: int, columns: int) -> F4:
+    return np.zeros((3, rows, columns), np.float32)
+
+
+def test_a_cell_is_the_mean_of_its_pixels() -> None:
+    light = np.random.default_rng(0).random((4, 12, 8), np.float32)
+    found = coarsen(light, factor=4)
+    assert found.shape == (4, 3, 2)
+    assert found[2, 1, 0] == pytest.approx(light[2, 4:8, :4].mean())
+
+
+def test_the_corner_of_a_cell_is_its_first_pixel() -> None:
+    light = np.random.default_rng(0).random((4, 11, 7), np.float32)
+    assert np.array_equal(coarsen(light, factor=4, take="corner"), light[:, ::4, ::4])
+
+
+def test_cells_beyond_the_border_count_its_pixels_again() -> None:
+    light = np.arange(5, dtype=np.float32).reshape(1, 1, 5)
+    assert coarsen(light, factor=4)[0, 0].tolist() == [1.5, 4]
+
+
+def test_cells_of_one_pixel_change_nothing() -> None:
+    light = np.random.default_rng(0).random((3, 5, 7), np.float32)
+    assert np.array_equal(coarsen(light, factor=1), light)
+    assert np.array_equal(enlarge_height(light[0], like(5, 7), factor=1), light[0])
+
+
+def test_a_cell_is_so_many_pixels_wide() -> None:
+    assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
+
+
+def test_a_tilted_plane_comes_back_between_the_outermost_centres() -> None:
+    y, x = np.mgrid[:40, :30].astype(np.float32)
+    plane = 0.3 * x - 0.1 * y
+    back = enlarge_height(coarsen(plane[None], factor=4)[0], like(40, 30), factor=4)
+    assert np.abs(back - plane)[2:-2, 2:-4].max() < 1e-5
+
+
+def test_a_ball_comes_back_within_the_sag_of_a_cell() -> None:
+    radius, factor = 100.0, 4
+    y, x = np.mgrid[-24:24, -32:32] + 0.5
+    ball = np.sqrt(radius**2 - x**2 - y**2).astype(np.float32)
+    back = enlarge_height(coarsen(ball[None], factor=factor)[0], like(48, 64), factor=factor)
+    inner = (slice(factor, -factor), slice(factor, -factor))
+    assert np.abs(back - ball)[inner].max() < factor**2 / radius / 2
+
+
+def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
+    """Eight columns: the kernel takes them four at a time, in two goes."""
+    case = Case(
+        {"K": 3, "H": 19, "W": 43, "h": 3, "w": 6},
+        "random",
+        "factor=8",
+        {"factor": 8, "take": "mean"},
+    )
+    assert compare(coarsen, device, case) is None
+
+
+def test_the_dark_level_of_a_cell_is_that_of_its_pixels() -> None:
+    dark = np.random.default_rng(0).random((9, 14), np.float32)
+    assert np.array_equal(coarsen_dark(dark), coarsen(dark[None])[0])

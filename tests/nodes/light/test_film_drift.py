@@ -1,0 +1,212 @@
+"""LEDs fade: what the film at rest tells of it, and that no touch means no height."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import Provenance, load
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.level_presses import level_presses
+from tactograph.nodes.calibrate.write_calibration import write_calibration
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.film_drift import film_drift, terms
+from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.light.level_light import level_light
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.render import render
+
+SIZE = (48, 64)
+SIGMA = 0.004
+NOISE = np.full((4, *SIZE), SIGMA, np.float32)
+FADED = np.array([0.95, 1.0, 1.02, 0.99], np.float32)
+
+
+def film(gain: F4 | float = 1.0, seed: int = 0) -> F4:
+    rng = np.random.default_rng(seed)
+    light = np.broadcast_to(gain, (4, *SIZE)) + rng.normal(0, SIGMA, (4, *SIZE))
+    return light.astype(np.float32)
+
+
+def touched(light: F4) -> F4:
+    """The same, with the light of a touch in the middle of the frame."""
+    pressed = light.copy()
+    rows, columns = pressed[:, 8:40, 16:48].shape[1:]
+    y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
+    for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        pressed[k, 8:40, 16:48] *= 1 + 0.4 * (p * x + q * y)
+    return pressed
+
+
+def drift(light: F4, **given) -> F4:
+    return film_drift(coarsen(light), coarsen(NOISE), **given)
+
+
+def shaped(drift: F4) -> F4:
+    basis = terms(np.arange(SIZE[0]), np.arange(SIZE[1]), SIZE)
+    return np.tensordot(drift, basis, axes=1)
+
+
+def test_a_fade_is_found_beside_a_touch() -> None:
+    found = drift(touched(film(FADED[:, None, None])))
+    assert found[:, 0] == pytest.approx(FADED, abs=1e-3)
+    assert not found[:, 1:].any()
+
+
+def test_where_nothing_drifts_nothing_is_changed() -> None:
+    light = touched(film())
+    found = drift(light)
+    assert found[:, 0].tolist() == [1, 1, 1, 1]
+    assert np.array_equal(level_light(light, found), light)
+
+
+@pytest.mark.parametrize("degree", [0, 2])
+def test_a_flat_field_that_has_drifted_is_one_whose_light_is_levelled(degree: int) -> None:
+    rng = np.random.default_rng(0)
+    image, flat = rng.uniform(0.2, 0.8, (2, 4, *SIZE)).astype(np.float32)
+    dark = rng.uniform(0, 0.02, SIZE).astype(np.float32)
+    found = np.zeros((4, 6), np.float32)
+    found[:, 0] = FADED
+    if degree:
+        found[:, 1:] = rng.uniform(-0.02, 0.02, (4, 5))
+    np.testing.assert_allclose(
+        flat_field(image, flat, dark, found),
+        level_light(flat_field(image, flat, dark), found),
+        rtol=1e-6,
+    )
+
+
+def test_the_skirt_of_a_touch_is_no_drift() -> None:
+    light = touched(film())
+    light[:, :, 50:] *= 1 - 0.5 * SIGMA
+    assert drift(light)[:, 0].tolist() == [1, 1, 1, 1]
+
+
+def test_a_drift_is_doubted_for_the_flat_frames_noise_too() -> None:
+    light = np.full((4, *SIZE), 1 - 5.5 * SIGMA / np.sqrt(np.prod(SIZE)), np.float32)
+    assert (drift(light, flat_noise=0.0)[:, 0] < 1).all()
+    assert drift(light)[:, 0].tolist() == [1, 1, 1, 1]
+
+
+def test_a_film_that_is_all_touch_keeps_the_drift_before() -> None:
+    before = np.zeros((4, 6), np.float32)
+    before[:, 0] = FADED
+    light = np.random.default_rng(0).uniform(0, 2, (4, *SIZE)).astype(np.float32)
+    assert np.array_equal(film_drift(coarsen(light), coarsen(NOISE), before), before)
+
+
+def test_a_drift_that_varies_over_the_film_is_followed_slowly() -> None:
+    true = np.zeros((4, 6), np.float32)
+    true[:, 0], true[0, 1], true[1, 4] = FADED, 0.02, -0.02
+    found = None
+    for item in range(60):
+        light = film(shaped(true), seed=item)
+        found = film_drift(coarsen(light), coarsen(NOISE), found, degree=2, rate=0.1)
+        if item == 0:
+            assert abs(found[0, 1]) < 0.004
+    assert np.abs(shaped(found) - shaped(true)).max() < 2e-3
+
+
+def test_what_a_touch_hides_is_remembered() -> None:
+    true = np.zeros((4, 6), np.float32)
+    true[:, 0], true[0, 3] = FADED, 0.02
+    found = true
+    for item in range(20):
+        light = touched(film(shaped(true), seed=item))
+        found = film_drift(coarsen(light), coarsen(NOISE), found, degree=2, rate=0.1)
+    assert np.abs(shaped(found) - shaped(true)).max() < 3e-3
+
+
+def test_presses_are_levelled_by_the_film_around_them() -> None:
+    flat = np.full((4, *SIZE), 0.4, np.float32)
+    tilt = np.zeros((4, 6), np.float32)
+    tilt[:, 0], tilt[:, 1] = 1, 0.01
+    presses = np.stack([0.4 * touched(film(g)) for g in (1.0, FADED[:, None, None], shaped(tilt))])
+    found = level_presses(presses.astype(np.float32), flat, degree=2)
+    for press in found:
+        assert np.abs(press[:, :, :12].mean(axis=(1, 2)) / 0.4 - 1).max() < 2e-3
+
+
+PIXEL, SENSOR, COUNT = 0.1, (60, 80), 100
+LIGHTS = light_ring(slant_deg=33.0, distance_mm=55.0)
+
+
+@pytest.fixture(scope="module")
+def scene() -> tuple[F4, F4, F4]:
+    """The film at rest under each LED, the same with a touch, and the touch's height."""
+    y, x = np.mgrid[: SENSOR[0], : SENSOR[1]]
+    square = (x - 42) ** 2 + (y - 28) ** 2
+    height = (0.6 * np.exp(-square / (2 * 8.0**2))).astype(np.float32)
+    height[square > 32**2] = 0
+    rest = render(np.zeros(SENSOR, np.float32), PIXEL, LIGHTS).light
+    return rest, render(height, PIXEL, LIGHTS, samples=2).light, height
+
+
+@pytest.fixture(scope="module")
+def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("cal") / "cal.npz"
+    nothing = np.zeros((4, 9), np.float32)
+    write_calibration(
+        0.7 * scene[0],
+        np.zeros(SENSOR, np.float32),
+        PIXEL,
+        np.ones((1, 4), np.float32),
+        np.zeros((1, 2), np.float32),
+        np.full(1, 15, np.uint8),
+        nothing,
+        nothing[:, 0],
+        nothing[:, 0],
+        0.004,
+        LIGHTS,
+        np.array([0, SIGMA**2 / 4], np.float32),
+        np.repeat(LIGHTS[None], 8, axis=0),
+        {},
+        file=file,
+        provenance=Provenance({}, None, [], {}, {}, [], []),
+    )
+    return file
+
+
+def stream(scene) -> Iterator[tuple[bool, F4]]:
+    """LEDs fade by up to 5 %, each by another amount, more at one side; touched in the middle."""
+    rest, pressed, _ = scene
+    rng = np.random.default_rng(7)
+    side = np.linspace(0.5, 1.0, SENSOR[1], dtype=np.float32)
+    for item in range(COUNT):
+        touch = COUNT // 3 <= item < 2 * COUNT // 3
+        fade = np.array([0.05, 0.02, 0.0, 0.03])[:, None, None] * side * item / COUNT
+        light = 0.7 * (pressed if touch else rest) * (1 - fade)
+        yield touch, (light + rng.normal(0, SIGMA / 2, light.shape)).astype(np.float32)
+
+
+def errors(graph: str, scene, calibration: Path) -> tuple[float, float]:
+    """The largest root mean square error in mm of an item at rest, and of a touched one."""
+    pipeline = load(graph, calibration=str(calibration), backend="numpy")
+    worst = {True: 0.0, False: 0.0}
+    for touch, image in stream(scene):
+        height = pipeline(frames=image)["height"]
+        away = height - scene[2] * touch
+        worst[touch] = max(worst[touch], float(np.sqrt(np.mean(away * away))))
+    return worst[False], worst[True]
+
+
+def test_no_touch_no_height_though_leds_fade(scene, calibration: Path) -> None:
+    """The film at rest stays at zero, and the touch is right, to a few microns."""
+    rest, touch = errors("reconstruct_follow_drift", scene, calibration)
+    assert rest < 0.004
+    assert touch < 0.005
+
+
+def test_a_factor_for_each_led_is_most_of_it(scene, calibration: Path) -> None:
+    rest, touch = errors("reconstruct", scene, calibration)
+    assert 0.004 < rest < 0.015
+    assert touch < 0.01
+
+
+def test_without_levelling_a_fade_is_taken_for_height(scene, calibration: Path) -> None:
+    rest, touch = errors("reconstruct_no_levelling", scene, calibration)
+    assert rest > 0.03
+    assert touch > 0.02

@@ -1,0 +1,61 @@
+"""What is told of a stream is what happened in it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import Session
+from tactograph.nodes.live import live_statistics as module
+from tactograph.nodes.live._frames import LiveState
+from tactograph.nodes.live.live_statistics import Statistics
+
+STILL = np.zeros((12, 16), np.float32)
+
+
+@pytest.fixture(autouse=True)
+def warm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Count from the first height on."""
+    monkeypatch.setattr(module, "WARM_S", 0.0)
+
+
+def test_latency_is_from_the_exposures_end_until_now() -> None:
+    statistics = Statistics()
+    for late in [0.02] * 98 + [0.3] * 2:
+        statistics.take(STILL, time.monotonic() - late, LiveState(), None)
+    figures = statistics.figures()
+    assert figures["heights"] == 100
+    assert 0 < figures["processor_ms_per_height"] < 100
+    assert figures["latency_median_ms"] == pytest.approx(20, abs=2)
+    assert figures["latency_99_percent_ms"] == pytest.approx(300, abs=5)
+
+
+def test_the_error_is_told_where_the_truth_is_known() -> None:
+    statistics = Statistics()
+    statistics.take(STILL, time.monotonic(), LiveState(), STILL + np.float32(0.003))
+    statistics.take(STILL, time.monotonic(), LiveState(), STILL + np.float32(0.004))
+    figures = statistics.figures()
+    assert figures["rmse_um"] == pytest.approx(np.sqrt((9 + 16) / 2), rel=1e-3)
+    assert figures["worst_rmse_um"] == pytest.approx(4, rel=1e-3)
+    assert "rmse_um" not in Statistics().figures()
+
+
+def test_faults_and_settings_are_in_the_result_when_the_stream_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = LiveState(9, 5, 2, Counter(swapped=3), {"rate": 30.0})
+    session = Session()
+    told = {"folder": tmp_path / "new", "session": session, "provenance": None}
+    for _ in range(3):
+        module.live_statistics(STILL, time.monotonic(), state, None, **told)
+    session.close()
+    result = json.loads((tmp_path / "new" / "result.json").read_text())
+    assert result["settings"] == {"rate": 30.0}
+    assert result["metrics"]["dropped"] == 2
+    assert result["metrics"]["faults/swapped"] == 3
+    assert "heights_per_s" in capsys.readouterr().out

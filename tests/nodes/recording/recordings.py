@@ -1,0 +1,78 @@
+"""Frames, and recordings of them, for the tests of what records, replays and shows streams."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph import Provenance, Session
+from tactograph.nodes import F4
+from tactograph.nodes.live._frames import LiveState, RawFrame
+from tactograph.nodes.recording._mcap_log import log_files
+from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.recording.record import record
+
+SIZE = (24, 32)
+LEDS = 4
+RATE = 30.0
+PROVENANCE = Provenance(
+    graph={"name": "toy", "title": "", "hash": "0"},
+    device=None,
+    nodes=[{"node": "height", "op": "height", "backend": "numpy", "once": False, "ms": 2.5}],
+    sizes={},
+    versions={"tactograph": "0"},
+    warnings=[],
+    fallbacks=[],
+)
+
+
+def make_frame(number: int, *, dtype: Any = np.uint8, began: float = 1000.0) -> RawFrame:
+    """Frame `number` of an even cycle; its pixels are its own."""
+    rng = np.random.default_rng(number)
+    data = rng.integers(0, np.iinfo(dtype).max, SIZE).astype(dtype)
+    return RawFrame(number, 1 + number % LEDS, began + number / RATE, data)
+
+
+def make_cycle(touch: int, **how: Any) -> list[RawFrame]:
+    """The frames of one touch, one of every LED."""
+    return [make_frame(LEDS * touch + k, **how) for k in range(LEDS)]
+
+
+def light_of(frames: list[RawFrame]) -> F4:
+    """The touch that `frames` make up; one of all LEDs off is no part of it."""
+    by_led = sorted((f for f in frames if f.led), key=lambda frame: frame.led)
+    return np.stack([f.data / np.float32(np.iinfo(f.data.dtype).max) for f in by_led])
+
+
+def record_touch(
+    session: Session, frames: list[RawFrame], name: str, bits: int | None = None, **settings: Any
+) -> None:
+    state = LiveState(frames=frames[-1].number, settings={"exposure": 12, "bits": bits})
+    state.faults["lost"] = 2
+    light = light_of(frames)
+    record(frames, light, name, state, provenance=PROVENANCE, session=session, **settings)
+
+
+def make_recording(folder: Path, touches: int, **settings: Any) -> list[RawFrame]:
+    """Record so many touches into `folder`; the frames that are in it then."""
+    session = Session()
+    frames = []
+    began = time.monotonic()
+    for touch in range(touches):
+        frames += make_cycle(touch, began=began)
+        record_touch(session, frames[-LEDS:], f"{touch:06}", folder=folder, **settings)
+    session.close()
+    return frames
+
+
+def read_numbers(folder: Path) -> list[int]:
+    """The numbers of all frames that can be read, in order."""
+    return [
+        message.sequence
+        for path in log_files(folder)
+        for message in McapFile(path).messages()
+        if message.topic.endswith("image_raw")
+    ]

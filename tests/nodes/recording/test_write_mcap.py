@@ -1,0 +1,127 @@
+"""Results as ROS 2 messages, read back by the format's own libraries."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from tactograph.graph import Provenance, Session
+from tactograph.nodes.recording._mcap_log import log_files
+from tactograph.nodes.recording.write_mcap import write_mcap
+
+SIZE = (6, 8)
+PIXEL = 0.05
+HEIGHT = np.linspace(0, 1.5, 48, dtype=np.float32).reshape(SIZE)
+IMAGE = np.linspace(0, 1, 4 * 48, dtype=np.float32).reshape(4, *SIZE)
+SHADOW = np.arange(48, dtype=np.uint8).reshape(SIZE)
+
+
+def provenance(warnings: list[str]) -> Provenance:
+    nodes = [{"node": "height", "op": "x", "backend": "numpy", "once": False, "ms": 2.5}]
+    return Provenance({"name": "toy"}, None, nodes, {}, {}, warnings, [])
+
+
+@pytest.fixture
+def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
+    """By topic, what a reader finds of two touches: schema, message, decoded."""
+    session, now = Session(), time.monotonic()
+    for touch, warnings in enumerate(([], ["too bright"])):
+        write_mcap(
+            HEIGHT,
+            IMAGE,
+            PIXEL,
+            f"{touch:06}",
+            SHADOW,
+            {"rmse": 0.5},
+            now + touch / 30,
+            folder=tmp_path,
+            provenance=provenance(warnings),
+            session=session,
+        )
+    session.close()
+    found: dict[str, list[tuple[Any, Any, Any]]] = {}
+    for path in log_files(tmp_path):
+        with path.open("rb") as stream:
+            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+            for schema, channel, message, decoded in reader.iter_decoded_messages():
+                found.setdefault(channel.topic, []).append((schema, message, decoded))
+    return found
+
+
+def test_another_reader_of_ros_bags_takes_them_for_the_standard_messages(
+    tmp_path: Path, messages: dict[str, Any]
+) -> None:
+    # By its own definitions of the messages, not by those in the file.
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    (path,) = log_files(tmp_path)
+    with AnyReader([path], default_typestore=store) as reader:
+        found: dict[str, list[Any]] = {}
+        for connection, _, raw in reader.messages():
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            found.setdefault(connection.topic, []).append(message)
+    assert {topic: len(m) for topic, m in found.items()} == dict.fromkeys(messages, 2)
+    height = found["/height"][0]
+    metres = height.data.view("<f4").reshape(height.height, height.width)
+    np.testing.assert_allclose(metres, HEIGHT / 1000, rtol=1e-6)
+    assert [status.message for status in found["/diagnostics"][1].status] == ["too bright"]
+
+
+def test_a_height_is_an_image_in_metres(messages: dict[str, Any]) -> None:
+    schema, _, image = messages["/height"][0]
+    assert schema.name == "sensor_msgs/msg/Image"
+    assert (image.encoding, image.height, image.width, image.step) == ("32FC1", 6, 8, 32)
+    metres = np.frombuffer(image.data, "<f4").reshape(SIZE)
+    np.testing.assert_allclose(metres, HEIGHT / 1000, rtol=1e-6)
+
+
+def test_points_lie_where_the_pixels_are_in_metres(messages: dict[str, Any]) -> None:
+    schema, _, cloud = messages["/points"][0]
+    assert schema.name == "sensor_msgs/msg/PointCloud2"
+    assert [(f.name, f.offset, f.datatype) for f in cloud.fields] == [
+        ("x", 0, 7),
+        ("y", 4, 7),
+        ("z", 8, 7),
+    ]
+    assert (cloud.height, cloud.width) == (3, 4)
+    assert (cloud.point_step, cloud.row_step, cloud.is_dense) == (12, 48, True)
+    points = np.frombuffer(cloud.data, "<f4").reshape(3, 4, 3)
+    # Every second row and column.
+    np.testing.assert_allclose(points[2, 3], [6 * 5e-5, 4 * 5e-5, HEIGHT[4, 6] / 1000], rtol=1e-6)
+
+
+def test_the_leds_images_and_the_labels_are_grey_images(messages: dict[str, Any]) -> None:
+    for k in range(4):
+        image = messages[f"/led{k + 1}/image"][0][2]
+        assert image.encoding == "mono8"
+        grey = np.frombuffer(image.data, np.uint8).reshape(SIZE)
+        np.testing.assert_allclose(grey / 255, IMAGE[k], atol=0.5 / 255 + 1e-6)
+    assert messages["/shadow"][0][2].data == SHADOW.tobytes()
+
+
+def test_diagnostics_hold_times_metrics_and_warnings(messages: dict[str, Any]) -> None:
+    schema, _, array = messages["/diagnostics"][0]
+    assert schema.name == "diagnostic_msgs/msg/DiagnosticArray"
+    (status,) = array.status
+    values = {pair.key: pair.value for pair in status.values}
+    assert values == {"height / ms": "2.5", "rmse": "0.5"}
+    levels = [a.status[0].level for _, _, a in messages["/diagnostics"]]
+    assert [int.from_bytes(v) if isinstance(v, bytes) else v for v in levels] == [0, 1]
+    assert messages["/diagnostics"][1][2].status[0].message == "too bright"
+
+
+def test_all_of_a_touch_bears_the_stamp_of_its_exposure(messages: dict[str, Any]) -> None:
+    stamps = np.array([[message.log_time for _, message, _ in m] for m in messages.values()])
+    assert (stamps == stamps[0]).all()
+    assert stamps[0, 1] - stamps[0, 0] == pytest.approx(1e9 / 30, abs=1000)
+    assert stamps[0, 0] / 1e9 == pytest.approx(time.time(), abs=60)
+    header = messages["/height"][0][2].header
+    assert 10**9 * header.stamp.sec + header.stamp.nanosec == stamps[0, 0]
+    assert [decoded.data for _, _, decoded in messages["/touch"]] == ["000000", "000001"]

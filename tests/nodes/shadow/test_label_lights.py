@@ -1,0 +1,206 @@
+"""Lights that a normal explains give that normal, and say which LEDs are in shadow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactograph.graph import Wanted
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.parity import Case, compare
+from tactograph.nodes import F4
+from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
+from tactograph.nodes.light import _blocks
+from tactograph.nodes.light._near_light import light_vectors
+from tactograph.nodes.shadow.label_lights import Labelled, label_lights
+from tactograph.nodes.simulate.render import render
+from tactograph.nodes.simulate.shape_ball import shape_ball
+from tactograph.nodes.slope.height_slopes import height_slopes
+
+PIXEL, NOISE = 0.07, 0.003
+LIGHTS = np.array([[20, 18, 45], [-19, 21, 45], [-20, -18, 46], [19, -20, 45]], np.float32)
+FILM = np.zeros((6, 8), np.float32)
+LEVEL = np.zeros((2, 6, 8), np.float32)
+
+
+def light_of(slope: F4, lights: F4 = LIGHTS, height: F4 = FILM) -> F4:
+    """What a film of these slopes gives, relative to the film at rest."""
+    p, q = slope
+    normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    vectors = light_vectors(lights, height, PIXEL)
+    return np.maximum((vectors * normal).sum(axis=1), 0).astype(np.float32)
+
+
+def label(
+    light: F4, lights: F4 = LIGHTS, height: F4 = FILM, prior: F4 = LEVEL, **with_
+) -> Labelled:
+    sigma = np.full_like(light, NOISE)
+    return label_lights(light, sigma, lights, height, prior, PIXEL, **with_)
+
+
+def level(p: float, q: float) -> F4:
+    return np.stack([np.full_like(FILM, p), np.full_like(FILM, q)])
+
+
+slopes = st.integers(-80, 80).map(lambda hundredths: hundredths / 100)
+
+
+@settings(deadline=None, max_examples=40)
+@given(p=slopes, q=slopes, height=st.integers(-1, 6))
+def test_a_lit_film_gives_its_slope(p: float, q: float, height: int) -> None:
+    slope, raised = level(p, q), FILM + np.float32(height)
+    found = label(light_of(slope, height=raised), height=raised)
+    lit = light_of(slope, height=raised).min(axis=0) > 3 * NOISE
+    assert (found.used[lit] == 0b1111).all()
+    assert np.abs(found.slope - slope)[:, lit].max(initial=0) < 2e-3
+    assert found.misfit[lit].max(initial=0) < 0.1
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> None:
+    shape, noise = (240, 320), np.float32(0.03)
+    film, level = np.zeros(shape, np.float32), np.zeros((2, *shape), np.float32)
+    level[0] = tilt
+    light = light_of(level, height=film)
+    light += np.random.default_rng(0).normal(0, noise, light.shape).astype(np.float32)
+    sigma = np.full_like(light, noise)
+    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, dark=0).slope
+    right, down = found[0, :, 160:], found[1, 120:]
+    assert abs(right.mean() - found[0, :, :160].mean()) < 1e-3
+    assert abs(down.mean() - found[1, :120].mean()) < 1e-3
+    assert found[0].mean() == pytest.approx(tilt, abs=5e-4)
+
+
+@settings(deadline=None, max_examples=40)
+@given(p=slopes, q=slopes, led=st.integers(0, 3))
+def test_a_cast_shadow_is_told_and_left_out(p: float, q: float, led: int) -> None:
+    slope = level(p, q)
+    light = light_of(slope)
+    certain = light.min() > 0.1
+    light[led] = 0
+    found = label(light)
+    if certain:
+        assert (found.shadow == 1 << led).all()
+        assert (found.used == 0b1111 & ~(1 << led)).all()
+        assert np.abs(found.slope - slope).max() < 2e-3
+
+
+def test_a_shadow_well_above_the_noise_is_told_by_its_misfit() -> None:
+    light = light_of(level(0.3, -0.2))
+    light[2] *= 0.3
+    assert (label(light).shadow == 0b0100).all()
+
+
+def test_shadows_are_told_though_none_is_quite_black() -> None:
+    ball = shape_ball(radius_mm=2.0, width_px=80, height_px=80, pixel_size_mm=PIXEL).height
+    made = render(ball, PIXEL, LIGHTS)
+    rest = render(np.zeros_like(ball), PIXEL, LIGHTS).light
+    light = 0.985 * made.light / rest + np.float32(0.015)
+    slope = height_slopes(ball, PIXEL).slope
+    found = label(light, height=ball, prior=slope, pair="prior").shadow
+    assert evaluate_shadow(found, made.labels)["shadow_iou"] > 0.9
+
+
+def test_two_shadows_leave_the_exact_slope_as_one_of_two() -> None:
+    slope = level(0.5, 0.4)
+    light = light_of(slope)
+    light[[0, 1]] = 0
+    found = label(light, prior=level(0.45, 0.45), pair="prior")
+    assert (found.used == 0b1100).all()
+    assert np.abs(found.slope - slope).max() < 2e-3
+    other = label(light, prior=found.twin, pair="prior")
+    assert np.allclose(other.slope, found.twin, atol=1e-4)
+    assert np.allclose(light_of(other.slope)[2:], light[2:], atol=1e-4)
+
+
+def test_an_attached_shadow_decides_between_the_two_normals() -> None:
+    steep = level(1.3, 1.3)
+    light = light_of(steep)
+    dark = (light == 0).all(axis=(1, 2))
+    assert dark.sum() == 1, "the scene is meant to have one LED behind the surface"
+    found = label(light)
+    assert (found.shadow == 1 << int(np.argmax(dark))).all()
+    assert np.abs(found.slope - steep).max() < 5e-3
+
+
+def test_film_in_two_shadows_lies_level() -> None:
+    light = light_of(LEVEL)
+    light[[1, 2]] = 0
+    for pair in ("prior", "attached"):
+        assert np.abs(label(light, prior=level(1, 1), pair=pair).slope).max() < 1e-3
+
+
+def test_with_one_led_nothing_is_known() -> None:
+    light = light_of(level(0.3, 0.1))
+    light[:3] = 0
+    found = label(light)
+    assert not found.slope.any()
+    assert not found.used.any()
+    assert (found.shadow == 0b0111).all()
+    assert (found.variance == 1e12).all()
+
+
+def test_a_highlight_is_left_out_but_is_no_shadow() -> None:
+    slope = level(0.2, 0.3)
+    light = light_of(slope)
+    light[3] += 0.5
+    found = label(light, one_sided=-1000.0)
+    assert (found.used == 0b0111).all()
+    assert not found.shadow.any()
+    assert np.abs(found.slope - slope).max() < 2e-3
+
+
+def test_three_leds_tell_a_shadow_by_the_length_of_the_normal() -> None:
+    slope = level(0.3, 0.2)
+    light = light_of(slope, LIGHTS[:3])
+    light[1] = 0
+    found = label(light, LIGHTS[:3], prior=slope, pair="prior")
+    assert (found.shadow == 0b010).all()
+    assert np.abs(found.slope - slope).max() < 2e-3
+
+
+def test_without_labels_every_led_is_used() -> None:
+    light = light_of(level(0.3, 0.2))
+    light[1] = 0
+    found = label(light, dark=0)
+    assert (found.used == 0b1111).all()
+    assert not found.shadow.any()
+
+
+def test_the_variance_is_that_of_the_slope() -> None:
+    rng = np.random.default_rng(1)
+    film = np.zeros((100, 100), np.float32)
+    slope = np.stack([film + np.float32(0.6), film - np.float32(0.3)])
+    light = light_of(slope, height=film)
+    noisy = light + rng.normal(0, NOISE, light.shape).astype(np.float32)
+    found = label(noisy, height=film, prior=np.zeros_like(slope))
+    lit = found.used == 0b1111
+    expected = found.variance[:, lit].mean(axis=1)
+    assert (found.slope - slope)[:, lit].var(axis=1) == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize("count", [3, 5, 8])
+def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int) -> None:
+    setting = {name: p.default for name, p in label_lights.parameters.items()}
+    case = Case({"K": count, "H": 31, "W": 37}, "random", "default", setting)
+    assert compare(label_lights, device, case) is None
+
+
+def test_leaving_out_what_nobody_reads_changes_nothing_else() -> None:
+    rng = np.random.default_rng(3)
+    light = rng.uniform(0, 1.5, (4, 6, 8)).astype(np.float32)
+    whole = label(light)
+    part = label(light, wanted=Wanted(frozenset({"slope", "shadow"})))
+    assert np.array_equal(part.slope, whole.slope)
+    assert np.array_equal(part.shadow, whole.shadow)
+    assert part.twin is part.variance is part.used is part.misfit is None
+
+
+def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    light = np.random.default_rng(4).uniform(0, 1.5, (4, 6, 8)).astype(np.float32)
+    whole = label(light)
+    monkeypatch.setattr(_blocks, "BLOCK", 7)
+    for expected, found in zip(whole, label(light), strict=True):
+        assert np.array_equal(expected, found)

@@ -1,0 +1,55 @@
+"""LEDs stand where the sensor's drawing says."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactograph.graph import InputError
+from tactograph.nodes.simulate.light_ring import light_ring
+
+
+@given(
+    count=st.integers(3, 8),
+    slant=st.floats(0, 80),
+    azimuth=st.floats(-360, 360),
+    distance=st.floats(1, 1000),
+)
+def test_ring_has_the_slant_and_distance_asked_for(count, slant, azimuth, distance):
+    lights = light_ring(
+        count=count, slant_deg=slant, first_azimuth_deg=azimuth, distance_mm=distance
+    )
+    assert lights.shape == (count, 3)
+    assert lights.dtype == np.float32
+    np.testing.assert_allclose(np.linalg.norm(lights, axis=1), distance, rtol=1e-5)
+    np.testing.assert_allclose(lights[:, 2], distance * np.cos(np.deg2rad(slant)), rtol=1e-5)
+
+
+def test_azimuth_runs_from_right_to_down():
+    lights = light_ring(slant_deg=45.0, first_azimuth_deg=0.0, distance_mm=np.sqrt(2))
+    np.testing.assert_allclose(lights, [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]], atol=1e-6)
+
+
+def test_papers_prototype_and_its_finger():
+    prototype = light_ring(slant_deg=8.5308, distance_mm=202.237)
+    np.testing.assert_allclose(np.hypot(*prototype[:, :2].T), 30, rtol=1e-3)
+    np.testing.assert_allclose(prototype[:, 2], 200, rtol=1e-3)
+    finger = light_ring(slant_deg=45.0, distance_mm=7.0711)
+    np.testing.assert_allclose(np.hypot(*finger[:, :2].T), 5, rtol=1e-3)
+    np.testing.assert_allclose(finger[:, 2], 5, rtol=1e-3)
+
+
+def test_explicit_positions_stand_instead_of_the_ring():
+    places = [(1.0, 2.0, 3.0), (-1.0, 2.0, 3.0), (0.0, -2.0, 4.0)]
+    np.testing.assert_array_equal(light_ring(positions_mm=places), np.float32(places))
+
+
+def test_light_behind_the_film_is_refused():
+    with pytest.raises(InputError, match=r"LED 2 .* z = -3 mm"):
+        light_ring(positions_mm=[(1.0, 2.0, 3.0), (1.0, 2.0, -3.0), (0.0, 0.0, 3.0)])
+
+
+@pytest.mark.parametrize("count", [2, 9])
+def test_too_few_or_too_many_positions_are_refused(count):
+    with pytest.raises(InputError, match=f"holds {count} LEDs"):
+        light_ring(positions_mm=[(0.0, 0.0, 10.0)] * count)

@@ -1,0 +1,97 @@
+"""Shadow test, look-up and refinement on a Lambertian ball whose slopes are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactograph.nodes.calibrate.build_lut import build_lut
+from tactograph.nodes.calibrate.fit_null_vector import fit_null_vector
+from tactograph.nodes.calibrate.fit_reflectance import fit_reflectance
+from tactograph.nodes.calibrate.label_lit import label_lit
+from tactograph.nodes.shadow.shadow_linear import shadow_linear
+from tactograph.nodes.slope.index_lut import index_lut
+from tactograph.nodes.slope.lut_nearest import lut_nearest
+from tactograph.nodes.slope.refine_taylor import refine_taylor
+from tests.nodes.scenes import ball, lambert
+
+Z, SLOPE = ball(120, 120, 86)
+LIGHT = lambert(SLOPE)
+MASK = np.ones(Z.shape, np.uint8)
+LIT = label_lit(LIGHT)
+NULL = fit_null_vector(LIGHT, MASK, LIT).null
+FIT = fit_reflectance(LIGHT, SLOPE, MASK, LIT).reflectance
+INDEX = index_lut(*build_lut(LIGHT, SLOPE, MASK, LIT))
+LABELS = shadow_linear(LIGHT, NULL, 0.002)
+SHALLOW = np.float32(0.2) * SLOPE
+GENTLE = lambert(SHALLOW)
+
+
+def test_nothing_is_shadowed_where_all_leds_reach() -> None:
+    assert not LABELS[LIT == 15].any()
+
+
+def test_the_one_led_that_does_not_reach_is_found() -> None:
+    one_dark = np.bitwise_count(LIT) == 3
+    # Close to the terminator the light that is missing is within the noise.
+    missing = np.abs(np.tensordot(NULL, LIGHT, axes=1)) > 0.006
+    assert np.array_equal((LABELS == (15 & ~LIT))[one_dark], missing[one_dark])
+    assert missing[one_dark].mean() > 0.8
+
+
+@given(led=st.integers(0, 3), depth=st.floats(0, 0.5))
+def test_a_darkened_led_is_labelled(led: int, depth: float) -> None:
+    light = lambert(np.zeros((2, 4, 4), np.float32))
+    light[led] *= depth
+    assert (shadow_linear(light, NULL, 0.002) == 1 << led).all()
+
+
+def test_every_calibration_pixel_finds_itself() -> None:
+    found = lut_nearest(LIGHT, np.where(LIT == 15, 0, 15 & ~LIT).astype(np.uint8), INDEX)
+    single = np.bitwise_count(LIT) >= 3
+    assert np.array_equal(found[:, single], SLOPE[:, single])
+
+
+def test_the_coarse_slope_is_near_and_the_refined_one_right() -> None:
+    none = np.zeros(Z.shape, np.uint8)
+    coarse = lut_nearest(GENTLE, none, INDEX)
+    fine = refine_taylor(GENTLE, coarse, none, FIT)
+    assert np.abs(coarse - SHALLOW).max() < 0.02
+    assert np.abs(fine - SHALLOW).max() < 2e-4
+
+
+def test_several_neighbours_are_averaged() -> None:
+    none = np.zeros(Z.shape, np.uint8)
+    rng = np.random.default_rng(2)
+    noisy = GENTLE + rng.normal(0, 0.01, GENTLE.shape).astype(np.float32)
+    one, eight = (lut_nearest(noisy, none, INDEX, neighbours=n) for n in (1, 8))
+    assert np.std(eight - SHALLOW) < np.std(one - SHALLOW)
+
+
+def test_shadowed_pixels_are_not_refined() -> None:
+    shadow = np.ones(Z.shape, np.uint8)
+    assert np.array_equal(refine_taylor(GENTLE, SLOPE, shadow, FIT), SLOPE)
+
+
+@given(limit=st.floats(0.001, 0.5), offset=st.floats(-0.5, 0.5))
+def test_a_step_never_turns_the_normal_further_than_allowed(limit: float, offset: float) -> None:
+    start = (SHALLOW + np.float32(offset)).astype(np.float32)
+    end = refine_taylor(GENTLE, start, np.zeros(Z.shape, np.uint8), FIT, limit=limit)
+    change = np.hypot(*(end - start)) / (1 + (start**2).sum(axis=0))
+    assert change.max() <= limit * 1.001
+
+
+@pytest.mark.parametrize("count", [3, 5, 6])
+def test_any_number_of_leds(count: int) -> None:
+    azimuth = np.arange(count) * 2 * np.pi / count
+    lights = np.stack([0.5 * np.cos(azimuth), 0.5 * np.sin(azimuth), np.full(count, 0.866)], 1)
+    light = lambert(SLOPE, lights.astype(np.float32))
+    lit = label_lit(light)
+    index = index_lut(*build_lut(light, SLOPE, MASK, lit))
+    fit = fit_reflectance(light, SLOPE, MASK, lit).reflectance
+    touch = lambert(SHALLOW, lights.astype(np.float32))
+    none = np.zeros(Z.shape, np.uint8)
+    fine = refine_taylor(touch, lut_nearest(touch, none, index), none, fit)
+    assert np.abs(fine - SHALLOW).max() < 1e-3

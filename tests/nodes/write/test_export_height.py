@@ -1,0 +1,159 @@
+"""Exports say the same heights, in mm, to whoever reads them with the format's own library."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from PIL import Image
+from surfalize import Surface
+
+from tactograph.graph import InputError
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.nodes import F4
+from tactograph.nodes.simulate.shape_mesh import shape_mesh
+from tactograph.nodes.write._height_files import PNG_TEXT, WRITERS, read_tmd, write_tmd
+from tactograph.nodes.write.export_height import export_height
+from tactograph.nodes.write.read_height import read_height
+
+PIXEL = 0.05
+
+
+def slope() -> F4:
+    """A ramp with a step: nothing in it is symmetric."""
+    y, x = np.mgrid[:24, :32]
+    return np.asarray(0.01 * x + 0.02 * y + 0.5 * ((x > 20) & (y < 8)), np.float32)
+
+
+@pytest.fixture
+def exported(tmp_path: Path) -> Path:
+    export_height(slope(), PIXEL, folder=tmp_path, formats=tuple(WRITERS))
+    return tmp_path
+
+
+@pytest.mark.parametrize(("suffix", "step"), [("npy", 0), ("tiff", 0), ("tmd", 0), ("png", 5e-5)])
+def test_what_is_written_is_read_back(exported: Path, suffix: str, step: float) -> None:
+    read = read_height(file=exported / f"height.{suffix}")
+    assert read.dtype == np.float32
+    np.testing.assert_allclose(read, slope(), rtol=0, atol=1.01 * step)
+
+
+def test_a_tiff_is_in_mm_and_knows_its_pixel(exported: Path) -> None:
+    np.testing.assert_array_equal(cv2.imread(str(exported / "height.tiff"), -1), slope())
+    with Image.open(exported / "height.tiff") as image:
+        assert image.tag_v2[296] == 3  # type: ignore[attr-defined]
+        per_cm = float(image.tag_v2[282])  # type: ignore[attr-defined]
+    assert 10 / per_cm == pytest.approx(PIXEL)
+
+
+def test_a_png_states_its_scale(exported: Path) -> None:
+    levels = cv2.imread(str(exported / "height.png"), -1)
+    assert levels is not None
+    assert levels.dtype == np.uint16
+    with Image.open(exported / "height.png") as image:
+        about = json.loads(image.info[PNG_TEXT])
+    assert about["unit"] == "mm"
+    np.testing.assert_allclose(about["offset"] + about["step"] * levels, slope(), atol=5.1e-5)
+
+
+def test_a_tmd_is_read_by_a_surface_metrology_package(exported: Path) -> None:
+    surface = Surface.load(str(exported / "height.tmd"))
+    # It takes the numbers as they stand; that they are mm is what GelSight's own files say.
+    np.testing.assert_array_equal(surface.data, slope())
+    assert surface.step_x == pytest.approx(PIXEL)
+    assert surface.step_y == pytest.approx(PIXEL)
+
+
+def test_gelsights_own_file_is_read_in_mm(groove: Path) -> None:
+    expected = np.load(groove / "heightmap_mm.npy")
+    np.testing.assert_allclose(read_height(file=groove / "heightmap.tmd"), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
+def test_a_mesh_is_in_mm_and_faces_the_camera(exported: Path, suffix: str) -> None:
+    mesh = trimesh.load_mesh(exported / f"height.{suffix}")
+    width, length, top = mesh.extents
+    assert (width, length) == pytest.approx((31 * PIXEL, 23 * PIXEL), rel=1e-5)
+    assert top == pytest.approx(float(np.ptp(slope())), rel=1e-5)
+    assert (mesh.face_normals[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
+def test_a_mesh_is_not_mirrored(exported: Path, suffix: str) -> None:
+    height = shape_mesh(file=exported / f"height.{suffix}", up="z", pixel_size_mm=PIXEL).height
+    y, x = np.nonzero(height > 0.55 + 0.3)
+    middle = height.shape[1] / 2, height.shape[0] / 2
+    assert x.mean() > middle[0]
+    assert y.mean() < middle[1]
+
+
+def test_touches_of_a_stream_go_into_folders_of_their_names(tmp_path: Path) -> None:
+    export_height(slope(), PIXEL, "touch_1", folder=tmp_path, formats=("tmd",))
+    assert (tmp_path / "touch_1" / "height.tmd").is_file()
+
+
+def test_heights_that_a_png_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="do not fit"):
+        export_height(slope() + 10, PIXEL, folder=tmp_path, formats=("npy", "png"))
+    assert not list(tmp_path.iterdir())
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    arrays.arrays(
+        np.float32,
+        st.tuples(st.integers(1, 6), st.integers(1, 6)),
+        elements=st.floats(-1, 5, width=32),
+    )
+)
+def test_any_height_map_survives_a_tmd(
+    tmp_path_factory: pytest.TempPathFactory, height: F4
+) -> None:
+    file = tmp_path_factory.mktemp("tmd") / "height.tmd"
+    write_tmd(file, height, PIXEL)
+    np.testing.assert_array_equal(read_tmd(file), height)
+
+
+def test_a_damaged_tmd_is_refused_wherever_it_ends(exported: Path) -> None:
+    whole = (exported / "height.tmd").read_bytes()
+    for end in (0, 10, 31, 40, 60, 79, 90, len(whole) - 1):
+        (exported / "cut.tmd").write_bytes(whole[:end])
+        with pytest.raises(InputError, match=r"cut\.tmd"):
+            read_height(file=exported / "cut.tmd")
+
+
+def test_a_png_without_a_scale_is_no_height_map(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "grey.png"), np.zeros((4, 5), np.uint16))
+    with pytest.raises(InputError, match="states no scale"):
+        read_height(file=tmp_path / "grey.png")
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_height(file=tmp_path / "none.tmd")
+
+
+@pytest.mark.parametrize(
+    ("height", "told"),
+    [(np.zeros((0, 0)), "holds no pixel"), (np.full((4, 4), 1e300), "holds NaN or infinite")],
+)
+def test_a_height_map_of_no_pixel_or_beyond_float32_is_refused(
+    tmp_path: Path, height: F4, told: str
+) -> None:
+    np.save(tmp_path / "height.npy", height)
+    with pytest.raises(InputError, match=told):
+        read_height(file=tmp_path / "height.npy")
+
+
+@pytest.mark.parametrize("mm", [1e300, 1e-300, 0.0, -1.0])
+def test_a_pixel_that_no_file_can_hold_is_refused(mm: float) -> None:
+    with pytest.raises(InputError, match=r"nodes\.pixel\.with\.mm"):
+        open_pipeline(read_graph("export"), {"height": "height.npy", "pixel_size_mm": mm})
