@@ -73,6 +73,34 @@ class KnownSlopes(NamedTuple):
     mask: Mask
 
 
+class Film(NamedTuple):
+    """LEDs, film and camera: all that says how light depends on the surface (`light/_film`)."""
+
+    lights: LightPositions
+    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
+    """b_k: the share of LED light that is diffused in the gel."""
+    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
+    """Harmonics of the normal, by terms in the place."""
+    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
+    """Smallest n_z that was pressed."""
+    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
+    """Half the width of the film that the camera sees: the unit of the place."""
+    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
+    """Light of touched film, relative to untouched film."""
+    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
+    """Height from which film counts as touched."""
+    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
+    """k_d: the albedo of the matt base under the coat."""
+    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
+    """Beckmann's alpha of the coat."""
+    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    """The coat's refractive index; 1: no coat."""
+    albedo: Annotated[float, Port(unit="1", high=0.9)]
+    """rho: the share of light that the film throws back, for light from film to film."""
+    camera: Annotated[float, Port(unit="1/mm", high=0.02)]
+    """1 / D: the pupil is D above the film at rest; 0: infinitely far."""
+
+
 class ShadowRises(NamedTuple):
     """Heights measured by shadows: pixel `top` lies `rise` above pixel `foot`, C times."""
 

@@ -148,12 +148,13 @@ def _record(
     source, port = split_reference(reference)
     _known_node(source, graph, where)
     record = node.input_records[name]
-    if port is not None or found[source].output_record is not record:
+    fields: tuple[str, ...] = record._fields  # type: ignore[attr-defined]
+    if port is not None or not set(fields) <= found[source].outputs.keys():
         raise GraphError(
-            f"{where}: '{name}' takes all outputs of a node that gives a {record.__name__}; "
-            f"'{reference}' is not one"
+            f"{where}: '{name}' takes a node that gives all of a {record.__name__} "
+            f"({', '.join(fields)}); '{reference}' is not one"
         )
-    return {f"{name}.{field}": Value(source, field) for field in found[source].outputs}
+    return {f"{name}.{field}": Value(source, field) for field in fields}
 
 
 def _known_node(name: str, graph: Graph, where: str) -> None:

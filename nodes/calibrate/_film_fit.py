@@ -1,0 +1,513 @@
+"""Film, LEDs and camera together: a least-squares fit of equation F1 to balls and the flat frame.
+
+The unknowns are each LED's direction, distance, strength and diffuse share; what all share (gain,
+coat, albedo, pupil); and a shift of every ball.  Balls meet only in what they share, so the
+normal equations are solved ball by ball (Schur's complement), for one ball as for a hundred.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, Film
+from tactograph.nodes.calibrate._light_fit import FARTHEST, HUBER, LIFT_MM, SPREAD, Rest
+from tactograph.nodes.light._film import (
+    FADE,
+    matt_film,
+    place_terms,
+    predict,
+    rest_light,
+    shades,
+)
+
+F8 = NDArray[np.float64]
+
+FAINT = 0.3
+"""Light below which a sample counts no more than at this light."""
+STEPS, CONVERGED = 40, 1e-4
+"""Of the descent at most; and the share of the cost that is not worth another one."""
+INDEPENDENT = 20
+"""What the flat frame tells of an LED if it departs from the model: so many numbers, not more,
+since its departures are smooth."""
+LIFT = 0.2
+"""Standard deviation of a ball's height in the film, as a share of its radius."""
+RIDGE = 1e-3
+"""Of the harmonics' coefficients, relative to the mean square of a sample."""
+ROUNDS = 4
+"""In which harmonics and the balls' places are found in turn."""
+
+
+class Unknown(NamedTuple):
+    """A number that all balls share: where it starts, how far it may well be, its bounds."""
+
+    start: float
+    spread: float
+    low: float
+    high: float
+    step: float = 1e-4
+
+
+SHARED = {
+    "gain": Unknown(1.0, 0.1, 0.8, 1.3),
+    "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
+    "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
+    "index": Unknown(1.4, 0.15, 1.05, 2.0, 1e-3),
+    "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
+    "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
+}
+DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
+PARTS = {
+    "diffuse": ("diffuse", "gain"),
+    "lobe": ("base", "roughness", "index"),
+    "bounce": ("albedo",),
+    "camera": ("camera",),
+}
+"""What a part of the model leaves open."""
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Samples of P balls: N places u, v (mm on the film at rest, as seen), light K x N.
+
+    `ball` numbers the ball of each sample, in order.  By ball: `centre` P x 2 in mm, `rim` the
+    radius of its contact and `radius` its own, in mm.  `bounced` is what a film of albedo 1
+    throws on the samples; `sector` numbers quarters of a ball.
+    """
+
+    u: F8
+    v: F8
+    light: F8
+    ball: NDArray[np.intp]
+    centre: F8
+    rim: F8
+    radius: F8
+    bounced: F8
+    sector: NDArray[np.intp]
+
+    def only(self, chosen: NDArray[np.bool_]) -> Balls:
+        """Return some of the samples; balls without any stay."""
+        return replace(
+            self,
+            u=self.u[chosen],
+            v=self.v[chosen],
+            light=self.light[:, chosen],
+            ball=self.ball[chosen],
+            bounced=self.bounced[:, chosen],
+            sector=self.sector[chosen],
+        )
+
+    def seen(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
+        """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
+        radius = self.radius[self.ball]
+        cx, cy = (self.centre + shifts[:, :2])[self.ball].T
+        height = shifts[:, 2] - np.sqrt(np.maximum(self.radius**2 - self.rim**2, 0))
+        cz = height[self.ball]
+        du, dv = self.u - cx, self.v - cy
+        a = 1 + camera**2 * (self.u**2 + self.v**2)
+        b = camera * (self.u * du + self.v * dv) + cz
+        c = du * du + dv * dv + cz * cz - radius**2
+        z = (b + np.sqrt(np.maximum(b * b - a * c, 0))) / a
+        x, y = self.u * (1 - camera * z), self.v * (1 - camera * z)
+        n = np.stack([x - cx, y - cy, z - cz]) / radius
+        n[2] = np.maximum(n[2], 0.02)
+        return n / np.sqrt((n * n).sum(0)), x, y, z
+
+    def by_ball(self, left: F8, right: F8) -> F8:
+        """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
+        ends = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
+        return np.stack(
+            [
+                left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
+                for i, j in zip(ends[:-1], ends[1:], strict=True)
+            ]
+        )
+
+
+class Fitted(NamedTuple):
+    """K x 4 numbers of the LEDs, the film, the balls' shifts P x 3 in mm, and what is left.
+
+    The film's `lights` follow from `leds`.
+    """
+
+    leds: F8
+    film: Film
+    shifts: F8
+    scale: float
+
+    def with_leds(self, leds: F8) -> Fitted:
+        """Return it with other LEDs."""
+        ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
+        lights = ends / np.maximum(leds[:, 2:3], 1 / FARTHEST)
+        return self._replace(leds=leds, film=self.film._replace(lights=lights))
+
+
+class _Problem(NamedTuple):
+    """What is fitted: the evidence, the open numbers, and what is taken for certain.
+
+    `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame.
+    """
+
+    balls: Balls
+    rest: Rest | None
+    names: list[str]
+    shift_mm: float
+    width_mm: float
+    scale: float = SPREAD
+    certain: float = SPREAD
+
+    def judged(self, now: Fitted) -> _Problem:
+        """Return the problem with the spreads that `now` leaves."""
+        certain = SPREAD
+        if self.rest is not None:
+            certain = _rest_spread(_rest_left(self.rest, now), self.rest)
+        return self._replace(scale=_scale(self.balls, now), certain=certain)
+
+
+class _Equations(NamedTuple):
+    """Normal equations: shared G x G, mixed P x G x 3, own P x 3 x 3, and both right sides."""
+
+    shared: F8
+    mixed: F8
+    own: F8
+    right: F8
+    right_own: F8
+
+
+def predicted(balls: Balls, fitted: Fitted, led: int | None = None) -> F8:
+    """Return the light of the balls' samples, K x N, or 1 x N of one LED."""
+    film, bounced = fitted.film, balls.bounced
+    if led is not None:
+        one = slice(led, led + 1)
+        film = film._replace(
+            lights=film.lights[one], diffuse=film.diffuse[one], harmonics=film.harmonics[one]
+        )
+        bounced = bounced[one]
+    n, x, y, z = balls.seen(fitted.shifts, film.camera)
+    made = predict(film, n, x, y, _touched(z, film))
+    return np.asarray(made + film.albedo * bounced)
+
+
+def _touched(z: F8, film: Film) -> F8:
+    """A ball's own film is touched, however low its rim lies."""
+    return np.maximum(z, film.contact)
+
+
+def fit(
+    balls: Balls,
+    rest: Rest | None,
+    parts: frozenset[str],
+    start: Fitted,
+    shift_mm: float,
+    width_mm: float,
+) -> Fitted:
+    """Return the best film, LEDs and shifts, by Levenberg and Marquardt's robust descent.
+
+    Parameters
+    ----------
+    balls
+        The samples.
+    rest
+        The flat frame in blocks, if there is one.
+    parts
+        Which of `PARTS` are open; all other numbers stay as in `start`.
+    start
+        Where the descent begins.
+    shift_mm
+        Standard deviation of a ball's place.
+    width_mm
+        Width of the film that the camera sees.
+    """
+    names = [name for part in sorted(parts) for name in PARTS[part]]
+    now, damping = _opened(start, names), 1e-3
+    problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(now)
+    cost = _cost(problem, now)
+    for _ in range(STEPS):
+        equations = _equations(problem, now)
+        while damping < 1e8:
+            trial = _moved(now, names, *_solve(equations, damping))
+            tried = _cost(problem, trial)
+            if tried < cost:
+                break
+            damping *= 10
+        else:
+            break
+        gain, now, damping = cost - tried, trial, max(damping / 10, 1e-9)
+        if gain < CONVERGED * cost:
+            break
+        problem = problem.judged(now)
+        cost = _cost(problem, now)
+    return now._replace(scale=problem.scale)
+
+
+def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
+    """Return `fitted` with the balls where they lie under a known film."""
+    now, scale = fitted, fitted.scale
+    spread = _spread(balls, shift_mm)
+    for _ in range(10):
+        left, by = _by_shift(balls, now)
+        weight = _robust(_weighted(balls, left) / scale) / (
+            scale * np.maximum(balls.light, FAINT)
+        ) ** 2
+        normal = balls.by_ball(by * weight, by) + _diagonals(spread**-2)
+        right = -balls.by_ball(by, (weight * left)[None])[..., 0] - now.shifts * spread**-2
+        step = np.clip(np.linalg.solve(normal, right[..., None])[..., 0], -spread, spread)
+        now = now._replace(shifts=now.shifts + step)
+        if np.abs(step[:, :2]).max() < 1e-3 * shift_mm:
+            break
+    return now
+
+
+def _spread(balls: Balls, shift_mm: float) -> F8:
+    """Standard deviations of the balls' places in x, y and z, P x 3."""
+    lift = np.minimum(LIFT_MM, LIFT * balls.radius)
+    return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
+
+
+def _diagonals(values: F8) -> F8:
+    return np.asarray(values[:, :, None] * np.eye(values.shape[1]))
+
+
+def add_harmonics(
+    balls: Balls, fitted: Fitted, degree: int, reach: float, shift_mm: float
+) -> Fitted:
+    """Add harmonics with coefficients of a degree in the place to a physical film.
+
+    Harmonics, gain and the balls' places are found in turn, by ridge regression and Gauss and
+    Newton's method; samples whose light departs count less (Cauchy).
+    """
+    used = (degree + 1) * (degree + 2) // 2
+    count, size, now = len(fitted.leds), 8 * used, fitted
+    n, *_ = balls.seen(now.shifts, now.film.camera)
+    film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
+    physics = fitted._replace(film=film)
+    place = place_terms(balls.u / reach, balls.v / reach)[:used]
+    weight = 1 / np.maximum(balls.light, FAINT) ** 2
+    held = np.full(count * size + 1, RIDGE * balls.u.size)
+    held[-1] = 0
+    for _ in range(ROUNDS):
+        n, *_ = balls.seen(now.shifts, film.camera)
+        shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
+        basis = (shade[:, None] * place[None]).reshape(size, -1)
+        base = predicted(balls, physics._replace(shifts=now.shifts)) - film.albedo * balls.bounced
+        left = balls.light - base - film.albedo * balls.bounced
+        normal, right = np.diag(held), np.zeros(count * size + 1)
+        for k in range(count):
+            own, weighted = slice(k * size, (k + 1) * size), basis * weight[k]
+            normal[own, own] += weighted @ basis.T
+            normal[own, -1] = normal[-1, own] = weighted @ base[k]
+            right[own] = weighted @ left[k]
+            normal[-1, -1] += (weight[k] * base[k]) @ base[k]
+            right[-1] += (weight[k] * base[k]) @ left[k]
+        found = np.linalg.solve(normal, right)
+        harmonics = np.zeros((count, 8, 6))
+        harmonics[:, :, :used] = found[:-1].reshape(count, 8, used)
+        gain = film.gain * (1 + float(found[-1]))
+        now = now._replace(film=film._replace(harmonics=harmonics, gain=gain))
+        now = place_balls(balls, now._replace(scale=_scale(balls, now)), shift_mm)
+        weight = _cauchy(_weighted(balls, balls.light - predicted(balls, now)), now.scale)
+        weight = weight / np.maximum(balls.light, FAINT) ** 2
+    return now._replace(scale=_scale(balls, now))
+
+
+def _cauchy(left: F8, scale: float) -> F8:
+    return np.asarray(1 / (1 + (left / (3 * scale)) ** 2))
+
+
+def _opened(start: Fitted, names: list[str]) -> Fitted:
+    """Numbers that are opened leave the value that switches them off."""
+    off = matt_film(start.film.lights)
+    changed = {
+        name: SHARED[name].start
+        for name in names
+        if name in SHARED and getattr(start.film, name) == getattr(off, name)
+    }
+    if "diffuse" in names and not start.film.diffuse.any():
+        changed["diffuse"] = np.full(len(start.leds), DIFFUSE.start)
+    return start._replace(film=start.film._replace(**changed))
+
+
+def _weighted(balls: Balls, left: F8) -> F8:
+    return np.asarray(left / np.maximum(balls.light, FAINT))
+
+
+def _scale(balls: Balls, now: Fitted) -> float:
+    """The standard deviation of what is left of a sample, robustly."""
+    left = _weighted(balls, predicted(balls, now) - balls.light)
+    return max(SPREAD, 1.4826 * float(np.median(np.abs(left))))
+
+
+def _robust(left: F8) -> F8:
+    """Huber's weights."""
+    return np.asarray(np.minimum(1, HUBER / np.maximum(np.abs(left), HUBER)))
+
+
+def _huber(left: F8) -> float:
+    far = np.abs(left)
+    return float(np.where(far < HUBER, far * far, HUBER * (2 * far - HUBER)).sum())
+
+
+def _rest_left(rest: Rest, now: Fitted) -> F8:
+    """Logarithm of the flat frame less that of the model, what all LEDs share taken out: K x M."""
+    model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:]
+    return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
+
+
+def _rest_spread(left: F8, rest: Rest) -> float:
+    """A block's noise; more where the flat frame departs from the model, which it does smoothly."""
+    noise = SPREAD / rest.block
+    found = float(np.sqrt(np.square(left).mean()))
+    return float(np.hypot(noise, found * np.sqrt(max(1, left.shape[1] / INDEPENDENT))))
+
+
+def _priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
+    """Number, departure and standard deviation of every unknown that something is known of."""
+    count = len(now.leds)
+    for k, (_, _, c, _) in enumerate(now.leds):
+        yield 4 * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+    for number, (_, value, about) in _numbers(now, names):
+        yield 4 * count + number, value - about.start, about.spread
+
+
+def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, float, Unknown]]]:
+    """The film's unknowns in their order."""
+    number = 0
+    for name in names:
+        if name == "diffuse":
+            for share in now.film.diffuse:
+                yield number, (name, float(share), DIFFUSE)
+                number += 1
+        else:
+            yield number, (name, float(getattr(now.film, name)), SHARED[name])
+            number += 1
+
+
+def _cost(problem: _Problem, now: Fitted) -> float:
+    balls, rest, names, shift_mm, width_mm, scale, certain = problem
+    total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
+    total += _huber(_weighted(balls, predicted(balls, now) - balls.light) / scale)
+    if rest is not None:
+        total += _huber(_rest_left(rest, now) / certain)
+    total += float(now.leds[:, 3].mean() ** 2)
+    return total + sum((away / sure) ** 2 for _, away, sure in _priors(now, names, width_mm))
+
+
+def _equations(problem: _Problem, now: Fitted) -> _Equations:
+    balls, rest, names, shift_mm, width_mm, scale, certain = problem
+    left, by_own = _by_shift(balls, now)
+    by = _by_shared(balls, now, names, left + balls.light)
+    weight = _robust(_weighted(balls, left) / scale) / (
+        scale * np.maximum(balls.light, FAINT)
+    ) ** 2
+    spread = _spread(balls, shift_mm)
+    sure, away = by * weight, (weight * left)[None]
+    shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T
+    right = -(by.reshape(len(by), -1) @ away.ravel())
+    mixed = balls.by_ball(sure, by_own)
+    own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
+    right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
+    if rest is not None:
+        there = _rest_left(rest, now)
+        changed = [_stepped(now, names, j) for j in range(len(by))]
+        by_rest = np.stack([(_rest_left(rest, o) - there) / step for o, step in changed])
+        flat, firm = by_rest.reshape(len(by), -1), (_robust(there / certain) / certain**2).ravel()
+        shared += (flat * firm) @ flat.T
+        right -= flat @ (firm * there.ravel())
+    # The strengths' common factor is free, and all are without a flat frame: they are held.
+    strengths = np.arange(3, now.leds.size, 4)
+    held = 1 / len(strengths) ** 2 if rest is not None else np.eye(len(strengths))
+    shared[np.ix_(strengths, strengths)] += held
+    right[strengths] -= now.leds[:, 3].mean() / len(strengths)
+    for j, away_from, sure_of in _priors(now, names, width_mm):
+        shared[j, j] += sure_of**-2
+        right[j] -= away_from / sure_of**2
+    return _Equations(shared, mixed, own, right, right_own)
+
+
+def _by_shift(balls: Balls, now: Fitted) -> tuple[F8, F8]:
+    """What is left of the light, K x N, and its derivatives by the balls' shifts, 3 x K x N."""
+    before, step = predicted(balls, now), 1e-4 * float(balls.radius.min())
+    by = [
+        (predicted(balls, now._replace(shifts=now.shifts + step * axis)) - before) / step
+        for axis in np.eye(3)
+    ]
+    return before - balls.light, np.stack(by)
+
+
+def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8) -> F8:
+    """Derivatives by what is shared, G x K x N; what is one LED's changes its light alone."""
+    count = len(now.leds)
+    owners = [k for k in range(count) for _ in range(4)]
+    for name in names:
+        owners += list(range(count)) if name == "diffuse" else [-1]
+    by = np.zeros((len(owners), *before.shape))
+    for j, led in enumerate(owners):
+        other, step = _stepped(now, names, j)
+        if led < 0:
+            by[j] = (predicted(balls, other) - before) / step
+        else:
+            by[j, led] = (predicted(balls, other, led)[0] - before[led]) / step
+    return by
+
+
+def _stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
+    """One number changed, and by how much."""
+    count = len(now.leds)
+    if j < 4 * count:
+        change = np.zeros(4 * count)
+        change[j] = step = 1e-5 * (1 if j % 4 != 2 else max(now.leds[j // 4, 2], 1e-4))
+        return now.with_leds(now.leds + change.reshape(-1, 4)), step
+    steps = np.zeros(sum(1 for _ in _numbers(now, names)))
+    about = dict(_numbers(now, names))[j - 4 * count][2]
+    steps[j - 4 * count] = about.step
+    return now._replace(film=_film_moved(now.film, names, steps, bounded=False)), about.step
+
+
+def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> Film:
+    changed, number = {}, 0
+    for name in names:
+        size = len(film.diffuse) if name == "diffuse" else 1
+        about = DIFFUSE if name == "diffuse" else SHARED[name]
+        value = getattr(film, name) + by[number : number + size]
+        value = np.clip(value, about.low, about.high) if bounded else value
+        changed[name] = value if name == "diffuse" else float(value[0])
+        number += size
+    return film._replace(**changed)
+
+
+def _moved(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
+    count = len(now.leds)
+    leds = now.leds + by[: 4 * count].reshape(-1, 4)
+    leds[:, 2] = np.maximum(leds[:, 2], 1 / FARTHEST)
+    film = _film_moved(now.film, names, by[4 * count :])
+    return now._replace(film=film, shifts=now.shifts + own).with_leds(leds)
+
+
+def _solve(e: _Equations, damping: float) -> tuple[F8, F8]:
+    """The step of what is shared and of each ball, by Schur's complement."""
+    own = e.own * (1 + damping * np.eye(3))
+    shared = e.shared + damping * np.diag(np.diag(e.shared) + 1e-12)
+    less = np.linalg.solve(own, np.transpose(e.mixed, (0, 2, 1)))
+    schur = shared - np.einsum("pgi,pih->gh", e.mixed, less)
+    solved = np.linalg.solve(own, e.right_own[..., None])[..., 0]
+    right = e.right - np.einsum("pgi,pi->g", e.mixed, solved)
+    scale = np.sqrt(np.maximum(np.diag(schur), 1e-30))
+    by = np.linalg.solve(schur / np.outer(scale, scale), right / scale) / scale
+    return by, solved - np.einsum("pig,g->pi", less, by)
+
+
+def start_at(lights: F4, strength: F4, count: int) -> Fitted:
+    """Return the matt film under LEDs that are roughly known."""
+    leds = np.column_stack(
+        [
+            lights[:, :2] / lights[:, 2:],
+            1 / np.minimum(lights[:, 2], FARTHEST),
+            np.log(np.maximum(strength, 1e-6)),
+        ]
+    ).astype(np.float64)
+    film = matt_film(lights.astype(np.float64))
+    return Fitted(leds, film, np.zeros((count, 3)), SPREAD).with_leds(leds)

@@ -1,0 +1,304 @@
+"""Find out how a film turns light into slope, with as much of a model as its presses carry."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, SizeLimit, node
+from tactograph.nodes import F4, Light, LightPositions, Metrics, PixelSize
+from tactograph.nodes.calibrate._film_fit import (
+    PARTS,
+    Balls,
+    Fitted,
+    add_harmonics,
+    fit,
+    place_balls,
+    start_at,
+)
+from tactograph.nodes.calibrate._light_fit import Rest, rest_of
+from tactograph.nodes.calibrate.find_presses import Circles
+from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.capture.read_balls import Radii
+from tactograph.nodes.light._film import turned
+from tactograph.nodes.light._near_light import F8, places
+
+INNER = 0.95
+"""Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
+SAMPLES, ENOUGH = 2000, 40
+"""Samples of all balls together, and of each ball at least."""
+FOLDS = 4
+"""So many times a part of the balls is held out."""
+BETTER = 0.97
+"""A part of the model is taken if it makes the held-out error smaller than by this factor..."""
+NOTICEABLE = 0.02
+"""... and by so many degrees."""
+STEPS = 4
+"""Of a normal, from the ball's own."""
+EXACT = 0.1
+"""Degrees of held-out error below which no further part is tried."""
+RINGS, SECTORS = 3, 8
+"""Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
+DEGREES = {0: 2, 1: 4, 2: 10}
+"""Balls that the harmonics need for each degree in the place."""
+
+
+class FilmFit(NamedTuple):
+    """LEDs, film and camera, as a `Film` has them, and how well they explain the presses."""
+
+    lights: LightPositions
+    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
+    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
+    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
+    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
+    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
+    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
+    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
+    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
+    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    albedo: Annotated[float, Port(unit="1", high=0.9)]
+    camera: Annotated[float, Port(unit="1/mm", high=0.02)]
+    quality: Metrics
+
+
+@node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
+def fit_film(
+    light: SheetLight,
+    flat: Light,
+    circle: Circles,
+    radius: Radii,
+    kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
+    lights: LightPositions,
+    strength: Annotated[F4, Port("K", "1")],
+    pixel: PixelSize,
+    *,
+    camera_mm: Annotated[float, Gt(0)] | None = None,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+    without: tuple[str, ...] = (),
+) -> FilmFit:
+    """Fit equation F1 (`light/_film`) to balls, with those of its parts that presses ask for.
+
+    The LEDs placed for a matt film are where it starts.  Then one part after another is tried:
+    diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
+    film, a pupil near the film; the one that lowers the error of balls held out most is taken,
+    until none lowers it by 3 per cent.  Harmonics come last, of the highest degree in the place
+    that lowers it further.  With a single ball a quarter of it is held out instead.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+    flat
+        K x H x W, the film at rest; uniform where there was none.
+    circle, radius, kept
+        P x 3 in px, P in mm, and 1 for each press that is used.
+    lights, strength
+        K x 3 in mm and K, as `calibrate_lights` gives them.
+    pixel
+        mm per px.
+    camera_mm
+        Height of the pupil above the film, where it is known.
+    steepest, shift_px
+        As for `calibrate_lights`.
+    without
+        Parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``.
+
+    Returns
+    -------
+    FilmFit
+        The fields of a `Film`; and the figures: ``film_heldout_deg/...`` for each model tried,
+        ``film_heldout_deg`` of the one chosen, in degrees between normals.
+    """
+    balls = _sample(light, flat, circle, radius, kept, pixel, steepest)
+    width = pixel * flat.shape[2]
+    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
+    start = start_at(lights, strength, len(balls.centre))
+    if camera_mm is not None:
+        start = start._replace(film=start.film._replace(camera=1 / camera_mm))
+    closed = {*without, *(("camera",) if camera_mm is not None else ())}
+    best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
+    if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
+        best = _bend(trial, best, errors)
+    errors |= _properties(best)
+    return _record(best, errors)
+
+
+class _Trial(NamedTuple):
+    """What every model is tried on."""
+
+    balls: Balls
+    rest: Rest | None
+    shift_mm: float
+    width_mm: float
+
+    def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
+        """Fit a model to all samples, or to some."""
+        return fit(balls or self.balls, self.rest, parts, start, self.shift_mm, self.width_mm)
+
+    def folds(self) -> list[NDArray[np.bool_]]:
+        """The samples to hold out: balls in turn, or the quarters of a single one."""
+        of = self.balls.ball if len(self.balls.centre) > 1 else self.balls.sector
+        return [of % FOLDS == fold for fold in np.unique(of % FOLDS)]
+
+
+class _Model(NamedTuple):
+    """A model fitted: its parts, the harmonics' degree, and the error of what was held out."""
+
+    parts: frozenset[str]
+    degree: int | None
+    fitted: Fitted
+    error: float
+
+    def __str__(self) -> str:
+        parts = [part for part in PARTS if part in self.parts] or ["matt"]
+        return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
+
+
+def _judge(
+    trial: _Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None
+) -> _Model:
+    """Fit to all but a part of the samples, and measure the normals of that part."""
+    errors, weights = [], []
+    for held in trial.folds():
+        train, test = trial.balls.only(~held), trial.balls.only(held)
+        found = trial.fit(parts, fitted, train)
+        if degree is not None:
+            found = add_harmonics(train, found, degree, trial.width_mm / 2, trial.shift_mm)
+        if len(trial.balls.centre) > 1:
+            found = place_balls(test, found, trial.shift_mm)
+        errors.append(_normal_error(test, found))
+        weights.append(held.sum())
+    return _Model(parts, degree, fitted, float(np.average(errors, weights=weights)))
+
+
+def _normal_error(balls: Balls, fitted: Fitted) -> float:
+    """Root mean square angle in degrees by which light misleads of the balls' normals.
+
+    Noise is averaged out over parts of each ball, since heights are sums of slopes.
+    """
+    truth, x, y, z = balls.seen(fitted.shifts, fitted.film.camera)
+    direct, n = balls.light - fitted.film.albedo * balls.bounced, truth
+    z = np.maximum(z, fitted.film.contact)
+    for _ in range(STEPS):
+        n = turned(fitted.film, direct, n, (x, y, z))
+    ring = np.minimum((RINGS * (1 - truth[2] ** 2)).astype(int), RINGS - 1)
+    turn = (np.arctan2(truth[1], truth[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
+    part = (balls.ball * RINGS + ring) * SECTORS + turn
+    number = np.maximum(np.bincount(part), 1)
+    mean = np.stack([np.bincount(part, e) / number for e in n - truth])
+    seen = np.bincount(part) > 0
+    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
+
+
+def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metrics]:
+    """Take one part after another into the model, as long as that pays."""
+    best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
+    errors = {f"film_heldout_deg/{best}": best.error}
+    while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
+        tried = []
+        for part in left:
+            wider = best.parts | {part}
+            tried.append(_judge(trial, wider, trial.fit(wider, best.fitted)))
+            errors[f"film_heldout_deg/{tried[-1]}"] = tried[-1].error
+        better = min(tried, key=lambda model: model.error)
+        if not _pays(better.error, best.error):
+            break
+        best = better
+    return best, errors | {"film_heldout_deg": best.error}
+
+
+def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
+    """Add harmonics of the degree that pays."""
+    physics = best
+    for degree, fewest in DEGREES.items():
+        if len(trial.balls.centre) < fewest:
+            break
+        tried = _judge(trial, physics.parts, physics.fitted, degree)
+        errors[f"film_heldout_deg/{tried}"] = tried.error
+        if _pays(tried.error, best.error):
+            best = tried
+    if best.degree is not None:
+        bent = add_harmonics(
+            trial.balls, best.fitted, best.degree, trial.width_mm / 2, trial.shift_mm
+        )
+        best = best._replace(fitted=bent)
+    errors["film_heldout_deg"] = best.error
+    return best
+
+
+def _pays(error: float, before: float) -> bool:
+    return error < BETTER * before and error < before - NOTICEABLE
+
+
+def _properties(best: _Model) -> Metrics:
+    """What the model says of the sensor, where it says something."""
+    film = best.fitted.film
+    said: Metrics = {}
+    if film.diffuse.any():
+        said["diffuse_percent"] = float(100 * film.diffuse.mean())
+        said["touched_gain"] = film.gain
+    if film.index > 1:
+        said["coat_roughness"], said["coat_index"] = film.roughness, film.index
+    if film.albedo > 0:
+        said["film_albedo"] = film.albedo
+    if film.camera > 0:
+        said["camera_mm"] = 1 / film.camera
+    return said | {"film_residual_percent": 100 * best.fitted.scale}
+
+
+def _record(best: _Model, quality: Metrics) -> FilmFit:
+    film = best.fitted.film
+    typed = {
+        name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
+        for name, value in film._asdict().items()
+    }
+    return FilmFit(**typed, quality=quality)
+
+
+def _sample(
+    light: F4,
+    flat: F4,
+    circle: F4,
+    radius: F4,
+    kept: NDArray[np.uint8],
+    pixel: float,
+    steepest: float,
+) -> Balls:
+    """Choose samples of the balls, evenly over each."""
+    rows, columns = flat.shape[1:]
+    x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
+    used = [i for i in np.flatnonzero(kept) if circle[i, 2] > 0]
+    most = max(ENOUGH, SAMPLES // len(used))
+    presses = cut(light, rows)
+    found: list[tuple[F8, ...]] = []
+    for number, i in enumerate(used):
+        u0, v0, rim = circle[i].astype(np.float64)
+        reach = min(INNER * rim, radius[i] / pixel * np.sin(np.arctan(steepest)))
+        yy, xx = np.mgrid[
+            max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
+            max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
+        ].reshape(2, -1)
+        inside = np.flatnonzero(np.hypot(xx - u0, yy - v0) < reach)
+        # A stride that is no divisor of rows spreads the samples over all columns.
+        inside = inside[:: inside.size // most + 1]
+        yy, xx = yy[inside], xx[inside]
+        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (np.pi / 2)).astype(int) % 4
+        values = presses[i][:, yy, xx]
+        found.append((x[xx], y[yy], values, np.full(xx.size, number), sector))
+    u, v, values, ball, sector = (np.concatenate(part, axis=-1) for part in zip(*found))
+    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    return Balls(
+        u=u.astype(np.float64),
+        v=v.astype(np.float64),
+        light=values.astype(np.float64),
+        ball=ball,
+        centre=(circle[used, :2].astype(np.float64) - middle) * pixel,
+        rim=circle[used, 2].astype(np.float64) * pixel,
+        radius=radius[used].astype(np.float64),
+        bounced=np.zeros(values.shape),
+        sector=sector,
+    )

@@ -1,0 +1,248 @@
+"""What a real film makes of light: the model that calibration, measurement and simulation share.
+
+A matt film under point lights has the light n.v relative to the film at rest (`_near_light`,
+N1).  A real one departs from that in ways that presses show.  At P = (x, y, z), seen from the
+pupil at (0, 0, D), with unit normal n and LED k at L::
+
+    m_k = s(z) [b_k + (1 - b_k) e_k(n, P) / e_k(z, P_0)] + w(n) sum_b c_kb(x, y) B_b(n)     (F1)
+
+b_k is the share of LED light that is diffused in the gel, so that shadows are not black.
+s grows from 1 to `gain` where an object touches the film and lifts it by `contact` mm.  e is
+irradiance times the reflectance of a rough dielectric coat over a matt base (Beckmann's
+distribution; Walter et al., Microfacet models for refraction, 2007)::
+
+    e(n, P) = max(n.l, 0) / |L - P|^2 [k_d (1 - F(n.l)) (1 - F(n.v)) / pi
+                                       + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
+
+with h between the direction l to the light and v to the pupil; an `index` of 1 has F = 0 and
+is the matt film.  B are the second-order harmonics of the normal (the paper's equation 4), each
+less its value at rest, c polynomials of degree 2 in the place, w fades them out where n_z is
+below what was pressed: there the physical part stands alone.  P_0 is the film at rest that
+the same pixel sees.  ``kernels/headers/film.clh`` holds the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import Film
+
+SHADES, TERMS = 8, 6
+"""Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
+FADE = 0.15
+"""Width in n_z over which the harmonics fade out beyond the slopes pressed."""
+GRAZING = 0.05
+"""Smallest cosine that a reflectance is divided by."""
+
+TURN = 0.02
+"""Radians by which a normal is turned for a derivative."""
+LONGEST = 0.3
+"""Longest step of a normal, in radians."""
+FLATTEST = 0.1
+"""Smallest n_z of a normal that is tried."""
+DIM, LIT = 0.05, 0.2
+"""Matt light at which an LED begins to count for the normal, and at which it counts in full."""
+DARKEST = 0.05
+"""Smallest 1 - b that is divided by."""
+
+Array = NDArray[Any]
+
+
+def matt_film(lights: Array) -> Film:
+    """Return the simplest film: matt, nothing diffused, no harmonics, an orthographic camera."""
+    return Film(
+        lights=lights,
+        diffuse=np.zeros(len(lights), lights.dtype),
+        harmonics=np.zeros((len(lights), SHADES, TERMS), lights.dtype),
+        flattest=1.0,
+        reach=1.0,
+        gain=1.0,
+        contact=0.05,
+        base=1.0,
+        roughness=0.2,
+        index=1.0,
+        albedo=0.0,
+        camera=0.0,
+    )
+
+
+def is_affine(film: Film) -> bool:
+    """Whether light is a linear function of the normal, apart from the diffuse share."""
+    return film.index == 1 and film.camera == 0 and not film.harmonics.any()
+
+
+def predict(film: Film, n: Array, x: Array, y: Array, z: Array) -> Array:
+    """Return the light relative to the film at rest, equation F1, without bounced light.
+
+    Parameters
+    ----------
+    film
+        The LEDs' and the film's properties.
+    n
+        3 x N, unit normals.
+    x, y, z
+        Of length N in mm, where the film is.
+
+    Returns
+    -------
+    ndarray
+        K x N.
+    """
+    touched = touch_gain(film, z)
+    at_rest = 1 - film.camera * z
+    x0, y0 = x / at_rest, y / at_rest
+    shade = None
+    if film.harmonics.any():
+        shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
+        place = place_terms(x0 / film.reach, y0 / film.reach)
+    made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
+    for k, light in enumerate(film.lights):
+        b = film.diffuse[k]
+        direct = _reflected(film, light, n, x, y, z)
+        rest = _reflected(film, light, _level(n), x0, y0, np.zeros_like(z))
+        made[k] = touched * (b + (1 - b) * direct / rest)
+        if shade is not None:
+            made[k] += ((film.harmonics[k] @ place) * shade).sum(0)
+    return made
+
+
+def touch_gain(film: Film, z: Array) -> Array:
+    """Return s of equation F1."""
+    return np.asarray(1 + np.float32(film.gain - 1) * np.clip(z / np.float32(film.contact), 0, 1))
+
+
+def direct_share(film: Film) -> Array:
+    """Return 1 - b by LED."""
+    return np.maximum(1 - film.diffuse, DARKEST)
+
+
+def turned(film: Film, light: Array, n: Array, place: tuple[Array, Array, Array]) -> Array:
+    """Return normals that explain the light better: one Gauss-Newton step.
+
+    In the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).  LEDs whose direct light
+    does not reach the film do not count.
+
+    Parameters
+    ----------
+    film
+        The LEDs' and the film's properties.
+    light
+        K x N, relative to the film at rest, without bounced light.
+    n
+        3 x N, unit normals.
+    place
+        x, y, z in mm.
+    """
+    nx, ny, nz = n
+    none = np.zeros_like(nx)
+    before = predict(film, n, *place)
+    by_s, by_t = (
+        (predict(film, _unit(n + TURN * np.stack(way)), *place) - before) / TURN
+        for way in ((nz, none, -nx), (none, nz, -ny))
+    )
+    diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
+    shown = (light / touch_gain(film, place[2]) - diffuse) / direct
+    weight = np.clip((shown - DIM) / (LIT - DIM), 0, 1) / np.maximum(light, LIT) ** 2
+    left = weight * (light - before)
+    a, b, c = ((weight * f * g).sum(0) for f, g in ((by_s, by_s), (by_s, by_t), (by_t, by_t)))
+    g, h = (by_s * left).sum(0), (by_t * left).sum(0)
+    # A single LED, or two in line, leave a direction open: it stays where it is.
+    held = 1e-3 * (a + c) + 1e-6
+    a, c = a + held, c + held
+    inverse = 1 / (a * c - b * b)
+    s, t = (c * g - b * h) * inverse, (a * h - b * g) * inverse
+    shrink = LONGEST / np.maximum(np.sqrt(s * s + t * t), LONGEST)
+    s, t = s * shrink, t * shrink
+    new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
+    np.maximum(new[2], FLATTEST, out=new[2])
+    return _unit(new)
+
+
+def _unit(n: Array) -> Array:
+    return np.asarray(n / np.sqrt((n * n).sum(0)))
+
+
+def rest_light(film: Film, x: Array, y: Array) -> Array:
+    """Return the light of the film at rest, K x N, up to a factor for each LED."""
+    level = np.zeros((3, *np.shape(x)), np.asarray(x).dtype)
+    level[2] = 1
+    none = np.zeros_like(x)
+    return np.stack(
+        [
+            np.linalg.norm(light) ** 2 * _reflected(film, light, level, x, y, none)
+            for light in film.lights
+        ]
+    )
+
+
+def shades(n: Array) -> Array:
+    """Return the second-order harmonics of normals 3 x N, each less its value at rest: 8 x N."""
+    x, y, z = n
+    return np.stack([x, y, z - 1, x * y, x * z, y * z, x * x - y * y, 3 * (z * z - 1)])
+
+
+def place_terms(u: Array, v: Array) -> Array:
+    """Return 1, u, v, u^2, u v, v^2: 6 x N."""
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+
+
+def _level(n: Array) -> Array:
+    level = np.zeros_like(n)
+    level[2] = 1
+    return level
+
+
+def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array) -> Array:
+    """Equation F2, up to a factor."""
+    dx, dy, dz = light[0] - x, light[1] - y, light[2] - z
+    square = dx * dx + dy * dy + dz * dz
+    away = np.sqrt(square)
+    lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
+    if film.index == 1:
+        return np.asarray(lit)
+    lx, ly, lz = dx / away, dy / away, dz / away
+    vx, vy, vz = _to_pupil(film.camera, x, y, z)
+    hx, hy, hz = lx + vx, ly + vy, lz + vz
+    half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
+    c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
+    c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
+    c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
+    v_h = (vx * hx + vy * hy + vz * hz) * half
+    base = film.base * (1 - fresnel(c_i, film.index)) * (1 - fresnel(c_o, film.index)) / np.pi
+    glint = beckmann(c_h, film.roughness) * fresnel(v_h, film.index)
+    hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
+    return np.asarray(lit * (base + glint * hidden / (4 * c_i * c_o)))
+
+
+def _to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """The unit vector from the film to the pupil, at 1 / `camera` mm above the film."""
+    vx, vy, vz = -camera * x, -camera * y, 1 - camera * z
+    scale = 1 / np.sqrt(vx * vx + vy * vy + vz * vz)
+    return vx * scale, vy * scale, vz * scale
+
+
+def fresnel(cosine: Array, index: float) -> Array:
+    """Return the share of unpolarised light that a dielectric mirrors."""
+    g = np.sqrt(index * index - 1 + cosine * cosine)
+    first, second = (g - cosine) / (g + cosine), cosine * (g + cosine) - 1
+    other = second / (cosine * (g - cosine) + 1)
+    return np.asarray(0.5 * first * first * (1 + other * other))
+
+
+def beckmann(cosine: Array, roughness: float) -> Array:
+    """Return Beckmann's density of microfacets by the cosine of their angle to the normal."""
+    square = cosine * cosine
+    tangent = (1 - square) / square
+    return np.asarray(
+        np.exp(-tangent / roughness**2) / (np.pi * roughness**2 * square * square)
+    )
+
+
+def masking(cosine: Array, roughness: float) -> Array:
+    """Return the share of Beckmann's microfacets that are not hidden (Walter et al., eq. 27)."""
+    a = cosine / (roughness * np.sqrt(np.maximum(1 - cosine * cosine, 1e-6)))
+    near = (3.535 + 2.181 * a) * a / (1 + (2.276 + 2.577 * a) * a)
+    return np.asarray(np.where(a < 1.6, near, 1))

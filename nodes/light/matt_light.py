@@ -1,0 +1,135 @@
+"""Turn the light of a real film into that of a matt one."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Flips, SizeLimit, node
+from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
+from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._film import direct_share, is_affine, predict, touch_gain, turned
+from tactograph.nodes.light._near_light import places, vectors_at
+
+
+
+class MattLight(NamedTuple):
+    """Light as a matt film under the same LEDs would have it, and its standard deviation."""
+
+    light: Light
+    sigma: Light
+
+
+@node(
+    tolerance=Flips(5e-3, 5e-3, 5e-3, why="steep normals that light hardly tells apart"),
+    sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
+)
+def matt_light(
+    light: Light,
+    sigma: Light,
+    slope: Slope,
+    height: Height,
+    film: Film,
+    pixel: PixelSize,
+    bounced: Light | None = None,
+    *,
+    steps: Annotated[int, Interval(ge=0, le=8)] = 2,
+) -> MattLight:
+    """Return the light that a matt film of the same shape would have.
+
+    With F the light that the film model predicts (`_film`, F1) and n.v that of a matt film
+    (`_near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + n.v``.  Where the light depends on
+    the normal in another way than a matt film's does, that needs a normal: the slope expected,
+    and Gauss-Newton steps from it with the LEDs that give light.  An error of that normal
+    counts only as far as the two ways differ.  In a shadow, which holds diffused light, m' is
+    about 0.  Everything that knows shadows and matt light then holds for any film.
+
+    Parameters
+    ----------
+    light, sigma
+        K x H x W, relative to the film at rest, and its standard deviation.
+    slope, height
+        2 x H x W and H x W in mm, as far as known.
+    film
+        The LEDs' and the film's properties.
+    pixel
+        mm per px.
+    bounced
+        K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
+    steps
+        Of the normal.
+
+    Returns
+    -------
+    MattLight
+        Both K x H x W.
+    """
+    direct = light if bounced is None else light - bounced
+    flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
+    rows, columns = height.shape
+    x = np.tile(places(columns, np.float32(pixel)), rows)
+    y = np.repeat(places(rows, np.float32(pixel)), columns)
+    made = np.empty_like(flat[0]), np.empty_like(flat[1])
+
+    def convert(part: slice) -> None:
+        m, spread, expected, z = (a[..., part] for a in flat)
+        scale = _scale(film, z)
+        if is_affine(film):
+            made[0][:, part] = m * scale - (film.diffuse / direct_share(film))[:, None]
+        else:
+            made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, steps)
+        made[1][:, part] = spread * scale
+
+    in_blocks(convert, height.size)
+    return MattLight(*(plane.reshape(light.shape) for plane in made))
+
+
+matt_light.opencl(grid="H W", lanes=True)
+
+
+@matt_light.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs around the film, and light that a film may have."""
+    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
+    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
+    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    return {
+        "film.lights": lights.astype(np.float32),
+        "light": rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32),
+        "slope": rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32),
+    }
+
+
+def _scale(film: Film, z: F4) -> F4:
+    """1 / (s (1 - b)) of equation F1: K x N."""
+    return np.asarray(1 / (touch_gain(film, z) * direct_share(film)[:, None]), np.float32)
+
+
+def _by_normal(
+    film: Film,
+    light: F4,
+    slope: F4,
+    place: tuple[F4, F4, F4],
+    scale: F4,
+    steps: int,
+) -> F4:
+    """Matt light of N pixels by way of their normals."""
+    u, v, seen = place
+    z = seen / (1 + np.float32(film.camera) * seen)
+    nearer = 1 - np.float32(film.camera) * z
+    x, y = u * nearer, v * nearer
+    vectors = vectors_at(film.lights, u, v, seen)
+    n = _normal(slope)
+    for _ in range(steps):
+        n = turned(film, light, n, (x, y, z))
+    left = light - predict(film, n, x, y, z)
+    matt = np.einsum("kcn,cn->kn", vectors, n)
+    return np.asarray(left * scale + np.maximum(matt, 0), np.float32)
+
+
+def _normal(slope: F4) -> F4:
+    p, q = slope
+    nz = 1 / np.sqrt(1 + p * p + q * q)
+    return np.stack([-p * nz, -q * nz, nz])
