@@ -41,7 +41,6 @@ VGA = 640 * 480
 """Larger images are not given to the literal flow, and are measured in fewer rounds."""
 MOST_RENDERED = 1640 * 1232
 WIDTH_MM = 640 / 28
-HOST = ("numpy", "numba")
 
 
 @click.command()
@@ -50,7 +49,7 @@ HOST = ("numpy", "numba")
 @click.option("--tables", default=TABLES)
 @click.option("--rounds", default=5, help="At 640 x 480; fewer on larger images, at least 1.")
 @click.option("--seconds", default=300.0, help="Longest a case may take.")
-@click.option("--devices", default=None, help="numpy, numba, parts of devices' names; else all.")
+@click.option("--devices", default=None, help="numpy, parts of devices' names; else all.")
 @click.option("--out", default="bench", type=click.Path(path_type=Path))
 @click.option("--one", default=None, hidden=True, help="A case, as JSON.")
 def main(
@@ -85,7 +84,7 @@ def main(
 
 def places(devices: str | None) -> list[str]:
     """The host's back ends, and the names of the devices that work."""
-    every = [*HOST, *(d.name for d in find_devices() if d.works and not d.simulator)]
+    every = ["numpy", *(d.name for d in find_devices() if d.works and not d.simulator)]
     wanted = devices.split(",") if devices else [""]
     return [name for name in every if any(part in name for part in wanted)]
 
@@ -183,7 +182,7 @@ def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict
     """Milliseconds of one case: on the wall, and of the processor by the cores there are."""
     images = np.load(stack)
     start = time.perf_counter()
-    where = {"backend": device} if device in HOST else {"device": device}
+    where = {"backend": device} if device == "numpy" else {"device": device}
     pipeline = load(graph, calibration=file, outputs=["height"], **where)
     result = pipeline(frames=images)
     first = 1e3 * (time.perf_counter() - start)

@@ -16,11 +16,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,6 @@ from tactograph.graph import load
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.launch import global_size, local_size
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.plan.backends import no_numba
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.nodes.light.flat_field import flat_field
 
@@ -39,10 +37,9 @@ ITEMS = 10_000
 
 
 def main() -> None:
-    for backend, function in host_functions():
-        pipeline = chain(backend=backend)
-        compare(backend, pipeline, partial(bare_calls, function))
-        grow(backend, pipeline)
+    pipeline = chain(backend="numpy")
+    compare("numpy", pipeline, bare_calls)
+    grow("numpy", pipeline)
     device, reason = choose_device(sys.argv[1] if len(sys.argv) > 1 else None)
     if device is None:
         print(f"opencl: {reason}")
@@ -95,19 +92,10 @@ def chain(**given: str) -> Pipeline:
         return load(str(file), **given)
 
 
-def host_functions() -> Iterator[tuple[str, Callable[..., Any]]]:
-    """The node's function, and the compiled one if numba is there; that takes memory."""
-    yield "numpy", flat_field
-    if no_numba() is None:
-        from tactograph.graph.backends.numba import Compiled
-
-        yield "numba", Compiled(flat_field)
-
-
-def bare_calls(function: Callable[..., Any]) -> None:
+def bare_calls() -> None:
     """What the chain does on the host."""
     for _ in range(NODES):
-        function(STACK, STACK, DARK)
+        flat_field(STACK, STACK, DARK)
 
 
 def bare_launches(device: Device) -> Callable[[], None]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tactograph.graph.backends import intel_runtime
 from tactograph.graph.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -93,7 +94,8 @@ def _handles() -> Iterator[cl.Device]:
     except ImportError:
         return
     try:
-        platforms = cl.get_platforms()
+        with intel_runtime.listed():
+            platforms = cl.get_platforms()
     except cl.Error:
         return
     handles = []
@@ -103,7 +105,8 @@ def _handles() -> Iterator[cl.Device]:
         except cl.Error:
             continue
     gpu = cl.device_type.GPU
-    yield from sorted(handles, key=lambda handle: not handle.type & gpu)
+    # Loaders list drivers in the order of a folder, which is none; by name Intel's comes first.
+    yield from sorted(handles, key=lambda h: (0, "") if h.type & gpu else (1, h.platform.name))
 
 
 def _name(handle: cl.Device) -> str:

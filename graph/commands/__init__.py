@@ -51,7 +51,7 @@ _RUN_OPTIONS = (
         help="Change a parameter of a node.",
     ),
     click.option(
-        "--backend", type=click.Choice(["numpy", "numba", "opencl"]),
+        "--backend", type=click.Choice(["numpy", "opencl"]),
         help="Run on this back end instead of the graph's preference.",
     ),
     click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),

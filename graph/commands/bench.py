@@ -15,7 +15,6 @@ import click
 from tactograph.graph.commands import RunOptions, run_options
 
 if TYPE_CHECKING:
-    from tactograph.graph.files.model import Graph
     from tactograph.graph.run.pipeline import Result
 
 
@@ -38,8 +37,8 @@ def command(
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
 
-    Without --backend and --device: on NumPy, on numba where that is installed and a node is
-    written for it, then as the graph prefers on every device that works.  An item counts from
+    Without --backend and --device: on NumPy, then as the graph prefers on every device that
+    works.  An item counts from
     what its source yielded to the last output; 'ready' is the time to the first item done, with
     reading, indexing and compiling.  Nothing is written but --out.
     """
@@ -50,7 +49,7 @@ def command(
     read = options.read(graph)
     given = read_words(read, values)
     rows = []
-    for place in _places(options, read):
+    for place in _places(options):
         start = time.perf_counter()
         pipeline = place.open(read, given, sinks=False)
         if pipeline.endless:
@@ -73,20 +72,14 @@ def command(
             target.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
-def _places(options: RunOptions, graph: Graph) -> list[RunOptions]:
+def _places(options: RunOptions) -> list[RunOptions]:
     from tactograph.graph.backends.devices import find_devices
-    from tactograph.graph.declare.find_node import find_node
-    from tactograph.graph.plan.backends import no_numba
 
     if options.backend is not None or options.device is not None:
         return [options]
     working = [d.name for d in find_devices() if d.works and not d.simulator]
-    compiles = any("numba" in find_node(entry.op).backends for entry in graph.nodes.values())
-    hosts = ["numpy", "numba"] if compiles and no_numba() is None else ["numpy"]
-    return [
-        *(replace(options, backend=name) for name in hosts),
-        *(replace(options, device=name) for name in working),
-    ]
+    devices = [replace(options, device=name) for name in working]
+    return [replace(options, backend="numpy"), *devices]
 
 
 def _report(where: str, results: Sequence[Result], ready: float) -> None:

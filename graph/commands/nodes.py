@@ -30,5 +30,4 @@ def command(name: str | None) -> None:
             click.echo(f"  {each:<{width}}  --  {error}")
             continue
         kernel = "cl" if "opencl" in found.backends else "  "
-        host = "nb" if "numba" in found.backends else "  "
-        click.echo(f"  {each:<{width}}  {kernel} {host}  {found.summary}")
+        click.echo(f"  {each:<{width}}  {kernel}  {found.summary}")

@@ -113,8 +113,6 @@ def _item(name: str, facts: str, words: str) -> str:
 def _facts(node: Node) -> list[str]:
     kernel = f"OpenCL kernel `{node.name}.cl`" if node.has_kernel else "no OpenCL kernel"
     facts = [f"Of the package {node.package}; {kernel}."]
-    if "numba" in node.backends:
-        facts.append(f"Compiled for the host, `{node.name}_numba.py`, where numba is installed.")
     if node.on_cpu:
         facts.append(f"On a CPU device its NumPy function is preferred: {node.on_cpu}.")
     if node.neutral is not None:

@@ -3,8 +3,7 @@
 Positional arguments are input ports, keyword-only arguments are parameters, the return
 annotation gives the output port, or a record of ports.  A function that returns an iterator
 is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
-`Node.opencl` declares that ``kernels/<name>.cl`` holds the same algorithm, `Node.numba` that
-``kernels/<name>_numba.py`` does.
+`Node.opencl` declares that ``kernels/<name>.cl`` holds the same algorithm.
 """
 
 from __future__ import annotations
@@ -91,8 +90,6 @@ class Node:
     lanes: bool = False
     row_lanes: bool = False
     whole: str | None = None
-    rows: str | None = None
-    fixed: tuple[str, ...] = ()
     launch: LaunchFunction | None = None
     requires: tuple[str, str] | None = None
     own_lanes: bool = False
@@ -132,8 +129,7 @@ class Node:
     @property
     def backends(self) -> frozenset[str]:
         """The back ends that it is written for."""
-        others = {"opencl": self.has_kernel, "numba": self.rows is not None}
-        return frozenset({"numpy", *(name for name, has in others.items() if has)})
+        return frozenset({"numpy", "opencl"} if self.has_kernel else {"numpy"})
 
     def library(self, lanes: int) -> tuple[str, str] | None:
         """The module that it needs on a device of so many lanes, and its remedy; or None."""
@@ -227,31 +223,6 @@ class Node:
             self.grid = tuple(grid.split())
             return self
         return self._take_launch
-
-    def numba(self, *, rows: str, fixed: str = "") -> Node:
-        """Declare a function in ``kernels/<name>_numba.py``, which numba compiles for the host.
-
-        Parameters
-        ----------
-        rows
-            The size symbol whose range threads divide among themselves.
-        fixed
-            Size symbols that are known when the function is compiled, so that loops over them
-            are unrolled: the module's function is handed these sizes and returns the function.
-
-        Raises
-        ------
-        TypeError
-            If an input is no array or number, or a size is none of the node's.
-        """
-        if any(port.kind == "object" for port in self.inputs.values()) or self.input_records:
-            raise TypeError(f"{self.name}: numba takes arrays and numbers, no objects or records")
-        for symbol in (rows, *fixed.split()):
-            if symbol not in self.symbols:
-                raise TypeError(f"{self.name}: {symbol} is none of its sizes: {self.symbols}")
-        self.rows = rows
-        self.fixed = tuple(fixed.split())
-        return self
 
     def _take_launch(self, launch: LaunchFunction) -> LaunchFunction:
         self.launch = launch

@@ -1,8 +1,8 @@
 """Parity: the generated proof that a node's implementations agree.
 
-For every node with a kernel, or a function compiled for the host: every shape, fill and
-parameter setting below, the NumPy function against the other, judged by the node's own
-tolerance.  Outputs hold rubbish before the launch; inputs must be unchanged after it.
+For every node with a kernel: every shape, fill and parameter setting below, the NumPy function
+against the kernel, judged by the node's own tolerance.  Outputs hold rubbish before the launch;
+inputs must be unchanged after it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import typing
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import annotated_types
 import numpy as np
@@ -21,9 +21,6 @@ from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.numba import Compiled
 
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
@@ -67,22 +64,19 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     return found
 
 
-def compare(node: Node, other: OpenCL | Compiled, case: Case) -> str | None:
-    """Run one case on NumPy and on a device, or compiled; return None, or what differs."""
+def compare(node: Node, device: OpenCL, case: Case) -> str | None:
+    """Run one case on NumPy and on a device; return None, or what differs."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
     reference = by_port(node, node(*node.in_order(inputs), **case.settings))
     changed = _changed(inputs, kept)
     if changed:
         return f"the NumPy function changed its input '{changed}'"
-    poisoned, other.poison = other.poison, RUBBISH
+    poisoned, device.poison = device.poison, RUBBISH
     try:
-        if isinstance(other, OpenCL):
-            found, inputs = _on_device(node, other, case, inputs)
-        else:
-            found = by_port(node, other(*node.in_order(inputs), **case.settings))
+        found, inputs = _on_device(node, device, case, inputs)
     finally:
-        other.poison = poisoned
+        device.poison = poisoned
     changed = _changed(inputs, kept)
     if changed:
         return f"the kernel changed its input '{changed}'"

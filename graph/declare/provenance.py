@@ -15,7 +15,6 @@ _VERSIONS = (
     "scipy",
     "pyopencl",
     "pyvkfft",
-    "numba",
     "opencv-contrib-python-headless",
 )
 

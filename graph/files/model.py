@@ -14,8 +14,8 @@ from tactograph.graph.files.strict_yaml import Place
 FORMAT = 1
 NOT_GIVEN = object()
 """Stands for the value of a param where only the plan matters, not the data."""
-BACKENDS = ("numpy", "numba", "opencl")
-PREFERRED = ("opencl", "numba", "numpy")
+BACKENDS = ("numpy", "opencl")
+PREFERRED = ("opencl", "numpy")
 """Where a graph runs that does not say what it prefers."""
 PREVIOUS = "previous"
 """``previous.node.port`` is the value that the port had at the item before."""

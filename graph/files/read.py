@@ -24,7 +24,7 @@ from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, r
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
 Input = Annotated[str, StringConstraints(pattern=r"^(previous\.)?[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
-Backend = Literal["numpy", "numba", "opencl"]
+Backend = Literal["numpy", "opencl"]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 
 

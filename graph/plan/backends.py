@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.plan import Draft, Placement, Task
-
-_VERSIONS = {"opencl": "OpenCL kernel", "numba": "numba function"}
 
 
 def place(draft: Draft, device: OpenCL | None, no_device: str) -> dict[str, Placement]:
@@ -53,30 +50,23 @@ def _place(task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device
 def _first_that_can(
     task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device: str
 ) -> Placement:
-    """Take back ends in order; those that the node is not written for are no fallback."""
+    """Take back ends in order; one that the node is not written for is no fallback."""
+    if prefer[:1] != ("opencl",):
+        return Placement("numpy", "preferred")
+    if not task.node.has_kernel:
+        return Placement("numpy", "has no OpenCL kernel")
+    obstacle = _obstacle(task, "opencl", device, no_device)
+    if obstacle is None:
+        return Placement("opencl", "preferred")
     wanted = "is preferred" if "numpy" in prefer else "was asked for"
-    missing: list[str] = []
-    obstacles: list[str] = []
-    for backend in (*prefer, "numpy"):
-        if backend not in task.node.backends:
-            missing.append(_VERSIONS[backend])
-            continue
-        obstacle = _obstacle(task, backend, device, no_device)
-        if obstacle is None:
-            break
-        obstacles.append(f"{backend} {'is next' if obstacles else wanted}, but {obstacle}")
-    if obstacles:
-        return Placement(backend, "; ".join(obstacles), fallback=True)
-    return Placement(backend, f"has no {' and no '.join(missing)}" if missing else "preferred")
+    return Placement("numpy", f"opencl {wanted}, but {obstacle}", fallback=True)
 
 
 def _obstacle(task: Task, backend: str, device: OpenCL | None, no_device: str) -> str | None:
     """What keeps a node off a back end, or None."""
     node = task.node
     if backend not in node.backends:
-        return f"node '{node.name}' has no {_VERSIONS[backend]}"
-    if backend == "numba":
-        return no_numba()
+        return f"node '{node.name}' has no OpenCL kernel"
     if backend == "numpy":
         return None
     if device is None:
@@ -86,15 +76,4 @@ def _obstacle(task: Task, backend: str, device: OpenCL | None, no_device: str) -
         module, remedy = library
         if importlib.util.find_spec(module) is None:
             return f"{module} is not installed ({remedy})"
-    return None
-
-
-def no_numba() -> str | None:
-    """Why nothing can be compiled for the host, or None."""
-    if importlib.util.find_spec("numba") is None:
-        return "numba is not installed (pip install 'tactograph[numba]')"
-    try:
-        importlib.import_module("numba")
-    except ImportError as error:  # it does not know every new NumPy
-        return f"numba cannot be imported: {error}"
     return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tactograph.graph.plan.plan import Plan, Step
 
 _SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box"}
-_COLOURS = {"numpy": "#dbe9f6", "numba": "#d5ecd4", "opencl": "#fbe3c5"}
+_COLOURS = {"numpy": "#dbe9f6", "opencl": "#fbe3c5"}
 
 
 def to_dot(plan: Plan) -> str:

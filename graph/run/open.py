@@ -15,7 +15,6 @@ from tactograph.graph.files.model import BACKENDS, NOT_GIVEN, Graph
 from tactograph.graph.files.patch import apply_patch
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.files.strict_yaml import Place
-from tactograph.graph.plan.backends import no_numba
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.pipeline import Pipeline
 
@@ -37,7 +36,7 @@ def load(
     name
         A graph file, or the bare name of a pipeline that ships.
     backend
-        "numpy", "numba" or "opencl" in place of what the graph prefers.
+        "numpy" or "opencl" in place of what the graph prefers.
     device
         A part of the name of the OpenCL device to use.
     strict
@@ -108,8 +107,6 @@ def open_pipeline(
     opencl, reason = open_device(graph, device)
     if opencl is None and backend == "opencl":
         raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
-    if backend == "numba" and (absent := no_numba()):
-        raise InputError(f"--backend numba: {absent}")
     plan = make_plan(
         graph, given, device=opencl, no_device=reason, sinks=sinks, stand_ins=stand_ins
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from statistics import median
@@ -94,9 +94,6 @@ class Pipeline:
         self._read_whole = {value for value in made if self._is_read_whole(value)}
         self._once = self._split(stream=False)
         self._stream = self._split(stream=True)
-        with collect_warnings(self._notes):
-            self._functions = {task.id: _function(plan, task) for task in tasks}
-        self._lasting = len(self._notes)
         for task in tasks:
             on_device = plan.placements[task.id].backend == "opencl" and not task.filled
             if device is not None and on_device:
@@ -444,9 +441,7 @@ class Pipeline:
                     self._arriving.pop(value).wait()
             start = time.perf_counter()
             with Blaming(task):
-                made = self._functions[task.id](
-                    *_positional(task, self._host, recalled), **keywords
-                )
+                made = task.node(*_positional(task, self._host, recalled), **keywords)
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         shapes: Shapes = {}
         for value, result in zip(step.writes, _results(task, made), strict=True):
@@ -535,15 +530,6 @@ def _results(task: Task, made: Any) -> tuple[Any, ...]:
     if task.node.sink:
         return ()
     return made if task.node.output_record is not None else (made,)
-
-
-def _function(plan: Plan, task: Task) -> Callable[..., Any]:
-    """What the host calls for a node: its own function, or the compiled one."""
-    if plan.placements[task.id].backend != "numba" or task.filled:
-        return task.node
-    from tactograph.graph.backends.numba import Compiled
-
-    return Compiled(task.node)
 
 
 def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:

@@ -53,4 +53,3 @@ def flat_field(
 
 
 flat_field.opencl(grid="H W", lanes=True, whole="image")
-flat_field.numba(rows="H")

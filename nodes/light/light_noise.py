@@ -44,4 +44,3 @@ def light_noise(
 
 
 light_noise.opencl(grid="H W", lanes=True, whole="image")
-light_noise.numba(rows="H")

@@ -205,7 +205,6 @@ def label_lights(
 
 
 label_lights.opencl(grid="H W", lanes=True)
-label_lights.numba(rows="H", fixed="K")
 
 
 @label_lights.example

@@ -69,4 +69,3 @@ def _change(planes: F4, axis: int) -> F4:
 
 
 pixel_mean_slope.opencl(grid="H W", lanes=True)
-pixel_mean_slope.numba(rows="H")

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.commands import bench
-from tactograph.graph.files.read import read_graph
 from tests.graph.conftest import STREAM, Command, Write
 
 
@@ -25,8 +24,7 @@ def test_every_step_of_an_item_is_timed_on_every_device(
     assert done.code == 0
     tables = done.out.split("items per second")[:-1]
     assert "numpy: 2 items" in tables[0]
-    assert "numba: 2 items" in tables[1]
-    assert len(tables) > 2, "a device as well"
+    assert len(tables) > 1, "a device as well"
     for table in tables:
         steps = re.findall(r"│ ([\w. ]+?) +│ +(\w+) +│ +[\d.]+ │", table)
         assert {"light", "score"} <= {step for step, _ in steps}
@@ -72,13 +70,5 @@ def test_a_stream_of_nothing_is_refused(tactograph: Command, toys: list[str], gr
 
 
 def test_simulators_are_left_out() -> None:
-    places = bench._places(OPEN, read_graph("paper"))
+    places = bench._places(bench.RunOptions((), None, None, strict=False))
     assert not any("oclgrind" in str(place.device).lower() for place in places)
-
-
-def test_numba_is_left_out_where_no_node_is_written_for_it() -> None:
-    places = bench._places(OPEN, read_graph("export"))
-    assert "numba" not in [place.backend for place in places]
-
-
-OPEN = bench.RunOptions((), None, None, strict=False)

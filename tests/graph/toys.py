@@ -193,7 +193,6 @@ def halves(image: Light, *, wanted: Wanted = EVERYTHING) -> Halves:
 
 
 halves.opencl(grid="K H W")
-halves.numba(rows="H", fixed="K")
 
 
 class _Diary:

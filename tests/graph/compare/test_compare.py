@@ -166,7 +166,7 @@ def test_a_fallback_is_told(
     )
     graph = write(GRAPH.replace("prefer: [numpy]\n", ""), "first.yaml")
     done = tactograph("compare", graph, "--over", captures[0], "--out", tmp_path / "report")
-    line = "light runs on numba: opencl is preferred, but no OpenCL device works"
+    line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
     assert f"fallback: first: {line}" in done.out
     assert table(tmp_path / "report")[0]["fallbacks"] == [line]
 
@@ -210,7 +210,7 @@ def test_a_name_in_brackets_is_printed_as_it_is(
     ("words", "message"),
     [
         (("--over", "nowhere"), "--over nowhere: there is no such folder"),
-        (("--over", ".", "--backends", "cuda"), "--backends cuda: there are numpy, numba, opencl"),
+        (("--over", ".", "--backends", "cuda"), "--backends cuda: there are numpy, opencl"),
         (("--over", ".", "levle=1"), "no parameter 'levle'; did you mean 'level'?"),
     ],
 )

@@ -139,17 +139,8 @@ def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:
     def each(light: Light) -> Light: ...
 
     assert each.backends == {"numpy"}
-    each.numba(rows="H", fixed="K")
-    assert each.backends == {"numpy", "numba"}
-    assert (each.rows, each.fixed) == ("H", ("K",))
-
-
-def test_numba_takes_no_objects() -> None:
-    @node
-    def worded(light: Light, name: str) -> Light: ...
-
-    with pytest.raises(TypeError, match="worded: numba takes arrays and numbers"):
-        worded.numba(rows="H")
+    each.opencl(grid="K H W")
+    assert each.backends == {"numpy", "opencl"}
 
 
 @pytest.mark.parametrize(("size", "refused"), [(2, True), (3, False), (8, False), (9, True)])

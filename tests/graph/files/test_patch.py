@@ -119,7 +119,7 @@ def test_insert_after_what_nobody_reads_is_an_error(write: Write) -> None:
         ("{set: a, remove: b}", "this one has set and remove"),
         ("{sett: slope}", "unknown key 'sett'; did you mean 'set'?"),
         ("{set: slope, with: 5}", "a mapping is needed, not 5"),
-        ("{backend: slope, to: gpu}", "'numpy', 'numba' or 'opencl' is needed, not 'gpu'"),
+        ("{backend: slope, to: gpu}", "'numpy' or 'opencl' is needed, not 'gpu'"),
         ("remove", "a mapping is needed, not 'remove'"),
     ],
 )

@@ -14,7 +14,7 @@ from tactograph.graph.files.model import Graph
 from tactograph.graph.files.read import read_graph, shipped_names
 from tests.graph.conftest import SLOPES, Write
 
-BACKENDS = "'numpy', 'numba' or 'opencl' is needed"
+BACKENDS = "'numpy' or 'opencl' is needed"
 
 
 def refusal(file: str) -> str:
@@ -29,7 +29,7 @@ def test_a_graph_file_is_read(write: Write) -> None:
     assert graph.nodes["slope"].inputs == {"height": "height", "pixel": "pixel"}
     assert graph.nodes["pixel"].settings == {"mm": 0.1}
     assert graph.outputs == {"height": "again", "mask": "slope.mask"}
-    assert graph.prefer == ("opencl", "numba", "numpy")
+    assert graph.prefer == ("opencl", "numpy")
 
 
 @pytest.mark.parametrize("name", shipped_names())

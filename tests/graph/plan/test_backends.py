@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 from importlib.machinery import ModuleSpec
-from types import ModuleType
 
 import pytest
 
 from tactograph.graph import GraphError
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
@@ -38,11 +35,6 @@ def hide(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def without_vkfft(monkeypatch: pytest.MonkeyPatch) -> None:
     hide("pyvkfft", monkeypatch)
-
-
-@pytest.fixture
-def without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
-    hide("numba", monkeypatch)
 
 
 def test_a_node_with_a_kernel_runs_on_the_device_that_is_preferred(
@@ -72,10 +64,7 @@ def test_a_node_without_a_kernel_runs_on_numpy_and_that_is_no_fallback(
     write: Write, device: OpenCL
 ) -> None:
     placement = planned(write(SLOPES), device).placements["height"]
-    assert (placement.backend, placement.why) == (
-        "numpy",
-        "has no OpenCL kernel and no numba function",
-    )
+    assert (placement.backend, placement.why) == ("numpy", "has no OpenCL kernel")
     assert not placement.fallback
 
 
@@ -158,91 +147,6 @@ def test_a_bound_node_whose_library_is_missing_is_refused(
     text = SLOPES.replace("{op: integrate_dct", "{backend: opencl, op: integrate_dct")
     with pytest.raises(GraphError, match="bound to opencl, but pyvkfft is not installed"):
         planned(write(text), device)
-
-
-LIGHT = """
-format: 1
-params: {calibration: {kind: path}, capture: {kind: path}}
-nodes:
-  frames: {op: read_capture, with: {folder: $capture}}
-  cal:    {op: read_calibration, with: {file: $calibration}}
-  light:  {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}}
-  lit:    {op: label_lit, in: {light: light}}
-outputs: {lit: lit}
-"""
-"""`light` is written for all back ends, `lit` has no numba function."""
-
-
-def test_without_a_device_what_has_a_numba_function_is_compiled(write: Write) -> None:
-    plan = planned(write(LIGHT), None)
-    assert plan.placements["light"].backend == "numba"
-    assert plan.fallbacks == [
-        f"light runs on numba: opencl is preferred, but {ABSENT}",
-        f"lit runs on numpy: opencl is preferred, but {ABSENT}",
-    ]
-
-
-def test_with_a_device_nobody_asks_for_numba(
-    write: Write, device: OpenCL, without_numba: None
-) -> None:
-    plan = planned(write(LIGHT), device)
-    assert plan.placements["light"].backend == "opencl"
-    assert plan.fallbacks == []
-
-
-def test_a_node_with_a_numba_function_has_a_kernel_too() -> None:
-    """Else one with a device would be told to install numba."""
-    for name in builtin_names():
-        assert "numba" not in find_node(name).backends or find_node(name).has_kernel, name
-
-
-def test_with_neither_device_nor_numba_both_reasons_are_told(
-    write: Write, without_numba: None
-) -> None:
-    plan = planned(write(LIGHT), None)
-    assert {p.backend for p in plan.placements.values()} == {"numpy"}
-    assert plan.fallbacks == [
-        f"light runs on numpy: opencl is preferred, but {ABSENT}; "
-        "numba is next, but numba is not installed (pip install 'tactograph[numba]')",
-        f"lit runs on numpy: opencl is preferred, but {ABSENT}",
-    ]
-
-
-def test_a_numba_that_cannot_be_imported_is_not_used(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    load = importlib.import_module
-
-    def load_others(name: str, package: str | None = None) -> ModuleType:
-        if name == "numba":
-            raise ImportError("Numba needs NumPy 2.5 or less")
-        return load(name, package)
-
-    monkeypatch.setattr(importlib, "import_module", load_others)
-    light = planned(write(LIGHT), None).fallbacks[0]
-    assert "numba is next, but numba cannot be imported: Numba needs NumPy 2.5 or less" in light
-
-
-def test_if_numba_is_preferred_nodes_without_a_function_are_no_fallback(write: Write) -> None:
-    plan = planned(write(f"prefer: [numba]{LIGHT}"), None)
-    assert plan.placements["light"].why == "preferred"
-    assert plan.placements["lit"].why == "has no numba function"
-    assert plan.fallbacks == []
-
-
-def test_numba_and_numpy_share_their_memory(write: Write, device: OpenCL) -> None:
-    for prefer in ("numba", "numba, numpy"):
-        plan = planned(write(f"prefer: [{prefer}]{LIGHT}"), device)
-        assert {step.kind for step in plan.steps} == {"run"}
-
-
-def test_what_is_bound_to_numba_and_cannot_be_compiled_is_refused(
-    write: Write, without_numba: None
-) -> None:
-    for node, why in (("flat_field", "numba is not installed"), ("label_lit", "no numba function")):
-        text = LIGHT.replace(f"{{op: {node}", f"{{backend: numba, op: {node}")
-        with pytest.raises(GraphError, match=f"is bound to numba, but .*{why}"):
-            planned(write(text), None)
 
 
 def test_a_constant_stands_where_its_readers_are(device: OpenCL) -> None:

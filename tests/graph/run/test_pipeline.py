@@ -17,7 +17,7 @@ from tactograph.graph.run.open import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import SLOPES, STREAM, Write
 
-BACKENDS = pytest.mark.parametrize("backend", ["numpy", "numba", "opencl"])
+BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 WAITING = STREAM.replace(", default: 3}", "}")
 
 
