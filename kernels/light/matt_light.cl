@@ -1,0 +1,65 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+#include "film.clh"
+
+#define MOST 8
+
+// The light of a real film as that of a matt one.
+LANED __kernel void matt_light(
+    __global const float *restrict light,
+    __global const float *restrict sigma,
+    __global const float *restrict slope,
+    __global const float *restrict height,
+    __global const float *restrict film_lights,
+    __global const float *restrict film_diffuse,
+    __global const float *restrict film_harmonics,
+    const float film_flattest, const float film_reach, const float film_gain,
+    const float film_contact, const float film_base, const float film_roughness,
+    const float film_index, const float film_albedo, const float film_camera,
+    const float pixel,
+    __global const float *restrict bounced,
+    __global float *restrict light_,
+    __global float *restrict sigma_,
+    const int K, const int H, const int W,
+    const int steps)
+{
+    GRID_LANES(at, count, H * W)
+    const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
+    const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
+                       film_reach,    film_gain,    film_contact,   film_base,
+                       film_roughness, film_index,  film_camera,    K, harmonic};
+    const floats none = 0.0f, seen = load_floats(height + at, count);
+    const int affine = film_index == 1.0f && film_camera == 0.0f && !harmonic;
+    const floats touched = touch_gain(&film, seen);
+    floats shown[MOST], scale[MOST];
+    for (int k = 0; k < K; ++k) {
+        const int i = k * size + at;
+        shown[k] = load_floats(light + i, count);
+        if (bounced) shown[k] -= load_floats(bounced + i, count);
+        scale[k] = 1.0f / (touched * direct_share(&film, k));
+        store_floats(load_floats(sigma + i, count) * scale[k], sigma_ + i, count);
+        if (affine) {
+            const float share = film_diffuse[k] / direct_share(&film, k);
+            store_floats(shown[k] * scale[k] - share, light_ + i, count);
+        }
+    }
+    if (affine) return;
+
+    floats u, v;
+    places(at, H, W, pixel, &u, &v);
+    const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
+    const Places here = {u * nearer, v * nearer, z, u, v};
+    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
+    Vector n = unit(-p, -q, (floats)1.0f);
+    AtPlace known[MOST];
+    for (int k = 0; k < K; ++k) known[k] = at_place(&film, k, &here);
+    for (int step = 0; step < steps; ++step) n = turned(&film, shown, known, n, &here);
+    for (int k = 0; k < K; ++k) {
+        const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
+        const floats matt = to.x * n.x + to.y * n.y + to.z * n.z;
+        const floats real = predicted(&film, k, known + k, n, &here, touch_gain(&film, z));
+        store_floats(
+            (shown[k] - real) * scale[k] + MORE_OF(matt, none), light_ + k * size + at, count);
+    }
+}
