@@ -90,6 +90,17 @@ MUTANTS = {
         "touched cells count too": ("calm &= fabs(", "calm &= 0.0f * fabs("),
         "skirts count too": ("if (!heed) return calm;", "return calm;"),
     },
+    "film_bounce": {
+        "the square of the distance alone": ("/ (square * square)", "/ square"),
+        "light from behind": ("MORE_OF(arriving, none)", "arriving"),
+        "light out of the back": ("MORE_OF(leaving, none)", "leaving"),
+        "no rim": ("for (int j = 0; j < N", "for (int j = rim * columns; j < N"),
+        "as if lit evenly": ("= rest * seen", "= seen"),
+        "not relative to the film at rest": ("total[k] / rest", "total[k]"),
+        "p for q": ("(height, across, down, H, W, 0)", "(height, across, down, H, W, 1)"),
+        "cells unsmoothed": ("upper, right) - a) * across", "upper, right) - a) * 0.0f"),
+        "no memory": ("share * (found - earlier)", "(found - earlier)"),
+    },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
         "variance instead": ("sqrt(variance)", "variance"),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.find_ball import find_ball
 
-DATA = Path(__file__).resolve().parents[2].parent / "shared/data"
+DATA = Path(__file__).resolve().parents[3].parent / "shared/data"
 PIXEL = 0.1
 SIZE = (120, 160)
 SLANT = np.deg2rad(30)

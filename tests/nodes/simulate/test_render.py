@@ -16,7 +16,7 @@ from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
 
-RAYTRACED = Path(__file__).resolve().parents[2].parent / "shared/data/raytraced"
+RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1
 
 

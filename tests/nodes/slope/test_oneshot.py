@@ -24,7 +24,7 @@ from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.slope._reflectance_map import SHADES, TERMS, ball_shape, shades, terms
 from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
 
-SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "real"
+SHARED = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real"
 SHAPE = (72, 96)
 PIXEL, RADIUS_MM = 0.1, 2.5
 PX = 0.0634

@@ -1,0 +1,185 @@
+"""The light that a film throws on itself, where geometry or a ray tracer knows it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.nodes import F4
+from tactograph.nodes.light.film_bounce import film_bounce
+
+RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
+PIXEL = 0.1
+FAR = np.float32([[0, 0, 1e5], [2e4, 0, 1e5], [0, -3e4, 1e5]])
+"""LEDs so far away that they light the film evenly."""
+
+
+def ones(height: F4) -> F4:
+    return np.ones((len(FAR), *height.shape), np.float32)
+
+
+def distance(side: int) -> F4:
+    """side x side, mm from the middle."""
+    y, x = np.indices((side, side)) - (side - 1) / 2
+    return np.float32(PIXEL * np.hypot(x, y))
+
+
+def bump(side: int = 120, radius: float = 2.5, rise: float = 1.0) -> F4:
+    """A ball's cap on the film."""
+    inside = np.maximum(radius**2 - distance(side) ** 2, 0)
+    return np.maximum(np.sqrt(inside) - radius + rise, 0).astype(np.float32)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.3])
+def test_a_flat_film_lights_itself_nowhere(level: float) -> None:
+    height = np.full((40, 50), level, np.float32)
+    found = film_bounce(ones(height), height, FAR, PIXEL, 0.9, rim_mm=0.0)
+    assert (found == 0).all()
+
+
+def imprint(depth: float, radius: float = 4.0) -> tuple[F4, NDArray[np.bool_]]:
+    """A ball's imprint in the film, and where it is."""
+    inside = distance(121) < np.sqrt(2 * radius * depth - depth**2)
+    below = radius - depth - np.sqrt(np.maximum(radius**2 - distance(121) ** 2, 0))
+    middle = cv2.erode(inside.astype(np.uint8), np.ones((7, 7), np.uint8)) == 1
+    return np.where(inside, below, 0).astype(np.float32), middle
+
+
+@pytest.mark.parametrize("depth", [0.3, 0.6, 1.2])
+def test_a_ball_s_imprint_is_lit_evenly_by_its_own_area(depth: float) -> None:
+    # Inside a sphere every point lights every other alike: by its area over that of the sphere.
+    height, middle = imprint(depth)
+    found = film_bounce(ones(height), height, FAR, PIXEL, 0.6, cells=121 * 121)
+    expected = 0.6 * depth / (2 * 4.0)
+    assert found[:, middle].mean() == pytest.approx(expected, rel=0.06)
+    assert found[:, middle].std() < 0.02 * expected
+
+
+def test_under_a_near_led_what_is_lit_more_throws_more() -> None:
+    # Inside the sphere the sum still is the same everywhere, so that its share is not.
+    height, middle = imprint(1.2)
+    lights = np.float32([[-4, 0, 9]])
+    found = film_bounce(ones(height)[:1], height, lights, PIXEL, 0.6, cells=121 * 121)[0]
+    y, x = (np.indices((121, 121)) - 60) * PIXEL
+    rest = ((x + 4) ** 2 + y**2 + 9**2) ** -1.5
+    assert found[middle].std() > 0.1 * found[middle].mean()
+    assert (found * rest)[middle].std() < 0.02 * (found * rest)[middle].mean()
+
+
+def test_a_slope_sees_the_film_at_rest_below_its_own_plane() -> None:
+    # A plane seen at an angle from the normal fills (1 - cos) / 2 of what a slope sees.
+    height, albedo = bump(), 0.5
+    p = np.gradient(height, PIXEL, axis=1)
+    found = film_bounce(ones(height), height, FAR, PIXEL, albedo, cells=120 * 120, rim_mm=50.0)
+    ring = (distance(120) > 1.4) & (distance(120) < 1.8)
+    q = np.gradient(height, PIXEL, axis=0)
+    expected = albedo * (1 - 1 / np.sqrt(1 + p * p + q * q)) / 2
+    assert found[0][ring].mean() == pytest.approx(expected[ring].mean(), rel=0.12)
+
+
+def test_film_beyond_the_frame_lights_what_is_inside() -> None:
+    height = bump(60)
+    without, with_rim = (
+        film_bounce(ones(height), height, FAR, PIXEL, 0.7, rim_mm=r).mean() for r in (0.0, 4.0)
+    )
+    assert with_rim > 1.1 * without
+
+
+def test_the_bounce_grows_with_albedo_and_light_alike() -> None:
+    height = bump()
+    light = np.random.default_rng(0).random((3, *height.shape), np.float32)
+    once, more, brighter = (
+        film_bounce(gain * light, height, FAR, PIXEL, albedo, rim_mm=0.0)
+        for gain, albedo in ((1, 0.4), (1, 0.8), (2, 0.4))
+    )
+    np.testing.assert_allclose(more, 2 * once, rtol=1e-5)
+    np.testing.assert_allclose(brighter, 2 * once, rtol=1e-5)
+
+
+def test_cells_hardly_matter() -> None:
+    height = bump(160, radius=6.0, rise=2.0)
+    few, many = (film_bounce(ones(height), height, FAR, PIXEL, 0.7, cells=c) for c in (1600, 6400))
+    assert np.abs(few - many).mean() < 0.08 * many.mean()
+    assert few.shape == many.shape == (3, 160, 160)
+
+
+def test_a_film_that_reflects_nothing_has_no_bounce() -> None:
+    height = bump()
+    assert not film_bounce(ones(height), height, FAR, PIXEL, 0.0).any()
+
+
+def test_on_a_device_too_a_film_that_reflects_nothing_has_no_bounce(device: OpenCL) -> None:
+    height = bump(33)
+    prepared = device.prepare(
+        film_bounce, {"cells": 100, "rim_mm": 2.0, "share": 0.5}, {"K": 3, "H": 33, "W": 33}
+    )
+    uploaded = {"light": ones(height), "height": height, "lights": FAR}
+    inputs = {name: device.upload(array) for name, array in uploaded.items()}
+    out, _ = prepared.launch({**inputs, "pixel": PIXEL, "albedo": 0.0})
+    assert not device.download(out["film_bounce"]).any()
+
+
+@pytest.mark.parametrize("albedo", [-0.1, 1.0, np.nan])
+def test_what_no_film_reflects_is_refused(albedo: float) -> None:
+    height = bump(20)
+    with pytest.raises(InputError, match="film_bounce: albedo is"):
+        film_bounce(ones(height), height, FAR, PIXEL, albedo)
+
+
+def test_a_round_goes_a_share_of_the_way_from_the_one_before() -> None:
+    height = bump()
+    now = film_bounce(ones(height), height, FAR, PIXEL, 0.7)
+    before = np.random.default_rng(0).random(now.shape, np.float32)
+    found = film_bounce(ones(height), height, FAR, PIXEL, 0.7, before, share=0.25)
+    np.testing.assert_allclose(found, 0.75 * before + 0.25 * now, rtol=1e-5, atol=1e-6)
+
+
+def relative_light(rig: str, scene: str) -> tuple[F4, dict[str, float]]:
+    """Light relative to the untouched film, which is smoothed, and the facts of the scene."""
+
+    def images(name: str) -> list[F4]:
+        folder = RAYTRACED / rig / name
+        planes = (cv2.imread(str(folder / f"led{k}.png"), -1) for k in range(1, 5))
+        return [np.asarray(plane, np.float32) for plane in planes]
+
+    rest = [cv2.GaussianBlur(plane, (0, 0), 6) for plane in images("flat")]
+    facts = json.loads((RAYTRACED / rig / scene / "scene.json").read_text())
+    return np.stack([i / r for i, r in zip(images(scene), rest, strict=True)]), facts
+
+
+@pytest.mark.skipif(not RAYTRACED.is_dir(), reason=f"no ray-traced captures in {RAYTRACED}")
+@pytest.mark.parametrize(
+    ("scene", "most"),
+    [
+        ("calibration", 0.003),
+        ("calibration_off", 0.004),
+        ("sphere_film", 0.004),
+        ("corner_film", 0.005),
+        ("teapot_film", 0.004),
+        ("cat_film", 0.008),
+    ],
+)
+def test_without_the_bounce_a_ray_tracer_s_film_is_the_one_without(scene: str, most: float) -> None:
+    seen, facts = relative_light("hand_bounce", scene)
+    alone, _ = relative_light("hand_ideal", scene)
+    height = np.load(RAYTRACED / "hand_bounce" / scene / "truth_height_mm.npy")
+    lights, pixel = np.float32(facts["lights_mm"]), facts["pixel_size_mm"]
+    bounced = film_bounce(seen, height, lights, pixel, 0.7, cells=4800)
+
+    def cells(image: F4) -> F4:
+        return cv2.resize(image, (80, 60), interpolation=cv2.INTER_AREA)
+
+    def rms(left: F4) -> float:
+        return float(np.sqrt(np.mean([cells(plane)[calm] ** 2 for plane in left])))
+
+    steep = np.float32(np.hypot(*np.gradient(height, pixel)) > 1.2)
+    calm = (cells(steep) == 0) & (cells(height) > 0.02)
+    assert rms(seen - alone) > 5 * most
+    assert rms(seen - bounced - alone) < most
