@@ -46,6 +46,8 @@ Albedo = Annotated[float, Port(unit="1", high=0.95)]
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight other places of the LEDs, as far off as they may well be: the mean square of what they
 change is the variance that the LEDs' calibration leaves."""
+Camera = Annotated[float, Port(unit="1/mm", high=0.02)]
+"""1 / D: the pupil is D above the film at rest; 0: infinitely far."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
@@ -79,6 +81,7 @@ class Film(NamedTuple):
     """LEDs, film and camera: all that says how light depends on the surface (`light/_film`)."""
 
     lights: LightPositions
+    others: LightPlaces
     diffuse: Annotated[F4, Port("K", "1", high=0.4)]
     """b_k: the share of LED light that is diffused in the gel."""
     harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
@@ -97,10 +100,9 @@ class Film(NamedTuple):
     """Beckmann's alpha of the coat."""
     index: Annotated[float, Port(unit="1", low=1, high=1.6)]
     """The coat's refractive index; 1: no coat."""
-    albedo: Annotated[float, Port(unit="1", high=0.9)]
+    albedo: Albedo
     """rho: the share of light that the film throws back, for light from film to film."""
-    camera: Annotated[float, Port(unit="1/mm", high=0.02)]
-    """1 / D: the pupil is D above the film at rest; 0: infinitely far."""
+    camera: Camera
 
 
 class ShadowRises(NamedTuple):

@@ -12,6 +12,7 @@ LANED __kernel void matt_light(
     __global const float *restrict slope,
     __global const float *restrict height,
     __global const float *restrict film_lights,
+    __global const float *restrict film_others,
     __global const float *restrict film_diffuse,
     __global const float *restrict film_harmonics,
     const float film_flattest, const float film_reach, const float film_gain,

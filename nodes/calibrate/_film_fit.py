@@ -29,7 +29,7 @@ F8 = NDArray[np.float64]
 
 FAINT = 0.3
 """Light below which a sample counts no more than at this light."""
-STEPS, CONVERGED = 40, 1e-4
+STEPS, CONVERGED = 25, 1e-3
 """Of the descent at most; and the share of the cost that is not worth another one."""
 INDEPENDENT = 20
 """What the flat frame tells of an LED if it departs from the model: so many numbers, not more,

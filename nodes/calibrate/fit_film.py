@@ -9,7 +9,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, SizeLimit, node
-from tactograph.nodes import F4, Light, LightPositions, Metrics, PixelSize
+from tactograph.nodes import F4, Albedo, Camera, Light, LightPlaces, LightPositions, Metrics, PixelSize
 from tactograph.nodes.calibrate._film_fit import (
     PARTS,
     Balls,
@@ -17,6 +17,7 @@ from tactograph.nodes.calibrate._film_fit import (
     add_harmonics,
     fit,
     place_balls,
+    predicted,
     start_at,
 )
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
@@ -25,6 +26,7 @@ from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import Radii
 from tactograph.nodes.light._film import turned
 from tactograph.nodes.light._near_light import F8, places
+from tactograph.nodes.light.film_bounce import film_bounce
 
 INNER = 0.95
 """Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
@@ -36,6 +38,8 @@ BETTER = 0.97
 """A part of the model is taken if it makes the held-out error smaller than by this factor..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
+MOST_ALBEDO = 0.95
+"""Of a film that a bounce is computed for."""
 STEPS = 4
 """Of a normal, from the ball's own."""
 EXACT = 0.1
@@ -50,6 +54,7 @@ class FilmFit(NamedTuple):
     """LEDs, film and camera, as a `Film` has them, and how well they explain the presses."""
 
     lights: LightPositions
+    others: LightPlaces
     diffuse: Annotated[F4, Port("K", "1", high=0.4)]
     harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
     flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
@@ -59,8 +64,9 @@ class FilmFit(NamedTuple):
     base: Annotated[float, Port(unit="1", low=0.3, high=1)]
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
     index: Annotated[float, Port(unit="1", low=1, high=1.6)]
-    albedo: Annotated[float, Port(unit="1", high=0.9)]
-    camera: Annotated[float, Port(unit="1/mm", high=0.02)]
+    albedo: Albedo
+    camera: Camera
+    residual: Annotated[F4, Port("K", "1")]
     quality: Metrics
 
 
@@ -73,6 +79,7 @@ def fit_film(
     kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
     lights: LightPositions,
     strength: Annotated[F4, Port("K", "1")],
+    others: LightPlaces,
     pixel: PixelSize,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
@@ -96,8 +103,8 @@ def fit_film(
         K x H x W, the film at rest; uniform where there was none.
     circle, radius, kept
         P x 3 in px, P in mm, and 1 for each press that is used.
-    lights, strength
-        K x 3 in mm and K, as `calibrate_lights` gives them.
+    lights, strength, others
+        K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` gives them.
     pixel
         mm per px.
     camera_mm
@@ -110,10 +117,11 @@ def fit_film(
     Returns
     -------
     FilmFit
-        The fields of a `Film`; and the figures: ``film_heldout_deg/...`` for each model tried,
+        The fields of a `Film`; other places of the LEDs that the fit allows; the root mean
+        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...`` for each model tried,
         ``film_heldout_deg`` of the one chosen, in degrees between normals.
     """
-    balls = _sample(light, flat, circle, radius, kept, pixel, steepest)
+    balls = _sample(light, flat, circle, radius, kept, lights, pixel, steepest)
     width = pixel * flat.shape[2]
     trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
     start = start_at(lights, strength, len(balls.centre))
@@ -123,8 +131,21 @@ def fit_film(
     best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
-    errors |= _properties(best)
-    return _record(best, errors)
+    film = best.fitted.film
+    if not best.parts and best.degree is None and camera_mm is None:
+        # Nothing but matt: the LEDs stay where all pixels of the presses place them.
+        film = film._replace(lights=lights)
+    left = balls.light - predicted(balls, best.fitted)
+    typed = {
+        name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
+        for name, value in film._asdict().items()
+    }
+    typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
+    return FilmFit(
+        **typed,
+        residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
+        quality=errors | _properties(best),
+    )
 
 
 class _Trial(NamedTuple):
@@ -250,21 +271,13 @@ def _properties(best: _Model) -> Metrics:
     return said | {"film_residual_percent": 100 * best.fitted.scale}
 
 
-def _record(best: _Model, quality: Metrics) -> FilmFit:
-    film = best.fitted.film
-    typed = {
-        name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
-        for name, value in film._asdict().items()
-    }
-    return FilmFit(**typed, quality=quality)
-
-
 def _sample(
     light: F4,
     flat: F4,
     circle: F4,
     radius: F4,
     kept: NDArray[np.uint8],
+    lights: F4,
     pixel: float,
     steepest: float,
 ) -> Balls:
@@ -274,6 +287,10 @@ def _sample(
     used = [i for i in np.flatnonzero(kept) if circle[i, 2] > 0]
     most = max(ENOUGH, SAMPLES // len(used))
     presses = cut(light, rows)
+    thrown = [
+        _unit_bounce(press, ball, float(size), lights, pixel)
+        for press, ball, size in zip(presses, circle, radius, strict=True)
+    ]
     found: list[tuple[F8, ...]] = []
     for number, i in enumerate(used):
         u0, v0, rim = circle[i].astype(np.float64)
@@ -287,9 +304,11 @@ def _sample(
         inside = inside[:: inside.size // most + 1]
         yy, xx = yy[inside], xx[inside]
         sector = np.floor(np.arctan2(yy - v0, xx - u0) / (np.pi / 2)).astype(int) % 4
-        values = presses[i][:, yy, xx]
-        found.append((x[xx], y[yy], values, np.full(xx.size, number), sector))
-    u, v, values, ball, sector = (np.concatenate(part, axis=-1) for part in zip(*found))
+        values, bounced = presses[i][:, yy, xx], thrown[i][:, yy, xx]
+        found.append((x[xx], y[yy], values, bounced, np.full(xx.size, number), sector))
+    u, v, values, bounced, ball, sector = (
+        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
+    )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     return Balls(
         u=u.astype(np.float64),
@@ -299,6 +318,16 @@ def _sample(
         centre=(circle[used, :2].astype(np.float64) - middle) * pixel,
         rim=circle[used, 2].astype(np.float64) * pixel,
         radius=radius[used].astype(np.float64),
-        bounced=np.zeros(values.shape),
+        bounced=bounced.astype(np.float64),
         sector=sector,
     )
+
+
+def _unit_bounce(press: F4, ball: F4, radius: float, lights: F4, pixel: float) -> F4:
+    """The light that a ball in a film of albedo 1 throws on it and on the film around it."""
+    yy, xx = np.mgrid[: press.shape[1], : press.shape[2]]
+    square = ((xx - ball[0]) ** 2 + (yy - ball[1]) ** 2) * pixel**2
+    rim = float(ball[2]) * pixel
+    depth = np.sqrt(np.maximum(radius**2 - square, 0)) - np.sqrt(max(radius**2 - rim**2, 0))
+    height = np.where(square < rim**2, depth, 0).astype(np.float32)
+    return film_bounce(press, height, lights, pixel, MOST_ALBEDO) / np.float32(MOST_ALBEDO)

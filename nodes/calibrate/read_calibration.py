@@ -10,6 +10,8 @@ import numpy as np
 from tactograph.graph import EVERYTHING, InputError, Port, Wanted, node, warn
 from tactograph.nodes import (
     F4,
+    Albedo,
+    Camera,
     Dark,
     Light,
     LightPlaces,
@@ -25,10 +27,11 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION
+from tactograph.nodes.light._film import matt_film
 
 
 class Calibration(NamedTuple):
-    """What `write_calibration` wrote."""
+    """What `write_calibration` wrote; the fields of a `Film` are among it."""
 
     flat: Light
     dark: Dark
@@ -40,9 +43,20 @@ class Calibration(NamedTuple):
     residual: Annotated[F4, Port("K", "1")]
     null: NullVector
     spread: Spread
-    lights: LightPositions
     noise: Noise
+    lights: LightPositions
     others: LightPlaces
+    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
+    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
+    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
+    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
+    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
+    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
+    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
+    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
+    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    albedo: Albedo
+    camera: Camera
 
 
 @node
@@ -73,4 +87,5 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
                 f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
                 "leave out; calibrate again"
             )
-    return Calibration(**found)
+    # A file from before the film was described is that of a matt film.
+    return Calibration(**{**matt_film(found["lights"])._asdict(), **found})

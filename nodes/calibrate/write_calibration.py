@@ -11,9 +11,8 @@ from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import (
     F4,
     Dark,
+    Film,
     Light,
-    LightPlaces,
-    LightPositions,
     LutLight,
     LutLit,
     LutSlope,
@@ -50,6 +49,21 @@ CALIBRATION = FileKind(
         "others": Stored(
             "8 K 3", "mm, other places of the LEDs that the fit allows", required=False
         ),
+        "diffuse": Stored("K", "share of an LED's light that the gel diffuses", required=False),
+        "harmonics": Stored(
+            "K 8 6",
+            "harmonics x y z-1 xy xz yz xx-yy 3(zz-1) of the unit normal, by 1 u v uu uv vv",
+            required=False,
+        ),
+        "flattest": Stored("", "smallest n_z that was pressed", required=False),
+        "reach": Stored("", "mm, the unit of u and v", required=False),
+        "gain": Stored("", "light of touched film relative to untouched film", required=False),
+        "contact": Stored("", "mm, height from which film counts as touched", required=False),
+        "base": Stored("", "albedo of the base under the coat", required=False),
+        "roughness": Stored("", "Beckmann's alpha of the coat", required=False),
+        "index": Stored("", "refractive index of the coat; 1: none", required=False),
+        "albedo": Stored("", "share of light that the film throws back", required=False),
+        "camera": Stored("", "1/mm, one over the pupil's height; 0: far", required=False),
     },
 )
 
@@ -66,9 +80,8 @@ def write_calibration(
     residual: Annotated[F4, Port("K", "1")],
     null: NullVector,
     spread: Spread,
-    lights: LightPositions,
+    film: Film,
     noise: Noise,
-    others: LightPlaces,
     quality: Metrics,
     *,
     file: Path,
@@ -88,10 +101,10 @@ def write_calibration(
         K x 9 and K.
     null, spread
         Length K, and a number.
-    lights, noise
-        K x 3 in mm, and (shot, read).
-    others
-        8 x K x 3 in mm, other places of the LEDs.
+    film
+        The LEDs, the film and the camera.
+    noise
+        (shot, read).
     quality
         How good the calibration is, for people and for ``result.json``.
     file
@@ -113,8 +126,7 @@ def write_calibration(
         "residual": residual,
         "null": null,
         "spread": spread,
-        "lights": lights,
+        **film._asdict(),
         "noise": noise,
-        "others": others,
     }
     write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})

@@ -8,7 +8,11 @@ from tactograph.nodes import Metrics
 
 @node
 def join_metrics(
-    first: Metrics, second: Metrics, third: Metrics | None = None, fourth: Metrics | None = None
+    first: Metrics,
+    second: Metrics,
+    third: Metrics | None = None,
+    fourth: Metrics | None = None,
+    fifth: Metrics | None = None,
 ) -> Metrics:
     """Return the figures of several evaluations together, in the order of the inputs.
 
@@ -18,7 +22,7 @@ def join_metrics(
         If two of them name a figure alike.
     """
     joined: Metrics = {}
-    for metrics in (first, second, third or {}, fourth or {}):
+    for metrics in (first, second, third or {}, fourth or {}, fifth or {}):
         twice = sorted(joined.keys() & metrics.keys())
         if twice:
             raise InputError(f"join_metrics: two inputs hold a figure called '{twice[0]}'")

@@ -32,6 +32,8 @@ from tactograph.nodes import Film
 
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
+OTHERS = 8
+"""Other places of the LEDs."""
 FADE = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 GRAZING = 0.05
@@ -55,6 +57,7 @@ def matt_film(lights: Array) -> Film:
     """Return the simplest film: matt, nothing diffused, no harmonics, an orthographic camera."""
     return Film(
         lights=lights,
+        others=np.repeat(lights[None], OTHERS, axis=0),
         diffuse=np.zeros(len(lights), lights.dtype),
         harmonics=np.zeros((len(lights), SHADES, TERMS), lights.dtype),
         flattest=1.0,

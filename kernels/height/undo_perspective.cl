@@ -1,0 +1,14 @@
+#include "common.clh"
+#include "lanes.clh"
+
+// The film's height from the seen one.
+LANED __kernel void undo_perspective(
+    __global const float *restrict height,
+    const float camera,
+    __global float *restrict out,
+    const int H, const int W)
+{
+    GRID_LANES(at, count, H * W)
+    const floats seen = load_floats(height + at, count);
+    store_floats(seen / (1.0f + camera * seen), out + at, count);
+}

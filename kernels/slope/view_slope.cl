@@ -1,0 +1,32 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+
+#define LEAST 0.1f
+
+// Slopes of the seen height, or of the film.
+LANED __kernel void view_slope(
+    __global const float *restrict slope,
+    __global const float *restrict height,
+    const float camera, const float pixel,
+    __global float *restrict out,
+    const int H, const int W,
+    const int inverse)
+{
+    GRID_LANES(at, count, H * W)
+    floats p = load_floats(slope + at, count), q = load_floats(slope + H * W + at, count);
+    if (camera != 0.0f) {
+        floats u, v;
+        places(at, H, W, pixel, &u, &v);
+        const floats seen = load_floats(height + at, count), least = LEAST;
+        const floats along = p * u + q * v, z = seen / (1.0f + camera * seen);
+        const floats nearer = 1.0f - camera * z;
+        const floats share = inverse ? 1.0f + camera * (seen - along)
+                                     : 1.0f - camera * (z - along * nearer);
+        const floats by = 1.0f / MORE_OF(share, least);
+        p *= by;
+        q *= by;
+    }
+    store_floats(p, out + at, count);
+    store_floats(q, out + H * W + at, count);
+}

@@ -1,0 +1,43 @@
+"""Turn the light of every press into that of a matt film."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Film, Light, PixelSize
+from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetSlope, cut
+from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.light.matt_light import matt_light
+
+
+@node
+def matt_presses(
+    light: SheetLight,
+    flat: Light,
+    slope: SheetSlope,
+    height: SheetHeight,
+    film: Film,
+    pixel: PixelSize,
+) -> SheetLight:
+    """Return what `matt_light` makes of each press, whose shape is known.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+    flat
+        K x H x W; only its size is used.
+    slope, height
+        Of the presses, as `known_balls` gives them.
+    film
+        The LEDs' and the film's properties.
+    pixel
+        mm per px.
+    """
+    rows, made = flat.shape[1], []
+    for press, p_q, z in zip(cut(light, rows), cut(slope, rows), cut(height, rows), strict=True):
+        bounced = film_bounce(press, z, film.lights, pixel, film.albedo)
+        sigma = np.ones_like(press)
+        made.append(matt_light(press, sigma, p_q, z, film, pixel, bounced).light)
+    return np.concatenate(made, axis=1)

@@ -1,0 +1,29 @@
+"""The film's height, from the height that a camera near the film sees."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import Close, node
+from tactograph.nodes import Camera, Height
+
+
+@node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
+def undo_perspective(height: Height, camera: Camera) -> Height:
+    """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`).
+
+    Parameters
+    ----------
+    height
+        H x W in mm, the seen height.
+    camera
+        1 / D in 1/mm.
+
+    Returns
+    -------
+    H x W in mm, the height above the film at rest of what each pixel sees.
+    """
+    return np.asarray(height / (1 + np.float32(camera) * height), np.float32)
+
+
+undo_perspective.opencl(grid="H W", lanes=True)

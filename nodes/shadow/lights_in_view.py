@@ -1,0 +1,29 @@
+"""Where the LEDs are for the shadows that a camera near the film sees."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Camera, LightPositions
+
+LEAST = np.float32(0.02)
+"""Smallest 1 - L_z / D: an LED at the pupil's height counts as far away."""
+
+
+@node
+def lights_in_view(lights: LightPositions, camera: Camera) -> LightPositions:
+    """Return the LEDs under the projective map of `view_slope`: L / (1 - L_z / D).
+
+    Straight lines stay straight under it, so shadows of the seen height under these LEDs are
+    the shadows of the film under the real ones.
+
+    Parameters
+    ----------
+    lights
+        K x 3 in mm from the middle of the image.
+    camera
+        1 / D in 1/mm; 0 returns the LEDs.
+    """
+    share = np.maximum(1 - np.float32(camera) * lights[:, 2:], LEAST)
+    return np.asarray(lights / share, np.float32)

@@ -1,0 +1,54 @@
+"""Slopes of the film as a camera near the film sees them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import Close, node
+from tactograph.nodes import Camera, Height, PixelSize, Slope
+from tactograph.nodes.light._near_light import places
+
+LEAST = np.float32(0.1)
+"""Smallest denominator: beyond it the camera sees the film from behind."""
+
+
+@node(neutral="slope", tolerance=Close(1e-5, 1e-5, why="division"))
+def view_slope(
+    slope: Slope, height: Height, camera: Camera, pixel: PixelSize, *, inverse: bool = False
+) -> Slope:
+    """Return the slopes of the seen height, or those of the film (`inverse`).
+
+    A pinhole at D above the film at rest maps P = (x, y, z) to the pixel (u, v) = (x, y) / f
+    with f = 1 - z / D.  With the seen height Z = z / f that is a projective map, which keeps
+    planes and straight lines: shadows and integration in (u, v, Z) are those of an
+    orthographic camera.  The film's plane z = p x + q y + c becomes
+    Z = (p u + q v + c) / (1 - c / D), and back Z = P u + Q v + C becomes
+    z = (P x + Q y + C) / (1 + C / D).
+
+    Parameters
+    ----------
+    slope
+        2 x H x W, of the film, or of the seen height.
+    height
+        H x W in mm, the seen height as far as known.
+    camera
+        1 / D in 1/mm; 0 returns the slope.
+    pixel
+        mm per px.
+    inverse
+        From slopes of the seen height to slopes of the film.
+    """
+    camera = np.float32(camera)
+    if camera == 0:
+        return slope
+    u = places(height.shape[1], np.float32(pixel))[None, :]
+    v = places(height.shape[0], np.float32(pixel))[:, None]
+    p, q = slope
+    if inverse:
+        return slope / np.maximum(1 + camera * (height - p * u - q * v), LEAST)
+    z = height / (1 + camera * height)
+    nearer = 1 - camera * z
+    return slope / np.maximum(1 - camera * (z - (p * u + q * v) * nearer), LEAST)
+
+
+view_slope.opencl(grid="H W", lanes=True)
