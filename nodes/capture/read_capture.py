@@ -26,6 +26,8 @@ DARKEST = 0.005
 """Share of full scale that the brightest hundredth of an image has to reach..."""
 FEWEST_COUNTS = 4
 """... and so many steps of the camera's converter, below which light has no shades."""
+HIGHEST = 1e4
+"""A height map's largest value in mm, either way."""
 ORIENTATION = 0x0112
 TRUTH = "truth_height_mm.npy"
 TRUE_SLOPE = "truth_slope.npy"
@@ -246,6 +248,8 @@ def read_truth(file: Path) -> NDArray[np.float32]:
         height = np.asarray(array, np.float32)
     if not np.isfinite(height).all():
         raise InputError(f"{file}: holds NaN or infinite values")
+    if np.abs(height).max() > HIGHEST:
+        raise InputError(f"{file}: holds a height beyond {HIGHEST:g} mm; heights are in mm")
     return height
 
 

@@ -221,7 +221,7 @@ def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images) -> No
 
 
 def test_what_is_dark_for_its_container_is_told_of_bits(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="too dark to measure.*say 'bits: 12'"):
+    with pytest.raises(InputError, match=r"too dark to measure.*say 'bits: 12'"):
         read_one(write(tmp_path, dark(250, np.uint16)))
 
 
