@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Provenance
+from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.whole_files import whole_file
-
 
 DARKEST = 1e-3
 """Fraction of full scale that the brightest hundredth of a flat frame has at least."""
@@ -107,15 +106,10 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
         raise InputError(f"{file}: there is no such calibration file; '{kind.maker}' makes one")
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, EOFError, zipfile.BadZipFile, KeyError, AttributeError, TypeError) as error:
-        raise InputError(f"{file}: the calibration is damaged: {error}") from None
-    except ValueError as error:
+        return load_arrays(file)
+    except (OSError, ValueError) as error:
         why = "it holds a pickle" if "pickle" in str(error) else f"it is damaged: {error}"
         raise InputError(f"{file}: the calibration is refused: {why}") from None
-    except Exception as error:  # a damaged archive fails anywhere inside zipfile and zlib
-        raise InputError(f"{file}: the calibration is damaged: {error}") from None
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:

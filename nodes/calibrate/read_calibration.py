@@ -26,7 +26,6 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION
 
-
 NEAREST = 1e-3
 """Height in mm of the lowest LED that a sensor can have."""
 

@@ -43,9 +43,7 @@ CALIBRATION = FileKind(
             low=-1e4,
             high=1e4,
         ),
-        "residual": Stored(
-            "K", "root mean square of the reflectance fit per LED", low=0, high=1e3
-        ),
+        "residual": Stored("K", "root mean square of the reflectance fit per LED", low=0, high=1e3),
         "null": Stored("K", "unit vector a with a.I = 0", low=-1.001, high=1.001),
         "spread": Stored("", "standard deviation of a.I on lit pixels", low=0, high=1e3),
         "lights": Stored(

@@ -15,6 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import InputError, node, warn
+from tactograph.graph.files.array_files import load_array
 from tactograph.graph.files.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
 
@@ -255,15 +256,11 @@ def read_truth(file: Path) -> NDArray[np.float32]:
 
 def _numbers(file: Path) -> NDArray[Any]:
     try:
-        array = np.load(file, allow_pickle=False)
+        return load_array(file)
     except FileNotFoundError:
         raise InputError(f"{file}: there is no such file") from None
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{file}: not a NumPy array of numbers: {error}") from None
-    if not isinstance(array, np.ndarray):
-        array.close()
-        raise InputError(f"{file}: holds several arrays; one is needed")
-    return array
 
 
 def _read(folder: Path, layout: Layout, lights: Lights | None, name: str) -> Capture:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
@@ -42,7 +42,7 @@ def read_flat(
     leds: Leds | None = None,
     files: str = "led{}",
     crop: Crop | None = None,
-    smooth_px: Annotated[float, Ge(0)] = 2.0,
+    smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Flat:
     """Read the capture of the untouched film, or stand in for it with uniform light.
 

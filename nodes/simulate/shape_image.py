@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes.simulate._shape import F8, PAPER_PIXEL_MM, Length, Shape, shape
+from tactograph.graph.files.array_files import load_array
+from tactograph.nodes.simulate._shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 
 @node
@@ -16,7 +17,7 @@ def shape_image(
     *,
     file: Path,
     rise_mm: Length | None = None,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height held in a picture or an array; the image is as large as that.
 
@@ -57,7 +58,7 @@ def _read(file: Path) -> np.ndarray:
         raise InputError(f"shape_image: there is no file {file}; give a height map")
     if file.suffix.lower() == ".npy":
         try:
-            values = np.load(file, allow_pickle=False)
+            values = load_array(file)
         except (OSError, ValueError) as error:
             raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
     else:
