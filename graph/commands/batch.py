@@ -68,6 +68,7 @@ def command(
         make_job,
         open_batch,
         open_chunks,
+        reopen_damaged,
         run_batch,
         store_place,
     )
@@ -92,6 +93,9 @@ def command(
     place = store_place(out, job)
     with alone_in(place):
         store = open_batch(out, job, captures)
+        damaged = reopen_damaged(store)
+        if damaged:
+            click.echo(f"{damaged} captures were called done and are damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         before = len(store) - to_do

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError, load
+from tactograph.graph import InputError
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline, with_changes
 from tactograph.nodes.calibrate.find_ball import find_ball
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
@@ -51,8 +53,10 @@ def test_a_ball_that_fits_no_image_is_refused(radius: float) -> None:
     ],
 )
 def test_absurd_numbers_are_refused_before_anything_runs(given, tmp_path: Path) -> None:
+    given = dict(given)
     reads = {"capture": "none", "calibration": "none"}
     graph = "reconstruct" if "label" in str(given) else "simulate"
+    changes = given.pop("changes", {})
     known = reads if graph == "reconstruct" else {"out": str(tmp_path)}
     with pytest.raises(InputError, match=r"less than|greater than|is needed"):
-        load(graph, backend="numpy", **known, **given)
+        open_pipeline(with_changes(read_graph(graph), changes), {**known, **given}, backend="numpy")
