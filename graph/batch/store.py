@@ -92,7 +92,7 @@ class Entry:
         """CRC-32 of the figures and of the maps in order of name."""
         found = zlib.crc32(json.dumps(self.figures).encode())
         for name in sorted(self.maps):
-            found = zlib.crc32(np.ascontiguousarray(self.maps[name]), found)
+            found = zlib.crc32(self.maps[name].tobytes(), found)
         return found
 
 

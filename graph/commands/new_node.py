@@ -27,7 +27,7 @@ def command(name: str, package: Path | None) -> None:
     else:
         files, line = write_into_package(name, package)
     for file in files:
-        say(file)
+        say(str(file))
     if line:
         say(f"add to {package}/pyproject.toml, then install again: {line}")
     elif package is not None:

@@ -58,7 +58,7 @@ def _read(file: Path) -> np.ndarray:
         raise InputError(f"shape_image: there is no file {file}; give a height map")
     if file.suffix.lower() == ".npy":
         try:
-            values = load_array(file)
+            values: np.ndarray | None = load_array(file)
         except (OSError, ValueError) as error:
             raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
     else:
