@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import re
 import resource
 import shutil
 import signal
@@ -28,6 +29,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from tactograph.graph import Provenance, Session
 from tactograph.graph.command import main as tactograph
@@ -46,14 +48,18 @@ PIPELINES = Path(sys.modules[read_graph.__module__].__file__ or "").parents[2] /
 RUNNABLE = ("reconstruct", "paper", "paper_no_shadow")
 
 NUMBERS = st.sampled_from(
-    ["0", "-1", "1e-300", "1e300", "-1e30", "1e9", "1e-9", "65536", "2147483648", "null", "true", ""]
+    ["0", "-1", "1e-300", "1e300", "-1e30", "1e9", "1e-9", "65536", "2147483648", "null", "true",
+     ""]
 ) | st.floats().map(repr) | st.integers(-(2**70), 2**70).map(str)  # fmt: skip
 WORDS = st.sampled_from(
     ["null", "[]", "{}", "$capture", "$out", "previous.light", "frames.image", "*", "&a", "!!map",
      "\x1b]0;x\x07", "\u202e", "1e400", "0x", ".inf", ".nan", "- ", ": ", "\n", "  ", "light", "K"]
 )  # fmt: skip
 BYTES = st.binary(min_size=1, max_size=12)
-SHARE = st.floats(0, 1)
+# Hypothesis likes small numbers; turned like this they lie anywhere.
+SHARE = st.integers(0, 2**16 - 1).map(lambda number: number * 40503 % 2**16 / 2**16)
+TOKEN = re.compile(rb"[^\s,:{}]+")
+MODES = ("1", "L", "P", "LA", "RGB", "RGBA", "CMYK", "I;16", "I", "F")
 EDITS = st.lists(
     st.tuples(st.sampled_from(["flip", "cut", "insert", "drop", "repeat", "zero"]), SHARE, BYTES),
     min_size=1,
@@ -149,14 +155,20 @@ def _examples(test: Callable[[], None], number: int, end: float) -> None:
 def graphs(fuzz: Fuzz) -> Callable[[], None]:
     """Text of a graph that ships, with pieces taken out, doubled, or put in."""
 
-    @given(st.sampled_from(shipped_names()), EDITS, st.lists(st.tuples(SHARE, WORDS | NUMBERS)))
+    @given(
+        st.sampled_from(shipped_names()),
+        EDITS,
+        st.lists(st.tuples(SHARE, WORDS | NUMBERS), max_size=2),
+    )
     def test(
         name: str, edits: list[tuple[str, float, bytes]], words: list[tuple[float, str]]
     ) -> None:
         content = (PIPELINES / f"{name}.yaml").read_bytes()
         for place, word in words:
-            at = int(place * len(content))
-            content = content[:at] + word.encode("utf-8", "replace") + content[at:]
+            tokens = list(TOKEN.finditer(content))
+            token = tokens[int(place * len(tokens))]
+            new = word.encode("utf-8", "replace")
+            content = content[: token.start()] + new + content[token.end() :]
         if not words:
             content = spoilt(content, edits)
         file = fuzz.fresh() / "graph.yaml"
@@ -172,9 +184,15 @@ def captures(fuzz: Fuzz) -> Callable[[], None]:
     """A capture whose files are spoilt, swapped, or described wrongly."""
 
     @given(st.sampled_from(["led1.png", "led3.png", "truth_height_mm.npy", "truth_shadow.png"]),
-           EDITS, st.sampled_from(["bytes", "yaml", "swap", "pages"]), NUMBERS, WORDS)  # fmt: skip
+           EDITS, st.sampled_from(["bytes", "yaml", "swap", "mode", "array"]), NUMBERS, WORDS,
+           st.sampled_from(MODES))  # fmt: skip
     def test(
-        name: str, edits: list[tuple[str, float, bytes]], how: str, number: str, word: str
+        name: str,
+        edits: list[tuple[str, float, bytes]],
+        how: str,
+        number: str,
+        word: str,
+        mode: str,
     ) -> None:
         folder = fuzz.fresh() / "ball"
         if how == "bytes":
@@ -184,8 +202,13 @@ def captures(fuzz: Fuzz) -> Callable[[], None]:
             (folder / "capture.yaml").write_text(text, encoding="utf-8")
         elif how == "swap":
             shutil.copy(fuzz.work / "cal.npz", folder / name)
+        elif how == "mode":
+            with Image.open(folder / "led2.png") as image:
+                image.convert(mode).save(folder / "led2.tiff")
+            (folder / "led2.png").unlink()
         else:
-            shutil.copy(folder / "led2.png", folder / "led2.tiff")
+            shape = [int(100 * place) for _, place, _ in edits]
+            np.save(folder / "truth_height_mm.npy", np.ones(shape))
         fuzz.run("capture", fuzz_run("reconstruct", fuzz))
 
     return test
