@@ -56,15 +56,24 @@ def shape_image(
 def _read(file: Path) -> np.ndarray:
     if not file.is_file():
         raise InputError(f"shape_image: there is no file {file}; give a height map")
-    if file.suffix.lower() == ".npy":
-        try:
-            values: np.ndarray | None = load_array(file)
-        except (OSError, ValueError) as error:
-            raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
-    else:
-        values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
-        if values is None:
-            raise InputError(f"shape_image: {file} is no picture that OpenCV can read; convert it")
+    values = _read_npy(file) if file.suffix.lower() == ".npy" else _read_picture(file)
     if values.dtype.kind not in "iuf":
         raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
+    return np.asarray(values)
+
+
+def _read_npy(file: Path) -> np.ndarray:
+    try:
+        return load_array(file)
+    except (OSError, ValueError) as error:
+        raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
+
+
+def _read_picture(file: Path) -> np.ndarray:
+    try:
+        values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # more pixels than OpenCV allows, or nothing at all
+        values = None
+    if values is None:
+        raise InputError(f"shape_image: {file} is no picture that OpenCV can read; convert it")
     return np.asarray(values)
