@@ -6,11 +6,12 @@ import importlib
 import importlib.metadata
 import os
 import sys
-from typing import Any
+import warnings
+from typing import Any, TextIO
 
 import click
 
-from tactograph.graph.errors import TactographError
+from tactograph.graph.errors import TactographError, printable
 
 COMMANDS = (
     "run",
@@ -25,6 +26,12 @@ COMMANDS = (
     "devices",
     "bench",
     "schema",
+)
+
+
+STOPPED = (
+    "tactograph: stopped; no file is half written. The same command starts again; "
+    "'compare' and 'batch' go on where they were"
 )
 
 
@@ -50,12 +57,14 @@ def _group() -> None:
 
 def main() -> None:
     """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else."""
+    warnings.showwarning = _show_warning
     try:
         code: Any = _group.main(standalone_mode=False)
     except click.ClickException as error:
         error.show()
         code = error.exit_code
-    except click.Abort:
+    except (click.Abort, KeyboardInterrupt):
+        click.echo(STOPPED, err=True)
         code = 130
     except TactographError as error:
         click.echo(f"tactograph: {_one_line(error)}", err=True)
@@ -79,8 +88,19 @@ def main() -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    click.echo(f"warning: {printable(' '.join(str(message).split()))}", err=True)
+
+
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    return printable(" ".join(str(error).split()))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -24,12 +25,30 @@ class GraphError(InputError):
     """A graph file that cannot be run, with its place as ``file:line:column``."""
 
 
+class WriteError(InputError):
+    """A place that cannot be written: a full disk, a missing permission."""
+
+
 class NodeError(TactographError):
     """A node broke its own declaration, or failed for a reason that is not the user's."""
 
 
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
     """A sink raises it when it wants no further item: this one counts, and the stream ends."""
+
+
+def printable(text: str) -> str:
+    """Text without what a terminal obeys: control characters become ``\\x1b`` and the like."""
+    return "".join(c if c in "\n\t" or not _is_control(c) else f"\\x{ord(c):02x}" for c in text)
+
+
+def _is_control(character: str) -> bool:
+    """Control characters, and those that turn the direction of the text around."""
+    kind = unicodedata.category(character)
+    return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _TURNS)
+
+
+_TURNS = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store, open_store
-from tactograph.graph.batch.work import Chunk, Tally, find_map_types
+from tactograph.graph.batch.work import Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump import dump_graph
 from tactograph.graph.files.model import NOT_GIVEN, Graph
@@ -139,6 +140,25 @@ def _holds_nothing_for(store: Store, job: Job, captures: Sequence[str]) -> bool:
     if store.statuses.any():
         return False
     return store.job.identity != job.identity or set(store.captures).isdisjoint(captures)
+
+
+def reopen_damaged(store: Store) -> int:
+    """Let what is called done, but is not there whole, count as never done; return how many."""
+    damaged = set(store.damaged())
+    if store.job.folders is not None:
+        done = zip(store.captures, store.statuses, strict=True)
+        damaged.update(
+            number
+            for number, (capture, status) in enumerate(done)
+            if status == DONE and not _has_results(store.job.folders, capture)
+        )
+    store.reopen(sorted(damaged))
+    return len(damaged)
+
+
+def _has_results(folders: str, capture: str) -> bool:
+    folder = Path(folders) / folder_name(capture)
+    return folder.is_dir() and any(folder.iterdir())
 
 
 def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:

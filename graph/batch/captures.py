@@ -52,6 +52,9 @@ def _matches(pattern: str) -> list[str]:
         matches = system.glob(path.rstrip("/"))
     except (ValueError, ImportError, OSError) as error:
         raise InputError(f"--over {pattern}: {error}") from None
+    if not path.rstrip("/").rpartition("/")[2].startswith("."):
+        # What a killed writer left is no capture.
+        matches = [m for m in matches if not str(m).rpartition("/")[2].startswith(".")]
     return sorted(system.unstrip_protocol(m) if is_url(pattern) else str(m) for m in matches)
 
 

@@ -1,17 +1,19 @@
 """What came of each capture, in one Zarr (version 3) store.
 
 The arrays' first axis counts the captures.  ``capture`` (its place), ``status``, ``reason``,
-``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went; every map that the
-graph puts out (``height``, ``shadow``, …) is an array of that name with ``unit`` and ``dims``
-among its attributes.  A chunk of captures is one shard, so that one worker writes it alone,
-and one capture can be read without the others.
+``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went, ``checksum`` what its
+maps and figures have to add up to; every map that the graph puts out (``height``, ``shadow``, …)
+is an array of that name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is
+one shard, so that one worker writes it alone, and one capture can be read without the others.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import uuid
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
@@ -29,6 +31,10 @@ from tactograph.graph.errors import InputError
 FORMAT = 1
 PENDING, DONE, FAILED = 0, 1, 2
 STATUS = ("pending", "done", "failed")
+MOST_CAPTURES = 10**7
+MOST_CHUNK = 4096
+MOST_PIXELS = 2**25
+"""More than a batch can have: what a store's own description may make a reader allocate."""
 _WORDS = ("capture", "reason", "figures", "warnings")
 
 
@@ -81,6 +87,14 @@ class Entry:
     milliseconds: float = float("nan")
     maps: dict[str, NDArray[Any]] = field(default_factory=dict)
 
+    @property
+    def checksum(self) -> int:
+        """CRC-32 of the figures and of the maps in order of name."""
+        found = zlib.crc32(json.dumps(self.figures).encode())
+        for name in sorted(self.maps):
+            found = zlib.crc32(self.maps[name].tobytes(), found)
+        return found
+
 
 class Store:
     """A batch's store, open for reading and for writing whole chunks."""
@@ -96,13 +110,33 @@ class Store:
             raise InputError(f"{group.store_path}: no store of a batch ({error})") from None
         if self.format != FORMAT:
             raise InputError(f"{group.store_path}: format {self.format}; this reads {FORMAT}")
+        self._check_arrays()
+
+    def _check_arrays(self) -> None:
+        """Refuse a store that lacks an array, or speaks of more than a batch can have."""
+        count = len(self)
+        for name in ("status", "milliseconds", *_WORDS):
+            if self._array(name).shape != (count,):
+                raise self._damage(f"'{name}' is not of length {count}")
+        for name in self._group.array_keys():
+            array = self._array(name)
+            pixels = math.prod(array.shape[1:])
+            if count > MOST_CAPTURES or array.chunks[0] > MOST_CHUNK or pixels > MOST_PIXELS:
+                raise self._damage(f"'{name}' is of shape {array.shape}, chunks {array.chunks}")
+
+    def _damage(self, what: str) -> InputError:
+        place = self._group.store_path
+        return InputError(f"{place}: is damaged: {what}; remove it, or give another --out")
 
     def __len__(self) -> int:
         return int(self._array("status").shape[0])
 
     @property
     def captures(self) -> list[str]:
-        return [str(word) for word in np.asarray(self._array("capture")[:])]
+        try:
+            return [str(word) for word in np.asarray(self._array("capture")[:])]
+        except _undecodable() as error:
+            raise self._damage(f"'capture' cannot be read: {error}") from None
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
@@ -110,7 +144,39 @@ class Store:
 
     def statuses_of(self, here: slice) -> NDArray[np.uint8]:
         """Of some of the captures, without reading the others'."""
-        return np.asarray(self._array("status")[here], np.uint8)
+        return np.asarray(self._read("status", here), np.uint8)
+
+    def damaged(self) -> list[int]:
+        """The captures that are called done, but are not there whole.
+
+        Reads every map; a capture whose checksum does not hold, or a map that cannot be
+        decoded, counts as damaged.
+        """
+        statuses = self.statuses
+        if not self.has_maps:
+            return [int(number) for number in np.flatnonzero(statuses == DONE)]
+        return [int(n) for n in np.flatnonzero(statuses == DONE) if not self._is_whole(int(n))]
+
+    def _is_whole(self, number: int) -> bool:
+        """Whether what was written of a capture is what is read; old stores say no checksum."""
+        try:
+            entry = self.read(number)
+            entry.maps = {name: self.map(name, number) for name in self.job.maps}
+        except _undecodable():
+            return False
+        if "checksum" not in self._group:
+            return True
+        return (
+            int(np.asarray(self._read("checksum", slice(number, number + 1)))[0]) == entry.checksum
+        )
+
+    def reopen(self, numbers: Sequence[int]) -> None:
+        """Let captures count as never done."""
+        for number in numbers:
+            first = number // self.job.chunk * self.job.chunk
+            here = slice(first, min(first + self.job.chunk, len(self)))
+            with self._refusing():
+                self._merge("status", here, {number: PENDING})
 
     @property
     def has_maps(self) -> bool:
@@ -175,6 +241,8 @@ class Store:
             self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
             self._merge("warnings", here, {n: "\n".join(e.warnings) for n, e in entries.items()})
             self._merge("milliseconds", here, {n: e.milliseconds for n, e in entries.items()})
+            if "checksum" in self._group:
+                self._merge("checksum", here, {n: e.checksum for n, e in entries.items()})
             self._merge("status", here, {n: e.status for n, e in entries.items()})
 
     @contextmanager
@@ -192,10 +260,23 @@ class Store:
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
         """Put values among those of the chunk that are there, and write the chunk at once."""
         array = self._array(name)
-        block = np.asarray(array[here])
+        block = np.array(self._read(name, here))
         for number, value in values.items():
             block[number - here.start] = value
         array[here] = block
+
+    def _read(self, name: str, here: slice) -> NDArray[Any]:
+        """Part of an array; what of it cannot be decoded is as if never written."""
+        array = self._array(name)
+        try:
+            return np.asarray(array[here])
+        except _undecodable():
+            start, stop, _ = here.indices(array.shape[0])
+            if stop - start == 1:
+                return np.full((1, *array.shape[1:]), array.fill_value, array.dtype)
+        middle = (start + stop) // 2
+        parts = [self._read(name, slice(start, middle)), self._read(name, slice(middle, stop))]
+        return np.concatenate(parts)
 
     def read(self, number: int) -> Entry:
         """What came of one capture, without its maps."""
@@ -204,7 +285,7 @@ class Store:
     def read_all(self, here: slice = slice(None)) -> list[Entry]:
         """What came of the captures, without their maps."""
         columns = [
-            self._array(name)[here]
+            self._read(name, here)
             for name in ("status", "reason", "figures", "warnings", "milliseconds")
         ]
         return [
@@ -217,9 +298,15 @@ class Store:
         return np.asarray(self._array(name)[number])
 
     def _array(self, name: str) -> zarr.Array[Any]:
-        array = self._group[name]
-        assert isinstance(array, zarr.Array)
+        array = self._group.get(name)
+        if not isinstance(array, zarr.Array):
+            raise self._damage(f"'{name}' is missing")
         return array
+
+
+def _undecodable() -> tuple[type[Exception], ...]:
+    """What the codecs raise at bytes that they did not write."""
+    return (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 
 
 @contextmanager
@@ -281,6 +368,9 @@ def create_store(place: str, job: Job, *, overwrite: bool = False) -> Store:
         group.create_array("status", shape=(0,), chunks=(job.chunk,), dtype="uint8", fill_value=0)
         group.create_array(
             "milliseconds", shape=(0,), chunks=(job.chunk,), dtype="float32", fill_value=np.nan
+        )
+        group.create_array(
+            "checksum", shape=(0,), chunks=(job.chunk,), dtype="uint32", fill_value=0
         )
         for name in _WORDS:
             group.create_array(name, shape=(0,), chunks=(job.chunk,), dtype=str, fill_value="")

@@ -151,7 +151,7 @@ def _run(pipeline: Pipeline, job: Job, place: str) -> Result:
     with at_hand(place) as folder:
         aims = {job.param: folder}
         if job.folders is not None:
-            aims["out"] = str(Path(job.folders) / _folder_name(place))
+            aims["out"] = str(Path(job.folders) / folder_name(place))
         pipeline.aim(**aims)
         results = list(pipeline.items())
     if len(results) != 1:
@@ -162,7 +162,7 @@ def _run(pipeline: Pipeline, job: Job, place: str) -> Result:
     return results[0]
 
 
-def _folder_name(place: str) -> str:
+def folder_name(place: str) -> str:
     """Where a capture's results go below the batch's folder: its path without the root."""
     return place.partition("://")[2] or place.lstrip("/")
 

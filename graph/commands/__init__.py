@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tactograph.graph.errors import printable
+
 if TYPE_CHECKING:
     from tactograph.graph.files.model import Graph
     from tactograph.graph.run.pipeline import Pipeline
+
+
+def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
+    """Print, with what a terminal would obey made visible: names and titles come from files."""
+    click.echo(printable(text), err=err, nl=nl)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options
+from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -68,6 +68,7 @@ def command(
         make_job,
         open_batch,
         open_chunks,
+        reopen_damaged,
         run_batch,
         store_place,
     )
@@ -92,10 +93,13 @@ def command(
     place = store_place(out, job)
     with alone_in(place):
         store = open_batch(out, job, captures)
+        damaged = reopen_damaged(store)
+        if damaged:
+            say(f"{damaged} captures were called done and are damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         before = len(store) - to_do
-        click.echo(f"{len(store)} captures, {before} of them finished before; {who.name}")
+        say(f"{len(store)} captures, {before} of them finished before; {who.name}")
         _show(_with_fallbacks(run_batch(place, store, chunks, who)), to_do)
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
@@ -110,7 +114,7 @@ def _workers(number: int, scheduler: str | None, scheduler_file: str | None) -> 
             raise InputError("say one of --workers, --scheduler and --scheduler-file")
         from tactograph.graph.batch.cluster import Cluster
 
-        return Cluster(scheduler, scheduler_file, tell=partial(click.echo, err=True))
+        return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
     if number > 1:
         from tactograph.graph.batch.processes import Processes
 
@@ -126,7 +130,7 @@ def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
     for tally in tallies:
         for line in tally.fallbacks:
             if line not in told:
-                click.echo(f"fallback: {line}", err=True)
+                say(f"fallback: {line}", err=True)
         told.update(tally.fallbacks)
         yield tally
 
@@ -169,9 +173,9 @@ def _conclude(store: Store, out: str) -> int:
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
     for capture, entry in failures[:10]:
-        click.echo(f"failed: {capture}: {entry.reason}", err=True)
+        say(f"failed: {capture}: {entry.reason}", err=True)
     if len(failures) > 10:
-        click.echo(f"failed: {len(failures) - 10} more, see the table", err=True)
+        say(f"failed: {len(failures) - 10} more, see the table", err=True)
     if not is_url(out):
         figures = sorted({name for entry in entries for name in entry.figures})
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
@@ -184,7 +188,7 @@ def _conclude(store: Store, out: str) -> int:
                     [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
                      entry.reason]
                 )  # fmt: skip
-        click.echo(f"table: {table}")
+        say(f"table: {table}")
     done = sum(entry.status == DONE for entry in entries)
-    click.echo(f"{done} done, {len(failures)} failed")
+    say(f"{done} done, {len(failures)} failed")
     return len(failures)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options
+from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.run.pipeline import Result
@@ -55,7 +55,7 @@ def command(
         if pipeline.endless:
             raise InputError(f"{read.name}: its stream has no end; bench wants one that has")
         for line in pipeline.plan.fallbacks:
-            click.echo(f"fallback: {line}", err=True)
+            say(f"fallback: {line}", err=True)
         results: list[Result] = []
         for result in pipeline.items(repeats):
             if not results:
@@ -96,7 +96,7 @@ def _report(where: str, results: Sequence[Result], ready: float) -> None:
     Console(markup=False).print(table)
     total = median(result.total for result in results)
     rate = 1e3 / total
-    click.echo(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")
+    say(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")
 
 
 def _medians(results: Sequence[Result]) -> list[tuple[str, str, float]]:

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import click
+
+from tactograph.graph.commands import say
+
+if TYPE_CHECKING:
+    from tactograph.graph.files.model import Graph
+    from tactograph.graph.plan.plan import Plan
 
 
 @click.command("check", short_help="Verify a graph without running it.")
@@ -23,12 +30,29 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     # Where nodes run is not told here, so that nothing is loaded to find out.
     anywhere = replace(read, prefer=("numpy",))
     plan = make_plan(anywhere, placeholders(read), device=device, no_device=reason)
-    click.echo(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
-    click.echo(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
+    say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
+    say(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
+    for line in _written(read, plan):
+        say(f"writes: {line}")
     for unused in plan.unused:
-        click.echo(f"not used by any output: {unused}")
+        say(f"not used by any output: {unused}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():
         given = "optional" if param.default is None else f"default {param.default}"
         state = "needed" if param.required else given
-        click.echo(f"  {name:<{width}}  {param.kind:<8} {state}; {param.help}")
+        say(f"  {name:<{width}}  {param.kind:<8} {state}; {param.help}")
+
+
+def _written(graph: Graph, plan: Plan) -> list[str]:
+    """Where the graph's sinks write, and nodes that take one of its places for results."""
+    found = []
+    for task in plan.tasks.values():
+        for name, parameter in task.node.parameters.items():
+            setting = task.entry.settings.get(name, parameter.default)
+            if "Path" not in str(parameter.annotation) or setting is None:
+                continue
+            param = graph.params.get(str(setting)[1:]) if str(setting).startswith("$") else None
+            if task.node.sink or setting == "$out":
+                default = "" if param is None or param.default is None else f" ({param.default})"
+                found.append(f"{task.id}.{name} to {setting}{default}")
+    return found

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tactograph.graph.commands import say
+
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
     from tactograph.graph.compare.record import Record
@@ -74,8 +76,8 @@ def command(
     folder = out or again.with_name(f"{again.resolve().name}_again")
     rows, now = _compare(study_again(then, again), then.values, folder)
     for line in what_changed(then, now):
-        click.echo(f"changed: {line}")
-    click.echo(deviation(former, rows))
+        say(f"changed: {line}")
+    say(deviation(former, rows))
 
 
 def _read_study(
@@ -130,9 +132,9 @@ def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row],
     record = make_record(study, values, rows, sys.argv[1:])
     write_tables(rows, out)
     write_record(record, study, out)
-    print_table(rows, click.echo, shutil.get_terminal_size((160, 24)).columns)
+    print_table(rows, say, shutil.get_terminal_size((160, 24)).columns)
     page = write_report(study, rows, record, out)
-    click.echo(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
+    say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
     if all(row.error for row in rows):
         raise InputError("every run failed; the reasons are above")
     return rows, record
@@ -158,5 +160,5 @@ def _run_all(study: Study, out: Path) -> list[Row]:
             kept += was_there
             progress.advance(bar)
     if kept:
-        click.echo(f"{kept} of {len(jobs)} runs were there already", err=True)
+        say(f"{kept} of {len(jobs)} runs were there already", err=True)
     return rows

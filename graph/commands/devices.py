@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from tactograph.graph.commands import say
+
 
 @click.command("devices", short_help="List OpenCL devices and say which work.")
 @click.option("--require", is_flag=True, help="Fail if no device works (simulators aside).")
@@ -14,13 +16,11 @@ def command(require: bool) -> None:
 
     devices = find_devices()
     for device in devices:
-        click.echo(
-            f"{'ok ' if device.works else 'bad'}  {device.name} [{device.kind}]: {device.verdict}"
-        )
+        say(f"{'ok ' if device.works else 'bad'}  {device.name} [{device.kind}]: {device.verdict}")
     chosen, reason = choose_device()
     if chosen is not None:
-        click.echo(f"in use by default: {chosen.name}")
+        say(f"in use by default: {chosen.name}")
         return
     if require:
         raise InputError(f"{reason}; on Debian or Ubuntu: apt-get install pocl-opencl-icd")
-    click.echo(f"{reason}; graphs run on the host")
+    say(f"{reason}; graphs run on the host")

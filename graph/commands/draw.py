@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options
+from tactograph.graph.commands import RunOptions, run_options, say
 
 
 @click.command("draw", short_help="Draw a graph as DOT, Mermaid or SVG.")
@@ -30,7 +30,7 @@ def command(
     read = options.read(graph)
     plan = options.open(read, placeholders(read)).plan
     if out is None:
-        click.echo(to_dot(plan), nl=False)
+        say(to_dot(plan), nl=False)
         return
     if out.suffix not in (".dot", ".mmd", ".svg"):
         raise InputError(f"--out {out}: the name has to end in .dot, .mmd or .svg")

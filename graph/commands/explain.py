@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options
+from tactograph.graph.commands import RunOptions, run_options, say
 
 
 @click.command("explain", short_help="Say where each node would run, and why.")
@@ -43,8 +43,8 @@ def command(
         console.width = 120
     console.print(table)
     for node_id, value in plan.passed.items():
-        click.echo(f"{node_id}: taken out; its readers read {value}")
+        say(f"{node_id}: taken out; its readers read {value}")
     for node_id in plan.unused:
-        click.echo(f"{node_id}: not run; nothing reads it")
+        say(f"{node_id}: not run; nothing reads it")
     for line in plan.fallbacks:
-        click.echo(f"fallback: {line}")
+        say(f"fallback: {line}")

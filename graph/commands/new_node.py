@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from tactograph.graph.commands import say
+
 
 @click.command("new-node", short_help="Write the files of a new node.")
 @click.argument("name", metavar="[ROOM/]NAME")
@@ -25,10 +27,10 @@ def command(name: str, package: Path | None) -> None:
     else:
         files, line = write_into_package(name, package)
     for file in files:
-        click.echo(file)
+        say(str(file))
     if line:
-        click.echo(f"add to {package}/pyproject.toml, then install again: {line}")
+        say(f"add to {package}/pyproject.toml, then install again: {line}")
     elif package is not None:
-        click.echo(f"try it: pip install -e '{package}[test]' && pytest {package}")
+        say(f"try it: pip install -e '{package}[test]' && pytest {package}")
     else:
-        click.echo(f"try it: pytest {files[-1]} tests/kernels -k {files[0].stem}")
+        say(f"try it: pytest {files[-1]} tests/kernels -k {files[0].stem}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from tactograph.graph.commands import say
+
 
 @click.command("nodes", short_help="List the nodes, or show one node's page.")
 @click.argument("name", required=False)
@@ -14,7 +16,7 @@ def command(name: str | None) -> None:
     from tactograph.graph.errors import TactographError
 
     if name is not None:
-        click.echo(node_page(find_node(name)))
+        say(node_page(find_node(name)))
         return
     rooms = builtin_rooms()
     names = sorted(node_names(), key=lambda name: (rooms.get(name, "~"), name))
@@ -23,11 +25,11 @@ def command(name: str | None) -> None:
     for each in names:
         if rooms.get(each) != room:
             room = rooms.get(each)
-            click.echo(f"\n{room or 'of other packages'}")
+            say(f"\n{room or 'of other packages'}")
         try:
             found = find_node(each)
         except TactographError as error:
-            click.echo(f"  {each:<{width}}  --  {error}")
+            say(f"  {each:<{width}}  --  {error}")
             continue
         kernel = "cl" if "opencl" in found.backends else "  "
-        click.echo(f"  {each:<{width}}  {kernel}  {found.summary}")
+        say(f"  {each:<{width}}  {kernel}  {found.summary}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from tactograph.graph.commands import say
+
 
 @click.command("resolve", short_help="Print the flat graph behind a variant.")
 @click.argument("graph")
@@ -16,4 +18,4 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))
-    click.echo(dump_graph(read), nl=False)
+    say(dump_graph(read), nl=False)

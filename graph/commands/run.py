@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options
+from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.run.pipeline import Pipeline, Result
@@ -37,22 +37,26 @@ def command(
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
+    from tactograph.graph.errors import InputError
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
     pipeline = options.open(read, read_words(read, values))
     for line in pipeline.plan.fallbacks:
-        click.echo(f"fallback: {line}", err=True)
+        say(f"fallback: {line}", err=True)
     told: set[str] = set()
+    count = 0
     with pipeline, _stoppable(pipeline):
         for count, result in enumerate(pipeline.items(repeats), start=1):
             for warning in result.warnings:
                 if warning not in told:
-                    click.echo(f"warning: {warning}", err=True)
+                    say(f"warning: {warning}", err=True)
             # A fault of a camera is told whenever it comes back.
             told = {*(() if pipeline.endless else told), *result.warnings}
             if not quiet and (not pipeline.endless or count == 1):
-                click.echo(_summary(count, result))
+                say(_summary(count, result))
+    if not count:
+        raise InputError(f"{read.name}: its stream ended before a first item came")
 
 
 @contextmanager
@@ -64,7 +68,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[None]:
     except KeyboardInterrupt:
         if not pipeline.endless:
             raise
-        click.echo("stopped", err=True)
+        say("stopped", err=True)
     finally:
         signal.signal(signal.SIGTERM, before)
 

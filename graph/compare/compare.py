@@ -17,7 +17,7 @@ from typing import Any
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.compare.views import save_views, views_of
 from tactograph.graph.declare.node import Node
-from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.errors import InputError, TactographError, WriteError
 from tactograph.graph.files.model import Graph
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan.plan import Step
@@ -167,6 +167,8 @@ def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
         return done, True
     try:
         results = _run(job, values, study.device, row)
+    except WriteError:
+        raise  # no other run can be kept either
     except Exception as error:  # whatever it is, it must not end the other runs
         known = isinstance(error, TactographError)
         row.error = str(error) if known else f"{type(error).__name__}: {error}"

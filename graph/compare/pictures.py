@@ -43,7 +43,7 @@ def draw_planes(view: View) -> str:
     """All planes of a stack beside each other, on one grey scale."""
     panels = {f"{k}": plane for k, plane in enumerate(view.array, start=1)}
     figure, axes = _grid(panels)
-    top = float(view.array.max())
+    top = float(view.array.max(initial=0, where=np.isfinite(view.array)))
     for ax, (title, plane) in zip(axes, panels.items(), strict=True):
         ax.imshow(plane, cmap="gray", vmin=0, vmax=top)
         ax.set_title(title)
@@ -52,8 +52,8 @@ def draw_planes(view: View) -> str:
 
 def draw_maps(panels: Panels, unit: str) -> str:
     """Maps on one common scale."""
-    low = min(float(np.nanmin(array)) for array in panels.values())
-    high = max(float(np.nanmax(array)) for array in panels.values())
+    everything = _finite(panels)
+    low, high = float(everything.min(initial=np.inf)), float(everything.max(initial=-np.inf))
     return _maps(panels, unit, "viridis", Normalize(low, high), "neither")
 
 
@@ -64,9 +64,19 @@ def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
     -------
     The picture, and where the scale ends.
     """
-    everything = np.concatenate([np.abs(array).ravel() for array in panels.values()])
-    end = float(np.nanpercentile(everything, CLIPPED)) or float(np.nanmax(everything)) or 1.0
+    everything = np.abs(_finite(panels))
+    end = (
+        float(np.percentile(everything, CLIPPED)) or float(everything.max()) or 1.0
+        if everything.size
+        else 1.0
+    )
     return _maps(panels, unit, "RdBu_r", Normalize(-end, end), "both"), end
+
+
+def _finite(panels: Panels) -> NDArray[Any]:
+    """All values that are known."""
+    everything = np.concatenate([array.ravel() for array in panels.values()])
+    return np.asarray(everything[np.isfinite(everything)])
 
 
 def draw_labels(panels: Panels, unit: str) -> str:

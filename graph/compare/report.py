@@ -288,6 +288,9 @@ def _draw_labels(view: View, shown: _Shown) -> list[Picture]:
 
 def _draw_map(view: View, shown: _Shown) -> list[Picture]:
     name, panels = words(view.name), shown.panels
+    known = [panel for panel in panels.values() if np.isfinite(panel).any()]
+    if not known:
+        return []  # nothing is known of it anywhere
     axis = f"{name} / {view.unit}"
     pictures = [Picture(draw_maps(panels, axis), f"{name.capitalize()}, one scale for all.")]
     if shown.errors:
@@ -297,7 +300,7 @@ def _draw_map(view: View, shown: _Shown) -> list[Picture]:
             f"{CLIPPED:g} % of the pixels do not reach. Red is too high, blue too low."
         )
         pictures.append(Picture(uri, caption))
-    reference = next(iter(panels.values()))
+    reference = np.where(np.isfinite(known[0]), known[0], np.nan)
     row = int(np.unravel_index(int(np.nanargmax(reference)), reference.shape)[0])
     uri = draw_section(panels, axis, row, TRUTH if TRUTH in panels else None)
     pictures.append(Picture(uri, f"Section through the peak, row {row}."))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
+from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.run.pipeline import Result
 
 Kind = Literal["map", "labels", "planes"]
@@ -79,10 +80,8 @@ def load_views(folder: Path) -> dict[str, View]:
     """Read what `save_views` wrote, by name; nothing where it is not there or damaged."""
     try:
         about = json.loads((folder / "views.json").read_text())
-        with np.load(folder / "views.npz", allow_pickle=False) as arrays:
-            return {
-                a["name"]: View(a["name"], a["kind"], a["unit"], arrays[a["name"]]) for a in about
-            }
+        arrays = load_arrays(folder / "views.npz")
+        return {a["name"]: View(a["name"], a["kind"], a["unit"], arrays[a["name"]]) for a in about}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 

@@ -11,6 +11,7 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -62,16 +63,23 @@ def find_node(name: str) -> Node:
     Raises
     ------
     InputError
-        If no package has it, or several have.
+        If no package has it, or several plug-ins have.  A shipped node goes before a plug-in's
+        of the same name, and a warning says so: graphs keep their meaning.
     NodeError
         If its module does not hold a node of that name.
     """
     points = plugin_entry_points().get(name, [])
     room = builtin_rooms().get(name)
-    packages = ["tactograph"] * (room is not None) + [_package(p) for p in points]
-    if not packages:
+    packages = [_package(point) for point in points]
+    if room is not None and packages:
+        warnings.warn(
+            f"'{name}' of {' and '.join(sorted(packages))} is not used: a shipped node has that "
+            "name; rename it there, or uninstall it",
+            stacklevel=2,
+        )
+    if room is None and not packages:
         raise GraphError(f"no node is called '{name}'{did_you_mean(name, node_names())}")
-    if len(packages) > 1:
+    if room is None and len(packages) > 1:
         both = " and ".join(sorted(packages))
         raise InputError(f"two nodes are called '{name}', in {both}; uninstall one of them")
     if room is not None:

@@ -16,6 +16,10 @@ from tactograph.graph.files.model import NOT_GIVEN, Entry
 _WRAPPERS = (Annotated, Union, UnionType)
 
 
+SMALLEST, LARGEST = 1e-12, 1e12
+"""Magnitudes that a node's parameters may have."""
+
+
 def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dict[str, Any]:
     """Return the node's parameters, defaults filled in, each of its declared type.
 
@@ -39,7 +43,23 @@ def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dic
             raise GraphError(_message(node, entry, wrong[0])) from None
         defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
-    return {name: getattr(model, name) for name in node.parameters}
+    found = {name: getattr(model, name) for name in node.parameters}
+    for name, value in found.items():
+        _check_numbers(value, entry, name)
+    return found
+
+
+def _check_numbers(value: Any, entry: Entry, name: str) -> None:
+    """Refuse a number whose square or inverse 32-bit floats, or 64-bit integers, cannot hold."""
+    for part in value if isinstance(value, list | tuple) else ():
+        _check_numbers(part, entry, name)
+    if isinstance(value, float) and value and not SMALLEST <= abs(value) <= LARGEST:
+        raise GraphError(
+            f"{entry.where(f'with.{name}')}: a number from {SMALLEST:g} to {LARGEST:g} (or 0) is "
+            f"needed, not {value:g}"
+        )
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise GraphError(f"{entry.where(f'with.{name}')}: the whole number is too large")
 
 
 def _message(node: Node, entry: Entry, first: Any) -> str:

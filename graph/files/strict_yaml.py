@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from tactograph.graph.errors import GraphError, InputError
+from tactograph.graph.errors import GraphError, InputError, printable
 
 Path_ = tuple[str | int, ...]
 MAX_BYTES = 100_000
@@ -152,6 +152,8 @@ def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
         natural = node.tag == _implicit_tag(node.value, plain=node.style is None)
         if any("\ud800" <= character <= "\udfff" for character in node.value):
             raise GraphError(f"{place}: half of a character (a surrogate) is no text")
+        if printable(node.value) != node.value:
+            raise GraphError(f"{place}: a control character is no text")
     else:
         natural = node.tag in _COLLECTIONS
     if not natural:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, WriteError
 
 
 @contextmanager
@@ -18,7 +18,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError
+    WriteError
         If `path` cannot be written.
     """
     with whole_files(path.parent) as folder:
@@ -31,14 +31,16 @@ def whole_files(folder: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError
+    WriteError
         If `folder` cannot be made or written.
+    InputError
+        If the block could not read a file from elsewhere.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         stage = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     try:
         yield stage
         files = sorted(stage.iterdir())
@@ -48,6 +50,15 @@ def whole_files(folder: Path) -> Iterator[Path]:
         for file in files:
             file.replace(folder / file.name)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        if _is_elsewhere(error, folder):
+            raise InputError(f"{error.filename}: {error.strerror or error}") from None
+        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+
+
+def _is_elsewhere(error: OSError, folder: Path) -> bool:
+    """Whether it was another file that failed, one that the block reads."""
+    if not isinstance(error.filename, str):
+        return False
+    return not Path(error.filename).absolute().is_relative_to(folder.absolute())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from tactograph.graph.backends.devices import choose_device
@@ -107,12 +108,26 @@ def open_pipeline(
     opencl, reason = open_device(graph, device)
     if opencl is None and backend == "opencl":
         raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
+    if sinks:
+        _check_out(graph, given)
     plan = make_plan(
         graph, given, device=opencl, no_device=reason, sinks=sinks, stand_ins=stand_ins
     )
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
     return Pipeline(plan, opencl)
+
+
+def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
+    """Refuse to write results into what is read: they would be taken for images, or replace it."""
+    params = {name: param for name, param in graph.params.items() if param.kind == "path"}
+    places = {name: given.get(name, param.default) for name, param in params.items()}
+    out = places.pop("out", None)
+    if not isinstance(out, str | Path):
+        return
+    for name, place in places.items():
+        if isinstance(place, str | Path) and Path(place).resolve() == Path(out).resolve():
+            raise InputError(f"out={out}: is what {name}={place} reads; give another place")
 
 
 def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,25 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Provenance
+from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.whole_files import whole_file
+
+DARKEST = 1e-3
+"""Fraction of full scale that the brightest hundredth of a flat frame has at least."""
 
 
 class Stored(NamedTuple):
-    """An array of the file: its axes (sizes by letter or number), unit and type.
+    """An array of the file: its axes (sizes by letter or number), unit, type and range.
 
-    Files from before an array was kept do without it if it is not `required`.
+    Files from before an array was kept do without it if it is not `required`.  `low` and `high`
+    are the values that any sensor may have: beyond them a file is damaged, not unusual.
     """
 
     axes: str
     unit: str
     dtype: type[np.generic] = np.float32
     required: bool = True
+    low: float = -np.inf
+    high: float = np.inf
 
 
 class FileKind(NamedTuple):
     """A kind of calibration: its name, version, what makes one, and what it holds.
 
-    Every kind holds a `pixel_size`.
+    Every kind holds a `pixel_size` and a `flat`.
     """
 
     name: str
@@ -80,7 +86,8 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     ------
     InputError
         If the file is missing, damaged, of another kind or version, holds a pickle or an
-        array that is missing, misshapen or not finite; if the pixel size is not positive.
+        array that is missing, misshapen, not finite or out of its range; if an LED leaves the
+        film dark.
     """
     arrays = _load(file, kind)
     _check_head(file, kind, arrays)
@@ -89,9 +96,9 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     for name, stored in kept.items():
         _check_array(file, kind, name, arrays.get(name), stored, sizes)
     found = {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
-    pixel = found["pixel_size"]
-    if pixel <= 0:
-        raise InputError(f"{file}: the pixel size {pixel} is not positive; calibrate again")
+    for k, plane in enumerate(arrays["flat"], start=1):
+        if float(np.percentile(plane, 99)) < DARKEST:
+            raise InputError(f"{file}: 'flat' is dark under LED {k}; calibrate again")
     return found
 
 
@@ -99,15 +106,10 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
         raise InputError(f"{file}: there is no such calibration file; '{kind.maker}' makes one")
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, EOFError, zipfile.BadZipFile, KeyError, AttributeError, TypeError) as error:
-        raise InputError(f"{file}: the calibration is damaged: {error}") from None
-    except ValueError as error:
+        return load_arrays(file)
+    except (OSError, ValueError) as error:
         why = "it holds a pickle" if "pickle" in str(error) else f"it is damaged: {error}"
         raise InputError(f"{file}: the calibration is refused: {why}") from None
-    except Exception as error:  # a damaged archive fails anywhere inside zipfile and zlib
-        raise InputError(f"{file}: the calibration is damaged: {error}") from None
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -153,3 +155,9 @@ def _check_array(
         raise InputError(f"{file}: '{name}' has shape {array.shape}, not {wanted}; calibrate again")
     if not np.isfinite(array).all():
         raise InputError(f"{file}: '{name}' holds NaN or infinite values; calibrate again")
+    outside = array[(array < stored.low) | (array > stored.high)]
+    if outside.size:
+        raise InputError(
+            f"{file}: '{name}' holds {outside[0]:g}, which no sensor has "
+            f"({stored.low:g} to {stored.high:g}); calibrate again"
+        )

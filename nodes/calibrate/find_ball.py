@@ -26,6 +26,8 @@ SEARCH_WIDTH, REFINE_WIDTH = 64, 320
 """Widths in px that the image is reduced to for the two steps."""
 REFINE_PIXELS = 3000
 """So many pixels determine three numbers; more cost time and gain nothing."""
+LARGEST = 2
+"""Largest contact that is searched for, in diagonals of the image."""
 CONTACT_SHARES = (1.0, 0.85, 0.72, 0.61, 0.52, 0.44, 0.37, 0.31)
 """Contact radii that are tried first, as shares of the ball's radius."""
 SMALLEST_SEARCHED = 3.0
@@ -125,6 +127,7 @@ def find_ball(
             f"find_ball: contact_px={contact_px:g} is larger than the ball, whose radius_mm="
             f"{radius_mm:g} is {radius:.1f} px; correct contact_px, radius_mm or the pixel size"
         )
+    _check_size(light, radius, radius_mm, contact_px)
     if center_px is not None and contact_px is not None:
         circle = _Circle(*center_px, contact_px)
         return _ball(circle, _goodness(light, circle, radius))
@@ -139,6 +142,18 @@ def find_ball(
             "(ball_center_px=x,y and ball_contact_px=r), or press again"
         )
     return _ball(circle, goodness)
+
+
+def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
+    """Refuse a ball whose contacts all lie far beyond the image."""
+    smallest = contact if contact is not None else radius * min(CONTACT_SHARES)
+    diagonal = float(np.hypot(*light.shape[1:]))
+    if smallest > LARGEST * diagonal:
+        raise InputError(
+            f"radius_mm={radius_mm:g}: the ball's contact of {smallest:.3g} px does not fit the "
+            f"image of {light.shape[2]} x {light.shape[1]} px; check ball_radius_mm, "
+            "ball_contact_px and the pixel size"
+        )
 
 
 def _ball(circle: _Circle, goodness: float) -> Ball:
@@ -158,6 +173,7 @@ def _search(
     """Return the best circle on a grid of centres and radii."""
     small, shrink = _reduce(light, SEARCH_WIDTH)
     radii = [radius * s for s in CONTACT_SHARES] if contact is None else [contact]
+    radii = [r for r in radii if r <= LARGEST * np.hypot(*light.shape[1:])]
     radii = [r for r in radii if r >= SMALLEST_SEARCHED * shrink] or [max(radii)]
     best, found = -1.0, _Circle(0, 0, radii[0])
     for r in radii:

@@ -29,6 +29,9 @@ from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION
 from tactograph.nodes.light._film import matt_film
 
+NEAREST = 1e-3
+"""Height in mm of the lowest LED that a sensor can have."""
+
 
 class Calibration(NamedTuple):
     """What `write_calibration` wrote; the fields of a `Film` are among it."""
@@ -75,10 +78,10 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     ------
     InputError
         If the file is missing, damaged, of another version, holds a pickle, or an array
-        that is missing, misshapen, or not finite.
+        that is missing, misshapen, not finite or beyond what any sensor has.
     """
     found = read_arrays(file, CALIBRATION)
-    if (found["lights"][:, 2] <= 0).any():
+    if (found["lights"][:, 2] < NEAREST).any():
         raise InputError(f"{file}: 'lights' holds an LED that is not above the film")
     if "others" not in found:
         found["others"] = np.repeat(found["lights"][None], 8, axis=0)

@@ -44,7 +44,8 @@ def read_press_calibration(
     ------
     InputError
         If the file is missing, damaged, of another kind or version, or holds a pickle or an
-        array that is missing, misshapen or not finite; if the fresh film has another size.
+        array that is missing, misshapen, not finite or out of its range; if the fresh film has
+        another size.
     """
     found = read_arrays(file, PRESS_CALIBRATION)
     film = found["flat"] if flat is None else _fresh(flat, lights, found["flat"])

@@ -30,24 +30,36 @@ CALIBRATION = FileKind(
     1,
     "run calibrate",
     {
-        "flat": Stored("K H W", "fraction of full scale"),
-        "dark": Stored("H W", "fraction of full scale"),
-        "pixel_size": Stored("", "mm/px"),
-        "lut_light": Stored("N K", "1 on the film at rest"),
-        "lut_slope": Stored("N 2", "mm/mm"),
+        "flat": Stored("K H W", "fraction of full scale", low=-1, high=100),
+        "dark": Stored("H W", "fraction of full scale", low=-1, high=1),
+        "pixel_size": Stored("", "mm/px", low=1e-6, high=1e3),
+        "lut_light": Stored("N K", "1 on the film at rest", low=-1e3, high=1e3),
+        "lut_slope": Stored("N 2", "mm/mm", low=-1e4, high=1e4),
         "lut_lit": Stored("N", "bit k-1 is set where LED k reaches the pixel", np.uint8),
         "reflectance": Stored(
-            "K 9", "nine harmonics per LED: 1 x y z xy xz yz xx-yy 3zz-1 of the unit normal"
+            "K 9",
+            "nine harmonics per LED: 1 x y z xy xz yz xx-yy 3zz-1 of the unit normal",
+            low=-1e4,
+            high=1e4,
         ),
-        "residual": Stored("K", "root mean square of the reflectance fit per LED"),
-        "null": Stored("K", "unit vector a with a.I = 0"),
-        "spread": Stored("", "standard deviation of a.I on lit pixels"),
+        "residual": Stored("K", "root mean square of the reflectance fit per LED", low=0, high=1e3),
+        "null": Stored("K", "unit vector a with a.I = 0", low=-1.001, high=1.001),
+        "spread": Stored("", "standard deviation of a.I on lit pixels", low=0, high=1e3),
         "lights": Stored(
-            "K 3", "mm, x y z per LED, from the middle of the image on the film at rest"
+            "K 3",
+            "mm, x y z per LED, from the middle of the image on the film at rest",
+            low=-1e8,
+            high=1e8,
         ),
-        "noise": Stored("2", "a captured light I has the variance noise[0] I + noise[1]"),
+        "noise": Stored(
+            "2", "a captured light I has the variance noise[0] I + noise[1]", low=0, high=1
+        ),
         "others": Stored(
-            "8 K 3", "mm, other places of the LEDs that the fit allows", required=False
+            "8 K 3",
+            "mm, other places of the LEDs that the fit allows",
+            required=False,
+            low=-1e8,
+            high=1e8,
         ),
         "diffuse": Stored("K", "share of an LED's light that the gel diffuses", required=False),
         "harmonics": Stored(

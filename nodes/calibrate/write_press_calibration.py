@@ -15,13 +15,15 @@ PRESS_CALIBRATION = FileKind(
     1,
     "run calibrate_presses",
     {
-        "flat": Stored("K H W", "fraction of full scale"),
-        "pixel_size": Stored("", "mm/px"),
+        "flat": Stored("K H W", "fraction of full scale", low=-1, high=100),
+        "pixel_size": Stored("", "mm/px", low=1e-6, high=1e3),
         "reflectance": Stored(
             f"K {SHADES} {TERMS}",
             "light less 1 (the film at rest) per x, y, z - 1, xy, xz, yz, xx - yy, 3zz - 3 of the "
             "unit normal and per mm of height; times 1, u, v, uu, uv, vv, ... to degree 4, u and v "
             "being x and y in px from the image's middle divided by half its width",
+            low=-1e6,
+            high=1e6,
         ),
     },
 )

@@ -15,10 +15,21 @@ from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import InputError, node, warn
+from tactograph.graph.files.array_files import load_array
 from tactograph.graph.files.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
 
-SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp")
+SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
+FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
+MOST_PIXELS = 2**25
+"""Of one image: 33 million, as a camera of 8K has."""
+DARKEST = 0.005
+"""Share of full scale that the brightest hundredth of an image has to reach..."""
+FEWEST_COUNTS = 4
+"""... and so many steps of the camera's converter, below which light has no shades."""
+HIGHEST = 1e4
+"""A height map's largest value in mm, either way."""
+ORIENTATION = 0x0112
 TRUTH = "truth_height_mm.npy"
 TRUE_SLOPE = "truth_slope.npy"
 TRUE_SHADOW = "truth_shadow.png"
@@ -79,8 +90,9 @@ def read_capture(
     Parameters
     ----------
     folder
-        Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit grey; PNG, TIFF, PGM or BMP), or
-        one colour image; or holds such folders, which are then read in order of name.
+        Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit grey; PNG, TIFF, PGM or BMP, or JPEG
+        with a warning), or one colour image; or holds such folders, which are then read in
+        order of name.  Hidden folders and files do not count.
     lights
         "leds": an image per LED.  "bgr" or "rgb": one colour image, its channels being the
         lights in that order.  None: what ``capture.yaml`` says, else "leds".
@@ -103,8 +115,9 @@ def read_capture(
     Raises
     ------
     InputError
-        Naming the folder or file, for anything that is missing, damaged, black, of another
-        size or depth than its neighbours, or not grey.
+        Naming the folder or file, for anything that is missing, there twice, damaged, too
+        dark to measure, of another size or depth than its neighbours, or not grey; and for an
+        image whose pixels are not plain, see `read_image`.
     """
     layout = Layout(lights or "leds", leds, files, None, crop)
     if not folder.is_dir():
@@ -112,7 +125,8 @@ def read_capture(
     if _is_capture(folder, layout, lights):
         yield _read(folder, layout, lights, "")
         return
-    inside = [d for d in sorted(folder.iterdir()) if d.is_dir() and _is_capture(d, layout, lights)]
+    folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not _is_hidden(d))
+    inside = [d for d in folders if _is_capture(d, layout, lights)]
     if not inside:
         raise InputError(f"{folder}: {_what_is_missing(layout)}, nor any folder that does")
     if single:
@@ -152,29 +166,70 @@ def read_images(folder: Path, layout: Layout) -> NDArray[np.float32]:
 def read_image(file: Path) -> NDArray[Any]:
     """Decode one image file: H x W, or H x W x 3 in the order blue, green, red.
 
-    A cut-off or foreign file is refused, never half read.
+    The pixels are taken as they lie in the file.  A cut-off or foreign file is refused, never
+    half read; so is a file that leaves open which pixels it means: by an orientation tag,
+    several pages or frames, or transparency.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, damaged or not an image.
+        If the file is missing, empty, damaged, not an image, or leaves its pixels open.
     """
     try:
         if file.stat().st_size == 0:
             raise InputError(f"{file}: the file is empty")
-        with Image.open(file) as image:
+        with Image.open(file, formats=FORMATS) as image:
+            _check_plain(image, file)
             plane = np.asarray(image)
             plain = image.mode == "L"
         # Pillow tells damage precisely, but does not keep every depth as it is.
-        return plane if plain else np.asarray(cv2.imread(str(file), cv2.IMREAD_UNCHANGED))
+        found = plane if plain else cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     except UnidentifiedImageError:
         raise InputError(f"{file}: not an image, or damaged at its start") from None
     except Image.DecompressionBombError:
         raise InputError(f"{file}: too large for a camera image") from None
     except FileNotFoundError:
         raise InputError(f"{file}: there is no such file") from None
-    except (OSError, SyntaxError, ValueError, EOFError) as error:
+    except InputError:
+        raise
+    except MemoryError:
+        raise
+    except Exception as error:  # a damaged file fails anywhere inside its decoder
         raise InputError(f"{file}: cannot be decoded, the file is damaged: {error}") from None
+    if found is None:
+        raise InputError(f"{file}: cannot be decoded; save it as 8 or 16 bit grey or RGB")
+    return _without_alpha(np.asarray(found), file)
+
+
+def _check_plain(image: Image.Image, file: Path) -> None:
+    """Refuse what could be read in more than one way."""
+    width, height = image.size
+    if width * height > MOST_PIXELS:
+        raise InputError(
+            f"{file}: {width} x {height} pixels are too large for a camera image "
+            f"(at most {MOST_PIXELS // 10**6} million)"
+        )
+    frames = getattr(image, "n_frames", 1)
+    if frames > 1:
+        raise InputError(f"{file}: holds {frames} pages or frames; save each as a file of its own")
+    turned = image.getexif().get(ORIENTATION, 1)
+    if turned != 1:
+        raise InputError(
+            f"{file}: its orientation tag ({turned}) asks to turn or mirror it; "
+            "save the pixels as the camera saw them, without the tag"
+        )
+    if image.format == "JPEG":
+        warn(f"{file.parent}: JPEG compression costs accuracy; record PNG or TIFF")
+
+
+def _without_alpha(image: NDArray[Any], file: Path) -> NDArray[Any]:
+    """The image without its alpha channel, which has to be opaque."""
+    if image.ndim != 3 or image.shape[2] not in (2, 4):
+        return image
+    full = np.iinfo(image.dtype).max if image.dtype.kind == "u" else 1
+    if (image[..., -1] != full).any():
+        raise InputError(f"{file}: is transparent in places; save it without an alpha channel")
+    return np.ascontiguousarray(image[..., :-1])
 
 
 def read_truth(file: Path) -> NDArray[np.float32]:
@@ -194,20 +249,18 @@ def read_truth(file: Path) -> NDArray[np.float32]:
         height = np.asarray(array, np.float32)
     if not np.isfinite(height).all():
         raise InputError(f"{file}: holds NaN or infinite values")
+    if np.abs(height).max() > HIGHEST:
+        raise InputError(f"{file}: holds a height beyond {HIGHEST:g} mm; heights are in mm")
     return height
 
 
 def _numbers(file: Path) -> NDArray[Any]:
     try:
-        array = np.load(file, allow_pickle=False)
+        return load_array(file)
     except FileNotFoundError:
         raise InputError(f"{file}: there is no such file") from None
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"{file}: not a NumPy array of numbers: {error}") from None
-    if not isinstance(array, np.ndarray):
-        array.close()
-        raise InputError(f"{file}: holds several arrays; one is needed")
-    return array
 
 
 def _read(folder: Path, layout: Layout, lights: Lights | None, name: str) -> Capture:
@@ -291,7 +344,11 @@ def _find(folder: Path, pattern: str, led: int) -> Path | None:
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
-    return next((file for file in candidates if file.is_file()), None)
+    there = [file for file in candidates if file.is_file()]
+    if len(there) > 1:
+        names = " and ".join(file.name for file in there)
+        raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
+    return there[0] if there else None
 
 
 def _led_files(folder: Path, layout: Layout) -> list[Path]:
@@ -315,7 +372,13 @@ def _led_files(folder: Path, layout: Layout) -> list[Path]:
 
 
 def _images(folder: Path) -> list[Path]:
-    return sorted(f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES)
+    files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not _is_hidden(f))
+    return sorted(files)
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether it is no capture's: what a killed writer left (`whole_files`), or a system's."""
+    return path.name.startswith(".")
 
 
 def _only_image(folder: Path) -> Path:
@@ -389,12 +452,25 @@ def _normalised(stack: NDArray[Any], files: list[Path], layout: Layout) -> NDArr
             raise InputError(f"{file}: all black; is the LED on and the lens cap off?")
         if brightest > full:
             raise InputError(f"{file}: has values up to {brightest}, but bits: {layout.bits}")
+        _check_bright(plane, full, file)
         saturated = float((plane >= full).mean())
         if saturated > 1e-3:
             warn(f"{file}: {saturated:.1%} of the pixels are saturated; expose shorter")
         if stack.dtype == np.uint16 and layout.bits is None and brightest < 4096:
             warn(f"{file}: 16 bit, but no value above 4095; if it is 12 bit, say 'bits: 12'")
     return np.asarray(stack / np.float32(full), np.float32)
+
+
+def _check_bright(plane: NDArray[Any], full: int, file: Path) -> None:
+    """Refuse darkness and its noise, which would give a flat height."""
+    light = float(np.percentile(plane[::4, ::4], 99))
+    if light >= max(DARKEST * full, FEWEST_COUNTS):
+        return
+    hint = "; if it is 12 bit, say 'bits: 12'" if full > 4095 and light > DARKEST * 4095 else ""
+    raise InputError(
+        f"{file}: too dark to measure, {light:g} of {full}; is the LED on and the lens cap off, "
+        f"and the exposure long enough?{hint}"
+    )
 
 
 def _bits(plane: NDArray[Any]) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
@@ -15,6 +15,8 @@ from tactograph.nodes.capture.read_capture import (
     Crop,
     Leds,
     Lights,
+    _capture_file,
+    _cropped,
     _grey,
     read_capture,
     read_image,
@@ -40,7 +42,7 @@ def read_flat(
     leds: Leds | None = None,
     files: str = "led{}",
     crop: Crop | None = None,
-    smooth_px: Annotated[float, Ge(0)] = 2.0,
+    smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Flat:
     """Read the capture of the untouched film, or stand in for it with uniform light.
 
@@ -57,7 +59,7 @@ def read_flat(
         None: the estimate; without one, the light is taken to be uniform, and a warning
         says so.
     dark
-        One image taken with all LEDs off.
+        One image taken with all LEDs off; a ``capture.yaml`` beside it may say its ``bits``.
     lights, leds, files, crop
         As for `read_capture`.
     smooth_px
@@ -109,9 +111,13 @@ def _mean(
 
 def _read_dark(file: Path, crop: Crop | None) -> F4:
     plane = _grey(read_image(file), file)
-    if crop is not None:
-        plane = plane[crop[1] : crop[3], crop[0] : crop[2]]
-    return np.asarray(plane / np.float32(np.iinfo(plane.dtype).max), np.float32)
+    if plane.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit grey is needed")
+    bits = _capture_file(file.parent).bits or 8 * plane.dtype.itemsize
+    full = np.float32(2**bits - 1)
+    if plane.max() > full:
+        raise InputError(f"{file}: has values up to {plane.max()}, but bits: {bits}")
+    return np.asarray(_cropped(plane, crop, file) / full, np.float32)
 
 
 def _smoothed(plane: F4, sigma: float) -> F4:

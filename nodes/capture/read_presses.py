@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
@@ -38,7 +38,7 @@ def read_presses(
     folder: Path,
     flat: Path,
     lights: Literal["leds", "bgr", "rgb"] = "bgr",
-    smooth_px: Annotated[float, Ge(0)] = 2.0,
+    smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Presses:
     """Read every capture below `folder`, and the untouched film.
 

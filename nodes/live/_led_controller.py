@@ -95,7 +95,7 @@ def open_controller(
     Parameters
     ----------
     port
-        A serial port (``/dev/ttyACM0``, ``COM3``) or any URL of pyserial's; None: the first
+        A serial port (``/dev/ttyACM0``, ``COM3``, a pseudo-terminal); None: the first
         controller found by its USB id.
     timeout_s
         How long an answer may take.

@@ -32,12 +32,13 @@ def open_port(port: str, timeout_s: float) -> serial.SerialBase:
     Raises
     ------
     InputError
-        If there is no such port, another program has it, or it may not be opened.
+        If there is no such port, another program has it, or it may not be opened; if it is a
+        URL, some of which write files.
     """
+    if "://" in port:
+        raise InputError(f"port={port}: is no device; give its name, such as /dev/ttyACM0")
     try:
-        return serial.serial_for_url(
-            port, BAUD, timeout=0.1, write_timeout=timeout_s, exclusive=True
-        )
+        return serial.Serial(port, BAUD, timeout=0.1, write_timeout=timeout_s, exclusive=True)
     except (OSError, ValueError) as error:
         # serial.SerialException is an OSError; most of its kind carry the number.
         raise InputError(_why_not(port, error)) from None

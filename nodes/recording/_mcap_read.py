@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from mcap.records import Channel, Message, Schema
 
 MAGIC = b"\x89MCAP0\r\n"
+MOST_BYTES = 2**28
+"""Of one record, and of one chunk once it is unpacked: a quarter of a gigabyte."""
+LZ4_RATIO = 255
+"""LZ4 cannot pack better than that."""
 _OPCODE_AND_LENGTH = struct.Struct("<BQ")
 
 
@@ -89,9 +93,13 @@ class McapFile:
                 if schema is None:
                     continue
                 kind = schema.name, schema.encoding, schema.data
-                decode = _decoder(channel.message_encoding, *kind)
-                if decode is not None:
-                    body = decode(record.data)
+                try:
+                    decode = _decoder(channel.message_encoding, *kind)
+                    body = None if decode is None else decode(record.data)
+                except Exception:  # definitions and messages are parsed as they come
+                    self.lost += len(record.data)
+                    continue
+                if body is not None:
                     yield Read(channel.topic, record.log_time, record.sequence, body)
 
     def _records(self, stream: IO[bytes]) -> Iterator[Schema | Channel | Message]:
@@ -107,7 +115,9 @@ class McapFile:
             found: list[Any] = []
             try:
                 if opcode == Opcode.CHUNK:
-                    found = breakup_chunk(Chunk.read(data), validate_crc=True)
+                    chunk = Chunk.read(data)
+                    _check_size(chunk.compression, chunk.uncompressed_size, chunk.data)
+                    found = breakup_chunk(chunk, validate_crc=True)
                 elif opcode == Opcode.SCHEMA:
                     found = [Schema.read(data)]
                 elif opcode == Opcode.CHANNEL:
@@ -133,9 +143,29 @@ class McapFile:
             # After a power cut some file systems leave zeros where data should be.
             if opcode == 0 or length > size - at - _OPCODE_AND_LENGTH.size:
                 break
-            yield opcode, stream.read(length)
+            if length > MOST_BYTES:
+                stream.seek(length, io.SEEK_CUR)
+                self.lost += length
+            else:
+                yield opcode, stream.read(length)
             at += _OPCODE_AND_LENGTH.size + length
         self.lost += size - at
+
+
+def _check_size(compression: str, unpacked: int, data: bytes) -> None:
+    """Refuse a chunk that would unpack to more than `MOST_BYTES`, whatever it says of itself."""
+    import lz4.frame
+    import zstandard
+
+    size = unpacked
+    if compression == "zstd":
+        size = max(size, zstandard.frame_content_size(data))
+    elif compression == "lz4" and len(data) * LZ4_RATIO > MOST_BYTES:
+        size = max(
+            size, len(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=MOST_BYTES + 1))
+        )
+    if size > MOST_BYTES:
+        raise ValueError(f"a chunk of {size} bytes")
 
 
 @lru_cache

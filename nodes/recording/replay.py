@@ -17,6 +17,7 @@ from annotated_types import Ge
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.capture.read_capture import MOST_LEDS, MOST_PIXELS
 from tactograph.nodes.live._assemble import Assembler, Refresh
 from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
 from tactograph.nodes.live._match_frames import make_film
@@ -25,7 +26,7 @@ from tactograph.nodes.recording._mcap_read import McapFile, Read
 from tactograph.nodes.recording._ros import read_image
 from tactograph.nodes.recording.record import FORMAT
 
-TOPIC = re.compile(r"/(?:led(\d+)|off)/image_raw")
+TOPIC = re.compile(r"/(?:led(\d)|off)/image_raw")
 LOOK_AHEAD = 40
 """Frames from which the camera's rate is found."""
 LONGEST_PAUSE_S = 1.0
@@ -138,7 +139,8 @@ class _Recording:
                 )
 
     def _learn(self, file: McapFile) -> None:
-        if not file.about.get("leds", "").isdecimal():
+        leds = file.about.get("leds", "")
+        if leds not in map(str, range(1, MOST_LEDS + 1)):
             raise InputError(f"{file.path}: was not written by tactograph's 'record'")
         if file.about.get("format") != FORMAT:
             raise InputError(
@@ -154,12 +156,23 @@ class _Recording:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         led = int(found[1] or 0)
+        if led > self.leds:
+            raise InputError(f"{path}: holds frames of LED {led}, but is of {self.leds} LEDs")
+        if data.dtype.kind != "u" or not 0 < data.size <= MOST_PIXELS:
+            raise InputError(
+                f"{path}: holds a frame of {data.shape[1]} x {data.shape[0]} {data.dtype} pixels, "
+                "which no camera gives"
+            )
         return RawFrame(message.sequence, led, 1e-9 * (message.time - self._offset), data)
 
     def _take_state(self, message: Read) -> None:
-        state = json.loads(message.body.data)["state"]
-        if state is not None:
-            self.settings = state["settings"]
+        try:
+            state = json.loads(message.body.data)["state"]
+            settings = None if state is None else dict(state["settings"])
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            return  # it says what the camera was set to, and no more
+        if settings is not None and settings.get("bits") in (None, *range(1, 17)):
+            self.settings = settings
 
 
 class _Pace:

@@ -5,17 +5,22 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Interval
 from numpy.typing import NDArray
 
+from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, PixelSize
 
 F8 = NDArray[np.float64]
 
 Side = Annotated[int, Interval(ge=1, le=16384)]
 """Width or height of an image in pixels."""
-Length = Annotated[float, Gt(0)]
-"""A length in mm."""
+MOST_PIXELS = 2**24
+"""Of a simulated image: 17 million."""
+Length = Annotated[float, Interval(gt=0, le=1e4)]
+"""A length in mm, at most 10 m."""
+PixelSide = Annotated[float, Interval(ge=1e-4, le=10)]
+"""Side of a pixel in mm, from a tenth of a micrometre."""
 Offset = tuple[float, float]
 """(x, y) in mm from the centre of the image, x right, y down."""
 
@@ -31,7 +36,14 @@ class Shape(NamedTuple):
 
 
 def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset) -> tuple[F8, F8]:
-    """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's centre."""
+    """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's centre.
+
+    Raises
+    ------
+    InputError
+        If the image has more than `MOST_PIXELS`.
+    """
+    check_pixels(width_px, height_px)
     x: F8 = (
         np.arange(width_px, dtype=np.float64) - (width_px - 1) / 2
     ) * pixel_size_mm - offset_mm[0]
@@ -39,6 +51,16 @@ def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset)
         np.arange(height_px, dtype=np.float64) - (height_px - 1) / 2
     ) * pixel_size_mm - offset_mm[1]
     return np.asarray(x[None, :], float), np.asarray(y[:, None], float)
+
+
+def check_pixels(width_px: int, height_px: int) -> None:
+    """Refuse an image that is larger than any camera's."""
+    if width_px * height_px > MOST_PIXELS:
+        raise InputError(
+            f"width_px={width_px} and height_px={height_px} are "
+            f"{width_px * height_px / 1e6:.0f} million pixels, at most "
+            f"{MOST_PIXELS / 1e6:.0f} million can be simulated"
+        )
 
 
 def turned(x: F8, y: F8, angle_deg: float) -> tuple[F8, F8]:

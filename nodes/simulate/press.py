@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.graph import Close, node
+from tactograph.graph import Close, InputError, node
 from tactograph.nodes import F4, Height, PixelSize
 
 if TYPE_CHECKING:
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 ACCURACY = 1e-6
 """What the sweeps leave of an error, as a share of it."""
+LONGEST_REACH_PX = 1000.0
+"""Beyond this the sweeps take minutes, and no film in the picture comes back to rest."""
 SHORTEST_REACH_PX = 0.01
 """Below this the film's next pixel stays at rest to four digits: nothing to solve."""
 TAIL = 4.0
@@ -69,6 +71,11 @@ def press(
     Returns
     -------
     Height of the film, H x W, mm.
+
+    Raises
+    ------
+    InputError
+        If the reach or the skin is longer than 1000 px.
     """
     obstacle = np.maximum(object - np.float32(stand_off_mm), np.float32(0))
     film = _settled(obstacle, _sweeps(reach_mm / pixel))
@@ -98,6 +105,7 @@ def _launch(launch: Launch) -> None:
 
 def _sweeps(reach_px: float) -> _Sweeps:
     """The best factors for this stiffness, and the sweeps they need (Young's theory)."""
+    _check_reach("reach_mm", reach_px)
     if reach_px < SHORTEST_REACH_PX:
         return _Sweeps(0, np.float32(0), np.float32(0))
     share = 1 / (4 + 1 / reach_px**2)
@@ -105,6 +113,14 @@ def _sweeps(reach_px: float) -> _Sweeps:
     # An error shrinks by relax - 1 each sweep; the first few find where the contact ends.
     number = 10 + math.ceil(math.log(ACCURACY) / math.log(relax - 1))
     return _Sweeps(number, np.float32(share), np.float32(relax))
+
+
+def _check_reach(name: str, reach_px: float) -> None:
+    if reach_px > LONGEST_REACH_PX:
+        raise InputError(
+            f"press: {name} is {reach_px:.3g} px, at most {LONGEST_REACH_PX:g} can be computed; "
+            "make it shorter or the pixels larger"
+        )
 
 
 def _settled(obstacle: F4, sweeps: _Sweeps) -> F4:
@@ -132,6 +148,7 @@ def _settle(film: F4, obstacle: F4, start: tuple[int, int], sweeps: _Sweeps) -> 
 
 def _gaussian(deviation_px: float) -> F4:
     """Weights of a Gaussian filter, of sum 1; a single 1 if it is too narrow to matter."""
+    _check_reach("skin_mm", deviation_px)
     radius = math.ceil(TAIL * deviation_px) if deviation_px > SHORTEST_REACH_PX else 0
     distance = np.arange(-radius, radius + 1)
     weights = np.exp(-0.5 * (distance / max(deviation_px, SHORTEST_REACH_PX)) ** 2)

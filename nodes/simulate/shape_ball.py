@@ -9,6 +9,7 @@ from tactograph.nodes.simulate._shape import (
     PAPER_PIXEL_MM,
     Length,
     Offset,
+    PixelSide,
     Shape,
     Side,
     grid,
@@ -24,7 +25,7 @@ def shape_ball(
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height of a ball seen from above.
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Interval
 
 from tactograph.graph import InputError, node
 from tactograph.nodes.simulate._shape import (
     PAPER_PIXEL_MM,
     Length,
     Offset,
+    PixelSide,
     Shape,
     Side,
     grid,
@@ -24,11 +25,11 @@ def shape_cone(
     *,
     radius_mm: Length = 5.0,
     rise_mm: Length = 3.0,
-    top_radius_mm: Annotated[float, Ge(0)] = 0.0,
+    top_radius_mm: Annotated[float, Interval(ge=0, le=1e4)] = 0.0,
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height of a cone: one slope, in every direction.
 

@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM, Length, Shape, Side, shape
+from tactograph.nodes.simulate._shape import (
+    PAPER_PIXEL_MM,
+    PixelSide,
+    Shape,
+    Side,
+    check_pixels,
+    shape,
+)
 
 
 @node
 def shape_flat(
-    *, width_px: Side = 320, height_px: Side = 240, pixel_size_mm: Length = PAPER_PIXEL_MM
+    *, width_px: Side = 320, height_px: Side = 240, pixel_size_mm: PixelSide = PAPER_PIXEL_MM
 ) -> Shape:
     """Return a film that nothing touches: the flat frame of a calibration.
 
@@ -23,4 +30,5 @@ def shape_flat(
     -------
     Height H x W, zero, and the pixel size.
     """
+    check_pixels(width_px, height_px)
     return shape(np.zeros((height_px, width_px)), pixel_size_mm)

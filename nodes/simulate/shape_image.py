@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes.simulate._shape import F8, PAPER_PIXEL_MM, Length, Shape, shape
+from tactograph.graph.files.array_files import load_array
+from tactograph.nodes.simulate._shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 
 @node
@@ -16,7 +17,7 @@ def shape_image(
     *,
     file: Path,
     rise_mm: Length | None = None,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height held in a picture or an array; the image is as large as that.
 
@@ -55,15 +56,24 @@ def shape_image(
 def _read(file: Path) -> np.ndarray:
     if not file.is_file():
         raise InputError(f"shape_image: there is no file {file}; give a height map")
-    if file.suffix.lower() == ".npy":
-        try:
-            values = np.load(file, allow_pickle=False)
-        except (OSError, ValueError) as error:
-            raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
-    else:
-        values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
-        if values is None:
-            raise InputError(f"shape_image: {file} is no picture that OpenCV can read; convert it")
+    values = _read_npy(file) if file.suffix.lower() == ".npy" else _read_picture(file)
     if values.dtype.kind not in "iuf":
         raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
+    return np.asarray(values)
+
+
+def _read_npy(file: Path) -> np.ndarray:
+    try:
+        return load_array(file)
+    except (OSError, ValueError) as error:
+        raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
+
+
+def _read_picture(file: Path) -> np.ndarray:
+    try:
+        values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # more pixels than OpenCV allows, or nothing at all
+        values = None
+    if values is None:
+        raise InputError(f"shape_image: {file} is no picture that OpenCV can read; convert it")
     return np.asarray(values)

@@ -13,8 +13,10 @@ from tactograph.nodes.simulate._shape import (
     PAPER_PIXEL_MM,
     Length,
     Offset,
+    PixelSide,
     Shape,
     Side,
+    check_pixels,
     shape,
     turned,
 )
@@ -35,7 +37,7 @@ def shape_mesh(
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height of a mesh that lies on the plane.
 
@@ -67,6 +69,7 @@ def shape_mesh(
     InputError
         If the file cannot be read or holds no triangles.
     """
+    check_pixels(width_px, height_px)
     vertices, triangles = _read(file)
     vertices = _laid_down(vertices, up)
     if length_mm is not None:

@@ -12,6 +12,7 @@ from tactograph.nodes.simulate._shape import (
     PAPER_PIXEL_MM,
     Length,
     Offset,
+    PixelSide,
     Shape,
     Side,
     grid,
@@ -29,7 +30,7 @@ def shape_pyramid(
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height of a pyramid: plane faces, one slope each, and sharp ridges.
 

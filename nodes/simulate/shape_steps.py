@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge
+from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes.simulate._shape import (
     PAPER_PIXEL_MM,
     Length,
     Offset,
+    PixelSide,
     Shape,
     Side,
     grid,
@@ -23,7 +24,7 @@ from tactograph.nodes.simulate._shape import (
 @node
 def shape_steps(
     *,
-    count: Annotated[int, Ge(1)] = 4,
+    count: Annotated[int, Interval(ge=1, le=10_000)] = 4,
     tread_mm: Length = 2.0,
     step_mm: Length = 0.4,
     breadth_mm: Length = 10.0,
@@ -31,7 +32,7 @@ def shape_steps(
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height of a staircase: vertical walls of known height.
 

@@ -11,9 +11,11 @@ from annotated_types import Ge
 from tactograph.graph import InputError, node
 from tactograph.nodes.simulate._shape import (
     F8,
+    MOST_PIXELS,
     PAPER_PIXEL_MM,
     Length,
     Offset,
+    PixelSide,
     Shape,
     Side,
     grid,
@@ -36,7 +38,7 @@ def shape_text(
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
-    pixel_size_mm: Length = PAPER_PIXEL_MM,
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     r"""Return the height of raised letters, in the bold face that Matplotlib brings along.
 
@@ -87,6 +89,11 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     low, high = points.min(0) - 2 * cell_mm, points.max(0) + 2 * cell_mm
     middle = (low + high) / 2
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)
+    if columns * rows > MOST_PIXELS:
+        raise InputError(
+            f"shape_text: size_mm={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
+            "make the letters smaller or the pixels larger"
+        )
     picture = np.zeros((rows, columns), np.uint8)
     # Coordinates with 4 fractional bits; even-odd filling leaves the holes of letters open.
     cells = [np.rint(((o - low) / cell_mm - 0.5) * 16).astype(np.int32) for o in outlines]

@@ -542,3 +542,48 @@ def test_help_loads_neither_numpy_nor_the_planner() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_an_escape_in_a_graph_file_is_no_text(tactograph: Command, write: Write) -> None:
+    graph = write(SLOPES.replace("Height to slopes and back", '"\\e]0;owned\\a"'))
+    assert "a control character is no text" in one_line(tactograph("check", graph))
+
+
+def test_an_escape_in_a_file_s_name_does_not_reach_the_terminal(tactograph: Command) -> None:
+    said = one_line(tactograph("check", "\x1b]0;owned\x07.yaml"))
+    assert "\x1b" not in said
+    assert r"\x1b]0;owned\x07.yaml" in said
+
+
+def test_check_lists_where_a_graph_writes(tactograph: Command, write: Write) -> None:
+    done = tactograph("check", write(WRITING))
+    assert done.code == 0
+    assert "writes: save.folder to $out" in done.out
+
+
+def test_results_do_not_go_into_what_is_read(
+    tactograph: Command, write: Write, captures: Path, height_file: str
+) -> None:
+    before = sorted(captures.rglob("*"))
+    words = [f"capture={captures}", f"file={height_file}", f"out={captures}/a/.."]
+    assert "is what capture=" in one_line(tactograph("run", write(WRITING), *words))
+    assert sorted(captures.rglob("*")) == before
+
+
+def test_a_stream_without_an_item_is_no_success(
+    tactograph: Command, toys: list[str], write: Write
+) -> None:
+    said = one_line(tactograph("run", write(STREAM), "count=0", "--backend", "numpy"))
+    assert "ended before a first item" in said
+
+
+def test_ctrl_c_says_how_to_go_on(
+    tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tactograph.graph.files.read.read_graph", stop)
+    done = tactograph("check", write(SLOPES))
+    assert done.code == 130
+    assert done.err.strip() == command.STOPPED

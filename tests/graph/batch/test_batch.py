@@ -7,6 +7,7 @@ import errno
 import multiprocessing
 import os
 import re
+import shutil
 import signal
 import threading
 import time
@@ -475,3 +476,82 @@ def test_a_capture_that_kills_its_process_is_found_out(
     list(run_batch(out, store, chunks, Processes(2, poisoned)))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
     assert "its process died" in store.read(3).reason
+
+
+def spoil_chunk(store: Path, name: str) -> None:
+    """Overwrite the middle of an array's first chunk."""
+    file = store / name / "c" / "0"
+    file = file if file.is_file() else next(f for f in file.rglob("*") if f.is_file())
+    content = bytearray(file.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 8] = os.urandom(8)
+    file.write_bytes(content)
+
+
+def lose_chunk(store: Path, name: str) -> None:
+    shutil.rmtree(store / name / "c" / "0")
+
+
+def lose_array(store: Path, name: str) -> None:
+    shutil.rmtree(store / name)
+
+
+@pytest.mark.parametrize(
+    ("damage", "again"), [(spoil_chunk, "captures"), (lose_chunk, "3"), (lose_array, "7")]
+)
+def test_what_is_called_done_but_is_damaged_is_done_again(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path, damage, again
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    damage(place, "lit")
+    code, err = batch(tactograph, graph, over, place)
+    assert code == 0
+    assert f"{again}" in err
+    assert "damaged: done again" in err
+    for number, capture in enumerate(captures):
+        np.testing.assert_array_equal(lit(opened(place), number), expected(capture))
+    assert batch(tactograph, graph, over, place) == (0, "")
+
+
+def test_a_store_whose_list_of_captures_is_gone_is_refused(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    shutil.rmtree(place / "capture")
+    code, err = batch(tactograph, graph, over, place)
+    assert code == 2
+    assert "'capture' is missing; remove it, or give another --out" in err
+
+
+def test_a_store_that_speaks_of_endless_captures_is_refused_unread(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    for about in place.glob("*/zarr.json"):
+        about.write_text(
+            re.sub(r'("shape":\s*\[\s*)7', r"\g<1>1000000000000", about.read_text(), count=1)
+        )
+    code, err = batch(tactograph, graph, over, place)
+    assert code == 2
+    assert "is damaged" in err
+
+
+def test_results_that_were_removed_are_made_again(
+    tactograph: Command,
+    toys: list[str],
+    write: Write,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+) -> None:
+    saving = "  save: {op: filed, in: {image: frames.image}, with: {folder: $out}}\noutputs:"
+    graph, place = write(LIT.replace("outputs:", saving), "saving.yaml"), tmp_path / "out"
+    batch(tactograph, graph, over, place)
+    removed = place / str(captures[2]).lstrip("/")
+    shutil.rmtree(removed)
+    code, err = batch(tactograph, graph, over, place)
+    assert (code, "1 captures" in err) == (0, True)
+    assert (removed / "image.npy").is_file()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import shutil
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph.compare.differences import Difference, differences
+from tactograph.graph.compare.report import _pictures
+from tactograph.graph.compare.views import View, load_views, save_views
 from tactograph.graph.files.dump import dump_graph
 from tactograph.graph.files.read import read_graph, shipped_names
 from tests.graph.conftest import Command, Write
@@ -298,3 +301,36 @@ def test_differences_are_told_node_by_node() -> None:
     assert Difference("raw", "op", "integrate_frankot_chellappa", "integrate_dct") in found
     without = differences(base, read_graph("paper_no_flat"))
     assert Difference("light", "input flat", "cal.flat", "smooth") in without
+
+
+def test_a_map_of_which_nothing_is_known_does_not_end_the_report(tmp_path: Path) -> None:
+    unknown = np.full((4, 5), np.nan, np.float32)
+    some = np.where(np.arange(20).reshape(4, 5) > 9, np.float32(1), np.nan).astype(np.float32)
+    runs = {"one": {"height": View("height", "map", "mm", unknown)}}
+    assert _pictures(runs) == []
+    truth = {"truth_height": View("truth_height", "map", "mm", some)}
+    assert _pictures(
+        {"one": runs["one"] | truth, "two": {"height": View("height", "map", "mm", some)}}
+    )
+
+
+def test_cut_off_views_leave_the_report_without_those_pictures(tmp_path: Path) -> None:
+    save_views([View("height", "map", "mm", np.ones((40, 50), np.float32))], tmp_path)
+    file = tmp_path / "views.npz"
+    for kept in (0, 10, file.stat().st_size // 2, file.stat().st_size - 4):
+        file.write_bytes(file.read_bytes()[:kept])
+        assert load_views(tmp_path) == {}
+        save_views([View("height", "map", "mm", np.ones((40, 50), np.float32))], tmp_path)
+
+
+def test_a_full_disk_ends_the_comparison_in_one_line(
+    tmp_path: Path, write: Write, tactograph: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tactograph.graph.compare.compare.save_views", full)
+    done = tactograph("compare", write(ONE, "one.yaml"), "--out", tmp_path / "report")
+    assert done.code == 2
+    assert "cannot be written: No space left on device" in done.err
+    assert not (tmp_path / "report" / "report.html").exists()

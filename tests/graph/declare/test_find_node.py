@@ -170,10 +170,10 @@ def test_a_name_that_two_packages_use_is_an_error_that_names_both(
         load(write(STREAM.format(name="acme_scale")))
 
 
-def test_a_name_that_a_built_in_node_has_is_an_error_that_names_both(install: Install) -> None:
+def test_a_shipped_node_goes_before_a_plug_in_of_its_name(install: Install) -> None:
     install("acme-optics", "flat_field")
-    with pytest.raises(InputError, match="'flat_field', in acme-optics and tactograph"):
-        find_node("flat_field")
+    with pytest.warns(UserWarning, match="'flat_field' of acme-optics is not used"):
+        assert find_node("flat_field").package == "tactograph"
 
 
 def test_an_entry_point_that_holds_no_node_is_refused(install: Install) -> None:

@@ -96,3 +96,9 @@ def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"z\.txt is a folder"):
         write_two(tmp_path)
     assert [f.name for f in tmp_path.iterdir()] == ["z.txt"]
+
+
+def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
+    missing = tmp_path / "elsewhere" / "read.txt"
+    with pytest.raises(InputError, match=r"read\.txt: No such file"), whole_files(tmp_path / "out"):
+        missing.read_text()

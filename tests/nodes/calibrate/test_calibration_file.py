@@ -11,7 +11,8 @@ import pytest
 from tactograph.graph import InputError, Provenance, Wanted
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.calibrate.read_calibration import read_calibration
-from tactograph.nodes.calibrate.write_calibration import write_calibration
+from tactograph.nodes.calibrate.write_calibration import CALIBRATION, write_calibration
+from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 
 RNG = np.random.default_rng(0)
 MADE = Provenance({}, None, [], {}, {}, [], [])
@@ -57,6 +58,43 @@ def test_what_was_written_is_read(file: Path) -> None:
         assert np.allclose(written, read)
 
 
+ABSURD = {
+    "flat": 1e30,
+    "flat ": 1e-30,
+    "dark": 1e30,
+    "pixel_size": 1e30,
+    "pixel_size ": 1e-30,
+    "pixel_size  ": -1.0,
+    "lut_light": 1e30,
+    "lut_slope": 1e30,
+    "reflectance": 1e30,
+    "residual": 1e30,
+    "null": 1e30,
+    "spread": -1.0,
+    "lights": 1e30,
+    "lights ": 1e-30,
+    "noise": 1e30,
+    "noise ": -1.0,
+    "others": 1e30,
+}
+
+
+@pytest.mark.parametrize("name", ABSURD)
+def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
+    with np.load(file) as archive:
+        array = archive[name.strip()]
+    change(file, **{name.strip(): (array * ABSURD[name]).astype(np.float32)})
+    with pytest.raises(InputError, match=f"'{name.strip()}'"):
+        read_calibration(file=file)
+
+
+def test_every_array_of_a_calibration_has_a_range() -> None:
+    for kind in (CALIBRATION, PRESS_CALIBRATION):
+        for name, stored in kind.arrays.items():
+            limits = np.isfinite([stored.low, stored.high]).all()
+            assert limits or np.dtype(stored.dtype).kind != "f", name
+
+
 def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:
     change(file, others=None)
     notes: list[str] = []
@@ -94,7 +132,7 @@ SPOIL = {
     "not above the film": lambda f: change(f, lights=-random(4, 3)),
     "'others' has shape": lambda f: change(f, others=random(7, 4, 3)),
     "'noise' has shape": lambda f: change(f, noise=random(3)),
-    "is not positive": lambda f: change(f, pixel_size=np.float32(0)),
+    "holds 0, which no sensor has": lambda f: change(f, pixel_size=np.float32(0)),
 }
 
 

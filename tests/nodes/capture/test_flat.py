@@ -69,3 +69,10 @@ def test_uneven_light_is_estimated_beside_a_touch() -> None:
     slope[0, 20:40, 30:40], slope[0, 20:40, 40:50] = 0.5, -0.5
     touched = UNEVEN * lambert(slope) / lambert(0 * slope)
     assert np.abs(estimate_flat(touched) / UNEVEN - 1).max() < 0.01
+
+
+def test_a_dark_image_has_the_depth_that_its_capture_says(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "dark.png"), np.full((4, 5), 409, np.uint16))
+    (tmp_path / "capture.yaml").write_text("bits: 12\n")
+    found = read_flat(np.ones((4, 4, 5), np.float32), dark=tmp_path / "dark.png")
+    assert np.allclose(found.dark, 409 / 4095)

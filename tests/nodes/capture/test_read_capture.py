@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
@@ -206,3 +207,95 @@ def test_true_slopes_of_another_size_are_refused(tmp_path: Path, shape: tuple[in
     np.save(write(tmp_path) / "truth_slope.npy", np.zeros(shape, np.float32))
     with pytest.raises(InputError, match=r"truth_slope\.npy"):
         read_one(tmp_path)
+
+
+def dark(counts: int, depth: type = np.uint8):
+    """A lens cap: noise of so many counts."""
+    return RNG.integers(0, counts, (4, 12, 16)).astype(depth)
+
+
+@pytest.mark.parametrize("images", [dark(3), dark(300, np.uint16)], ids=["8 bit", "16 bit"])
+def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images) -> None:
+    with pytest.raises(InputError, match=r"led1\.png: too dark to measure"):
+        read_one(write(tmp_path, images))
+
+
+def test_what_is_dark_for_its_container_is_told_of_bits(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"too dark to measure.*say 'bits: 12'"):
+        read_one(write(tmp_path, dark(250, np.uint16)))
+
+
+def test_dim_light_in_many_bits_is_read(tmp_path: Path) -> None:
+    write(tmp_path, IMAGES.astype(np.uint16))
+    (tmp_path / "capture.yaml").write_text("bits: 12\n")
+    assert read_one(tmp_path).image.max() == pytest.approx(int(IMAGES.max()) / 4095)
+
+
+def test_jpeg_is_read_with_a_warning(tmp_path: Path) -> None:
+    smooth = [np.full((16, 16), 40 * k, np.uint8) for k in range(1, 5)]
+    write(tmp_path, smooth[:3])
+    cv2.imwrite(str(tmp_path / "led4.jpg"), smooth[3])
+    notes: list[str] = []
+    with collect_warnings(notes):
+        capture = read_one(tmp_path)
+    assert np.allclose(255 * capture.image[3], 160, atol=2)
+    assert any("JPEG compression costs accuracy" in note for note in notes)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".jpg"])
+def test_an_orientation_tag_is_refused_in_every_format(tmp_path: Path, suffix: str) -> None:
+    write(tmp_path)
+    (tmp_path / "led2.png").unlink()
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    Image.fromarray(IMAGES[1]).save(tmp_path / f"led2{suffix}", exif=exif)
+    with pytest.raises(InputError, match="orientation tag"):
+        read_one(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff"])
+def test_several_pages_or_frames_are_refused(tmp_path: Path, suffix: str) -> None:
+    write(tmp_path)
+    (tmp_path / "led2.png").unlink()
+    pages = [Image.fromarray(image) for image in IMAGES]
+    pages[0].save(tmp_path / f"led2{suffix}", save_all=True, append_images=pages[1:])
+    with pytest.raises(InputError, match="holds 4 pages or frames"):
+        read_one(tmp_path)
+
+
+def test_transparency_is_refused_and_an_opaque_alpha_channel_read(tmp_path: Path) -> None:
+    write(tmp_path)
+    image = Image.fromarray(IMAGES[1]).convert("LA")
+    image.save(tmp_path / "led2.png")
+    assert np.array_equal(read_one(tmp_path).image, IMAGES / np.float32(255))
+    image.putalpha(100)
+    image.save(tmp_path / "led2.png")
+    with pytest.raises(InputError, match=r"led2\.png: is transparent"):
+        read_one(tmp_path)
+
+
+def test_one_led_in_two_files_is_refused(tmp_path: Path) -> None:
+    cv2.imwrite(str(write(tmp_path) / "led1.tiff"), IMAGES[1])
+    with pytest.raises(InputError, match=r"led1\.png and led1\.tiff are both there"):
+        read_one(tmp_path)
+
+
+def test_what_is_no_8_or_16_bit_image_is_refused(tmp_path: Path) -> None:
+    write(tmp_path)
+    (tmp_path / "led2.png").unlink()
+    Image.fromarray(IMAGES[:3].transpose(1, 2, 0)).convert("CMYK").save(tmp_path / "led2.tiff")
+    with pytest.raises(InputError, match=r"led2\.tiff"):
+        read_one(tmp_path)
+
+
+def test_an_image_larger_than_any_camera_s_is_refused_unread(tmp_path: Path) -> None:
+    write(tmp_path)
+    Image.new("1", (8192, 8192)).save(tmp_path / "led1.png")
+    with pytest.raises(InputError, match="too large for a camera image"):
+        read_one(tmp_path)
+
+
+def test_what_a_killed_writer_left_is_no_capture(tmp_path: Path) -> None:
+    write(tmp_path / "a")
+    write(tmp_path / ".writing-x")
+    assert [c.name for c in read_capture(folder=tmp_path)] == ["a"]

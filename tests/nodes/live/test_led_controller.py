@@ -24,6 +24,7 @@ from tactograph.nodes.live._led_controller import (
     open_controller,
 )
 from tactograph.nodes.live._led_line import frame
+from tactograph.nodes.live._led_port import open_port
 from tactograph.nodes.live._simulated_controller import SimulatedController
 
 pytestmark = pytest.mark.realtime
@@ -206,12 +207,6 @@ def test_silence_is_told_as_silence(board: SimulatedController) -> None:
 def test_a_board_without_the_firmware_is_told_from_silence(board: SimulatedController) -> None:
     board.garble = lambda line: b">>> $1 id*0000\r\nTraceback (most recent call last):\r\n"
     assert "has no firmware yet" in refusal(board.port)
-
-
-def test_any_url_of_pyserial_will_do(board: SimulatedController) -> None:
-    with open_controller(f"spy://{board.port}?file=/dev/null") as controller:
-        controller.set(1)
-        assert lit(board) == [1]
 
 
 # What goes wrong later
@@ -418,3 +413,11 @@ def test_many_threads_may_ask(controller: LedController) -> None:
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(ask, [1, 2, 3, 4]))
+
+
+@pytest.mark.parametrize("port", ["spy:///dev/null?file=written", "socket://localhost:1"])
+def test_a_url_is_no_port(port: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="is no device"):
+        open_port(port, 1.0)
+    assert not list(tmp_path.iterdir())

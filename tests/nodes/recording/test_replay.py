@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType, Writer
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live._frames import RawFrame
+from tactograph.nodes.recording import _mcap_read
 from tactograph.nodes.recording._mcap_log import Limits, McapLog, log_files
+from tactograph.nodes.recording._mcap_read import McapFile
 from tactograph.nodes.recording._ros import image_message, text_message
 from tactograph.nodes.recording.replay import replay
 from tests.nodes.recording.recordings import (
@@ -202,3 +205,21 @@ def test_a_recording_of_which_nothing_is_left_is_an_error(tmp_path: Path) -> Non
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(InputError, match="holds no frame"):
         list(replay(recording=tmp_path, speed=0))
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_chunk_that_would_fill_the_memory_is_lost_not_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: str
+) -> None:
+    monkeypatch.setattr(_mcap_read, "MOST_BYTES", 100_000)
+    kind = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4}[compression]
+    file = tmp_path / "bomb.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, compression=kind)
+        writer.start()
+        channel = writer.register_channel("/led1/image_raw", "cdr", 0)
+        writer.add_message(channel, 0, bytes(1_000_000), 0)
+        writer.finish()
+    found = McapFile(file)
+    assert list(found.messages()) == []
+    assert found.lost > 0

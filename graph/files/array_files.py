@@ -1,0 +1,74 @@
+"""NumPy files, read without pickle and without believing what a header says of their size."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from pathlib import Path
+from typing import IO, Any
+
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+ZIP = b"PK\x03\x04"
+MOST_BYTES = 2**30
+"""Of one file's arrays together, once they are unpacked."""
+
+
+def load_array(file: Path) -> NDArray[Any]:
+    """Read an ``.npy``.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is no array of numbers, holds a pickle, or is shorter than its header says.
+    """
+    with file.open("rb") as stream:
+        if stream.read(len(ZIP)) == ZIP:
+            raise ValueError("it holds several arrays; one is needed")
+        return _checked(stream, file.stat().st_size)
+
+
+def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
+    """Read an ``.npz``.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is damaged, holds a pickle, or unpacks to more than `MOST_BYTES`.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    try:
+        with zipfile.ZipFile(file) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+            if unpacked > MOST_BYTES:
+                raise ValueError(f"its arrays are {unpacked} bytes, {MOST_BYTES} are allowed")
+            for member in archive.infolist():
+                with archive.open(member) as stream:
+                    name = member.filename.removesuffix(".npy")
+                    found[name] = _checked(stream, member.file_size)
+    except (OSError, ValueError, MemoryError):
+        raise
+    except Exception as error:  # a damaged archive fails anywhere inside zipfile and zlib
+        raise ValueError(f"{error}") from None
+    return found
+
+
+def _checked(stream: IO[bytes], size: int) -> NDArray[Any]:
+    """Read one array from a stream of `size` bytes, once its header is known to fit them."""
+    stream.seek(0)
+    version = npy.read_magic(stream)
+    if version not in ((1, 0), (2, 0), (3, 0)):
+        raise ValueError(f"its format {version} is unknown")
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    if dtype.hasobject:
+        raise ValueError("it holds a pickle")
+    if any(side < 0 for side in shape) or math.prod(shape) * dtype.itemsize > size:
+        raise ValueError(f"its header speaks of {shape}, which its {size} bytes do not hold")
+    stream.seek(0)
+    return npy.read_array(stream, allow_pickle=False)

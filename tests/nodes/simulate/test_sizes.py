@@ -1,0 +1,62 @@
+"""A size that follows from a user's number has a bound, said in one line before it is taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.nodes.calibrate.find_ball import find_ball
+from tactograph.nodes.simulate.press import press
+from tactograph.nodes.simulate.shape_ball import shape_ball
+from tactograph.nodes.simulate.shape_flat import shape_flat
+from tactograph.nodes.simulate.shape_mesh import shape_mesh
+from tactograph.nodes.simulate.shape_text import shape_text
+
+LARGE = {"width_px": 16384, "height_px": 16384}
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: shape_ball(**LARGE),
+        lambda: shape_flat(**LARGE),
+        lambda: shape_mesh(file=Path("none.stl"), **LARGE),
+        lambda: shape_text(text="large", size_mm=1e4, pixel_size_mm=1e-4),
+        lambda: press(np.zeros((8, 8), np.float32), 0.001, reach_mm=20),
+        lambda: press(np.zeros((8, 8), np.float32), 0.001, skin_mm=5),
+    ],
+)
+def test_what_would_fill_the_memory_or_the_day_is_refused(make) -> None:
+    with pytest.raises(InputError, match=r"million|fine pixels|px"):
+        make()
+
+
+@pytest.mark.parametrize("radius", [7000.0, 1e12])
+def test_a_ball_that_fits_no_image_is_refused(radius: float) -> None:
+    light = np.ones((4, 60, 80), np.float32)
+    with pytest.raises(InputError, match="does not fit the image of 80 x 60"):
+        find_ball(light, 0.0714, radius_mm=radius)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"pixel_size_mm": 1e-9},
+        {"radius_mm": 1e300},
+        {"changes": {"label.steepest": 1e300}},
+        {"changes": {"shape.radius_mm": 1e-300}},
+    ],
+)
+def test_absurd_numbers_are_refused_before_anything_runs(given, tmp_path: Path) -> None:
+    given = dict(given)
+    reads = {"capture": "none", "calibration": "none"}
+    graph = "reconstruct" if "label" in str(given) else "simulate"
+    changes = given.pop("changes", {})
+    known = reads if graph == "reconstruct" else {"out": str(tmp_path)}
+    with pytest.raises(InputError, match=r"less than|greater than|is needed"):
+        open_pipeline(with_changes(read_graph(graph), changes), {**known, **given}, backend="numpy")
