@@ -262,6 +262,14 @@ class OpenCL:
         return int(self.pool.active_blocks + self.pool.held_blocks)
 
 
+def has_failed(timer: Timer) -> bool:
+    """Whether what the two events stand for ended in an error."""
+    try:
+        return any(event.command_execution_status < 0 for event in timer)
+    except cl.Error:
+        return True
+
+
 def milliseconds(timer: Timer) -> float:
     """The time between the start of the first event and the end of the last, on the device."""
     first, last = timer
