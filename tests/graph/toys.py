@@ -301,6 +301,7 @@ def _launch_struck(run: Launch) -> None:
     fails = run.download(image)[0, 0, 0] == run.settings["at"]
     gate = cl.UserEvent(run.queue.context)
     cl.enqueue_copy(run.queue, run.outputs["struck"].buffer, image.buffer, wait_for=[gate])
+    assert run.timer  # of an event behind the gate
     gate.set_status(cl.status_code.OUT_OF_RESOURCES if fails else 0)
 
 
