@@ -31,9 +31,20 @@ def kernel_source(node: Node) -> str:
     NodeError
         If there is no such file, or its kernel does not match the node's declaration.
     """
-    text = _read(node, f"{node.name}.cl")
     if node.grid is not None:
-        _check(node, text)
+        _check(node, _read(node, f"{node.name}.cl"))
+    return kernel_text(node)
+
+
+def kernel_text(node: Node) -> str:
+    """The same, without a look at the declaration.
+
+    Raises
+    ------
+    NodeError
+        If a file is not there.
+    """
+    text = _read(node, f"{node.name}.cl")
     return _INCLUDE.sub(lambda match: _read(node, match[1]), text)
 
 
