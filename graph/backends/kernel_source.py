@@ -116,13 +116,25 @@ def _c_type(dtype: Any) -> str:
 def kernel_signatures(text: str) -> dict[str, list[Argument]]:
     """Read the arguments of every kernel from a source, by the kernel's name."""
     plain = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", " ")
-    macros = {**dict(_MACRO.findall(plain)), **{new: old for old, new in _TYPE.findall(plain)}}
+    macros = _macros(plain)
     found: dict[str, list[Argument]] = {}
     for name, head in _KERNEL.findall(plain):
         # Arguments that several kernels share are macros; vectors of LANES have a name.
         written = re.sub(r"\w+", lambda word: macros.get(word[0], word[0]), head)
         found[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
     return found
+
+
+def _macros(plain: str) -> dict[str, str]:
+    """What stands for something else, without what stands for another thing elsewhere: PIXEL."""
+    found: dict[str, set[str]] = {}
+    for name, text in (*_MACRO.findall(plain), *((new, old) for old, new in _TYPE.findall(plain))):
+        found.setdefault(name, set()).add(text.strip())
+    return {
+        name: min(texts)
+        for name, texts in found.items()
+        if len({text.rstrip("0123456789") for text in texts}) == 1
+    }
 
 
 def _argument(piece: str) -> Argument:

@@ -329,7 +329,8 @@ class Pipeline:
         found, port = before.get(task.recalls[name]), task.node.inputs[name]
         if found is None or port.kind != "array":
             return found
-        if tuple(d if isinstance(d, int) else sizes[d] for d in port.dims) == found.shape:
+        pairs = zip(port.dims, found.shape, strict=True)
+        if all(size == (d if isinstance(d, int) else sizes.get(d, size)) for d, size in pairs):
             return found
         warn(f"{task.id}: the images have another size than before; it starts afresh")
         return None
@@ -495,8 +496,13 @@ class Pipeline:
             for name, value, is_array in self._sent[task.id]
         }
         for name in task.recalls:
-            is_array = task.node.inputs[name].kind == "array"
-            inputs[name] = self._recall(task, name, sizes, remote=is_array)
+            port = task.node.inputs[name]
+            found = self._recall(task, name, sizes, remote=port.kind == "array")
+            inputs[name] = found
+            if isinstance(found, DeviceArray):
+                # A size that only the data tell is that of the item before.
+                before = zip(port.dims, found.shape, strict=True)
+                sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
         with Blaming(task):
             if launch is None or launch.sizes != sizes:

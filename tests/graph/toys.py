@@ -223,6 +223,15 @@ def opens_once(*, session: Session) -> int:
     return 1
 
 
+@node
+def leaned(image: Light, table: Annotated[F4, Port("M", "1")] | None = None) -> Light:
+    """The image, and all of a table on top; see leaned.cl."""
+    return image if table is None else image + table.sum()
+
+
+leaned.opencl(grid="K H W")
+
+
 class Gate:
     """Where `gated` waits for the test."""
 
@@ -413,5 +422,5 @@ TOYS = (
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
-    "scribbled", "gated", "remembered", "refilled_touches", "struck",
+    "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck",
 )  # fmt: skip

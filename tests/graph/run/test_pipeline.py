@@ -460,3 +460,30 @@ def test_a_device_without_memory_is_named_with_the_transfer(
     monkeypatch.setattr(OpenCL, "start_upload", full)
     with pytest.raises(DeviceError, match="failed at 'upload cal.*MEM_OBJECT"):
         pipeline(frames=np.ones((3, 4, 5), np.float32))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_an_absent_input_with_a_size_of_its_own_is_nothing(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace("  save:", "  more: {op: leaned, in: {image: light}}\n  save:")
+    pipeline = load(write(text.replace("{light: light", "{light: more")), backend=backend)
+    stack = np.ones((3, 4, 5), np.float32)
+    np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack)
+
+
+@pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
+def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
+    toys: list[str], write: Write, maker: str, reader: str
+) -> None:
+    names = {"n": "numpy", "d": "opencl"}
+    nodes = f"""  found: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
+  more:
+    op: leaned
+    in: {{image: light, table: previous.found.light}}
+    backend: {names[reader]}
+  save:"""
+    text = STREAM.replace("  save:", nodes).replace("{light: light", "{light: more")
+    results = list(opened(write(text), None).items())
+    assert [float(result["light"].max()) for result in results] == [1, 2, 43]
+    assert [result.warnings for result in results] == [[], [], []]
