@@ -307,9 +307,7 @@ class Pipeline:
 
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         self._steps(self._stream, self._known, given, repeats)
-        outputs = {
-            name: _lent(self._host[value]) for name, value in self.plan.outputs.items()
-        }
+        outputs = {name: _lent(self._host[value]) for name, value in self.plan.outputs.items()}
         yielded = [
             Value(name, port) for name in given for port in self.plan.tasks[name].node.outputs
         ]

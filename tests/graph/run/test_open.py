@@ -168,12 +168,8 @@ def test_params_of_any_name_can_be_given(toys: list[str], write: Write) -> None:
 
 @pytest.mark.parametrize("make", [np.float32, np.float64, np.int64, np.array])
 def test_numbers_of_numpy_are_numbers(toys: list[str], write: Write, make: Any) -> None:
-    pipeline = load(
-        write(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)}
-    )
+    pipeline = load(write(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)})
     (result,) = pipeline.items()
     assert (result["one"].max(), result["two"].max()) == (2, 4)
-    changed = load(
-        write(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()}
-    )
+    changed = load(write(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()})
     assert pipeline.plan.graph.hash == changed.plan.graph.hash

@@ -48,8 +48,9 @@ nodes:
 outputs: {shadow: shadow}
 """
     shape = text.replace("shrinking_touches", f"read_height, with: {{file: {height_file}}}")
-    text = shape.replace("shadow_linear", "rest_at_border").replace("light: frames.image",
-                                                                    "height: frames")
+    text = shape.replace("shadow_linear", "rest_at_border").replace(
+        "light: frames.image", "height: frames"
+    )
     (result,) = opened(write(text)).items()
     assert not result["shadow"].flags.writeable
 
@@ -78,8 +79,10 @@ def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
 def test_whatever_the_caller_hands_in_is_not_what_comes_out(
     toys: list[str], write: Write, make: Any
 ) -> None:
-    text = WAITING.replace("op: flat_field, in: {image: frames.image, flat: cal.flat, "
-                           "dark: cal.dark}", "op: passed_on, in: {image: frames.image}")
+    text = WAITING.replace(
+        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
+        "op: passed_on, in: {image: frames.image}",
+    )
     buffer = level(1)
     result = load(write(text), backend="numpy")(frames=make(buffer))
     buffer[...] = 2
@@ -87,9 +90,11 @@ def test_whatever_the_caller_hands_in_is_not_what_comes_out(
 
 
 def test_a_node_that_writes_into_its_input_is_named(toys: list[str], write: Write) -> None:
-    text = WAITING.replace("op: noted", "op: scribbling").replace(
-        "score: score}", "score: score, save: save}"
-    ).replace("{image: light}", "{image: frames.image}")
+    text = (
+        WAITING.replace("op: noted", "op: scribbling")
+        .replace("score: score}", "score: score, save: save}")
+        .replace("{image: light}", "{image: frames.image}")
+    )
     stack = level(1)
     with pytest.raises(NodeError, match=r"'save' \(scribbling\).*read-only"):
         load(write(text), backend="numpy")(frames=stack)
@@ -112,9 +117,13 @@ def test_figures_that_one_reader_changes_are_whole_for_the_others(
 
 
 def test_a_source_may_refill_its_own_buffer(toys: list[str], write: Write) -> None:
-    text = STREAM.replace("op: touches", "op: refilled_touches").replace(
-        "  score:",
-        "  sum: {op: summed, in: {image: light, before: previous.frames.image}}\n  score:",
-    ).replace("{light: light,", "{light: light, sum: sum,")
+    text = (
+        STREAM.replace("op: touches", "op: refilled_touches")
+        .replace(
+            "  score:",
+            "  sum: {op: summed, in: {image: light, before: previous.frames.image}}\n  score:",
+        )
+        .replace("{light: light,", "{light: light, sum: sum,")
+    )
     results = [float(result["sum"].mean()) for result in opened(write(text)).items()]
     assert results == [1, 3, 5]

@@ -458,7 +458,7 @@ def test_a_device_without_memory_is_named_with_the_transfer(
         raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
 
     monkeypatch.setattr(OpenCL, "start_upload", full)
-    with pytest.raises(DeviceError, match="failed at 'upload cal.*MEM_OBJECT"):
+    with pytest.raises(DeviceError, match=r"failed at 'upload cal.*MEM_OBJECT"):
         pipeline(frames=np.ones((3, 4, 5), np.float32))
 
 

@@ -25,8 +25,10 @@ def opened(graph: str) -> Pipeline:
 def test_a_second_thread_is_refused_while_the_first_is_at_work(
     toys: list[str], write: Write
 ) -> None:
-    text = WAITING.replace("op: flat_field, in: {image: frames.image, flat: cal.flat, "
-                           "dark: cal.dark}", "op: gated, in: {image: frames.image}")
+    text = WAITING.replace(
+        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
+        "op: gated, in: {image: frames.image}",
+    )
     pipeline = load(write(text), backend="numpy")
     found: list[float] = []
     Gate.close()
