@@ -211,7 +211,7 @@ def test_a_record_is_read_from_a_node_that_gives_one(write: Write) -> None:
         "format: 1\nextends: paper\npatch:\n"
         "  - {replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}"
     )
-    assert "'index' takes all outputs of a node that gives a" in refusal(file)
+    assert "'index' takes a node that gives all of a LutIndex" in refusal(file)
 
 
 def test_a_value_for_a_param_that_is_not_there_is_refused(write: Write) -> None:
