@@ -44,6 +44,9 @@ PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight other places of the LEDs, as far off as they may well be: the mean square of what they
 change is the variance that the LEDs' calibration leaves."""
+Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
+"""(k1, k2, cx, cy, a, b, gx, gy): how the camera departs from an even grid, see `light._lens`;
+zeros where it does not."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
