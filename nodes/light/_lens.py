@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, Lens
 
 TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
-STEPS = 4
-"""Newton's on the inverse of L2: from 5 % of distortion 2e-3, 3e-6, 1e-11."""
+STEPS = 3
+"""Newton's on the inverse of L2: from 20 % of distortion they leave 2e-2, 2e-4, 2e-8."""
 
 Places = NDArray[Any]
 
@@ -40,8 +40,9 @@ def seen_offset(lens: Sequence[Any] | Lens, u: Places, v: Places) -> tuple[Place
     """Return (x - u, y - v), by L1 and L2; exactly zero without a lens."""
     k1, k2, cx, cy, a, b, gx, gy = lens
     w = gx * u + gy * v
-    qu = (a * u + b * v - w * u) / (w + 1)
-    qv = (b * u - a * v - w * v) / (w + 1)
+    nearer = 1 / (w + 1)
+    qu = (a * u + b * v - w * u) * nearer
+    qv = (b * u - a * v - w * v) * nearer
     du, dv = u + qu - cx, v + qv - cy
     square = du * du + dv * dv
     bent = square * (k1 + k2 * square)
@@ -62,8 +63,8 @@ def ideal_offset(lens: Sequence[Any] | Lens, x: Places, y: Places) -> tuple[Plac
     qx, qy = cx + f * dx, cy + f * dy
     m00, m01 = a - qx * gx + 1, b - qx * gy
     m10, m11 = b - qy * gx, 1 - a - qy * gy
-    whole = m00 * m11 - m01 * m10
-    return (m11 * qx - m01 * qy) / whole - x, (m00 * qy - m10 * qx) / whole - y
+    part = 1 / (m00 * m11 - m01 * m10)
+    return (m11 * qx - m01 * qy) * part - x, (m00 * qy - m10 * qx) * part - y
 
 
 def seen_places(lens: Lens, shape: tuple[int, int]) -> tuple[F4, F4]:
@@ -80,7 +81,8 @@ def _moved(lens: Lens, shape: tuple[int, int], offset: Any) -> tuple[F4, F4]:
     rows, columns = shape
     half = half_diagonal(shape)
     row, column = np.mgrid[:rows, :columns].astype(np.float32)
-    u = (column - np.float32(0.5) * np.float32(columns - 1)) / half
-    v = (row - np.float32(0.5) * np.float32(rows - 1)) / half
+    scale = np.float32(1) / half
+    u = (column - np.float32(0.5) * np.float32(columns - 1)) * scale
+    v = (row - np.float32(0.5) * np.float32(rows - 1)) * scale
     du, dv = offset(lens, u, v)
     return column + half * du, row + half * dv
