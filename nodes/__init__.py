@@ -41,6 +41,8 @@ Mask = Annotated[U1, Port("H W", "flag", high=1)]
 """1 where a pixel counts, else 0."""
 PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]
 """Side of a pixel on the film."""
+Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
+"""1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight other places of the LEDs, as far off as they may well be: the mean square of what they
 change is the variance that the LEDs' calibration leaves."""

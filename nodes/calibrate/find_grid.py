@@ -65,5 +65,3 @@ def _tried(image: GreyImage, pattern: str) -> Iterator[tuple[str, Lattice | None
         yield "dots", find_dots(image)
     if pattern != "dots":
         yield "checkerboard", find_corners(image)
-
-

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Lens
+from tactograph.nodes import F4, I4, Lens
 
 TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
 STEPS = 3
@@ -86,3 +86,12 @@ def _moved(lens: Lens, shape: tuple[int, int], offset: Any) -> tuple[F4, F4]:
     v = (row - np.float32(0.5) * np.float32(rows - 1)) * scale
     du, dv = offset(lens, u, v)
     return column + half * du, row + half * dv
+
+
+def nearest_ideal(lens: Lens, shape: tuple[int, int]) -> tuple[I4, I4]:
+    """Return row and column of the ideal pixel nearest to where each pixel looks."""
+    rows, columns = shape
+    x, y = ideal_places(lens, shape)
+    column = np.clip(x, np.float32(0), np.float32(columns - 1)) + np.float32(0.5)
+    row = np.clip(y, np.float32(0), np.float32(rows - 1)) + np.float32(0.5)
+    return row.astype(np.int32), column.astype(np.int32)

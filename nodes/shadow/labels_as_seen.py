@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tactograph.graph import Flips, node
 from tactograph.nodes import Labels, Lens
-from tactograph.nodes.light._lens import ideal_places
+from tactograph.nodes.light._lens import nearest_ideal
 
 
 @node(
@@ -28,11 +26,7 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     """
     if not lens.any():
         return labels
-    rows, columns = labels.shape
-    x, y = ideal_places(lens, labels.shape)
-    column = np.clip(x, np.float32(0), np.float32(columns - 1)) + np.float32(0.5)
-    row = np.clip(y, np.float32(0), np.float32(rows - 1)) + np.float32(0.5)
-    return labels[row.astype(np.int32), column.astype(np.int32)]
+    return labels[nearest_ideal(lens, labels.shape)]
 
 
 labels_as_seen.opencl(grid="H W", row_lanes=True)
