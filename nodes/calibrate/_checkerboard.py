@@ -35,9 +35,9 @@ def find_corners(image: F4) -> Lattice | None:
         return None
     half = int(np.clip(WINDOW * found.pitch * factor, 2, 40))
     levels = np.uint8(np.clip(255 * image / image.max(), 0, 255))
-    rough = np.float32(factor * (found.place + 0.5) - 0.5)[:, None]
+    rough = np.ascontiguousarray(factor * (found.place + 0.5) - 0.5, np.float32)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
-    return on_lattice(cv2.cornerSubPix(levels, rough, (half, half), (-1, -1), stop)[:, 0])
+    return on_lattice(cv2.cornerSubPix(levels, rough, (half, half), (-1, -1), stop))
 
 
 def _saddles(image: F4, sigma: float) -> Points:

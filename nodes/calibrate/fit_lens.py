@@ -22,6 +22,9 @@ RADIAL = ((), ("k1",), ("k1", "cx", "cy"), ("k1", "k2"), ("k1", "k2", "cx", "cy"
 TILT = ("a", "b", "gx", "gy")
 OUTLIER = 5.0
 """Standard deviations, by the median, from where a mark is left out."""
+EXACT = 0.03
+"""Px to which a mark's place can be trusted, however well marks fit: a lens that explains less is
+no better than none, which leaves images as they are."""
 WORST = 0.05
 """Of the pitch: a grid that departs by more is no even one."""
 NEAR = 0.75
@@ -81,7 +84,7 @@ def fit_lens(
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
     seen = (marks.place.astype(np.float64) - middle) / half
     kept = _fitting(seen, marks.cell)
-    pose, lens = _simplest(seen[kept], marks.cell[kept])
+    pose, lens = _simplest(seen[kept], marks.cell[kept], EXACT / half)
     departure = half * (seen - _predicted(pose, lens, marks.cell))
     departure[~kept] = np.nan
     residual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
@@ -124,13 +127,13 @@ def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
     return kept
 
 
-def _simplest(seen: Places, cell: Places) -> tuple[Places, Places]:
-    """Pose and lens of the lowest information criterion, n ln(S / n) + p ln(n)."""
+def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]:
+    """Pose and lens of the lowest information criterion, n ln(S / n + exact^2) + p ln(n)."""
     best, least = None, np.inf
     for tilt, radial in product(((), TILT), RADIAL):
         pose, lens, squares = _fit(seen, cell, (*radial, *tilt))
         number = POSE + len(radial) + len(tilt)
-        criterion = seen.size * np.log(squares / seen.size + 1e-16) + number * np.log(seen.size)
+        criterion = seen.size * np.log(squares / seen.size + exact**2) + number * np.log(seen.size)
         if criterion < least:
             best, least = (pose, lens), criterion
     assert best is not None

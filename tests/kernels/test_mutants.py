@@ -241,7 +241,6 @@ MUTANTS = {
     },
     "undistort": {
         "no lens": ("bent = is_bent(lens)", "bent = 0"),
-        "never to the bit": ("bent = is_bent(lens)", "bent = 1 + 0 * is_bent(lens)"),
         "the quartic term forgotten": ("k1 + k2 * square", "k1"),
         "the centre forgotten": ("du = u + qu - cx", "du = u + qu"),
         "tilt as shear": ("a * u + b * v - w * u", "a * u - b * v - w * u"),
@@ -260,7 +259,7 @@ MUTANTS = {
         ),
     },
     "as_seen": {
-        "one step of Newton's": ("#define STEPS 3", "#define STEPS 1"),
+        "one step of Newton's": ("#define STEPS 4", "#define STEPS 1"),
         "the quartic term forgotten": ("two * ff * ff + 1.0f) - 1.0f", "1.0f) - 1.0f"),
         "as undistorted": (
             "ideal_places(lens, row, column, H, W, &u, &v);",
