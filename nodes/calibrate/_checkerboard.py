@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter
 
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate._dots import LARGEST
+from tactograph.nodes.calibrate._dots import reduced
 from tactograph.nodes.calibrate._lattice import Lattice, on_lattice
 
 SIGMAS = (1.5, 3.0)
@@ -27,14 +27,13 @@ Points = NDArray[Any]
 
 def find_corners(image: F4) -> Lattice | None:
     """Return the corners that lie on one lattice, in px; None if there are not enough."""
-    factor = -(-max(image.shape) // LARGEST)
-    small = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+    small, factor = reduced(image)
     lattices = [on_lattice(_saddles(small, sigma)) for sigma in SIGMAS]
     found = max(filter(None, lattices), key=lambda lattice: len(lattice.place), default=None)
     if found is None or not HALF[0] < _dark_part(small, found) < HALF[1]:
         return None
     half = int(np.clip(WINDOW * found.pitch * factor, 2, 40))
-    levels = np.uint8(np.clip(255 * image / image.max(), 0, 255))
+    levels = np.clip(255 * image / image.max(), 0, 255).astype(np.uint8)
     rough = np.ascontiguousarray(factor * (found.place + 0.5) - 0.5, np.float32)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
     return on_lattice(cv2.cornerSubPix(levels, rough, (half, half), (-1, -1), stop))

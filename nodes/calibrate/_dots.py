@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate._lattice import FEWEST, Lattice, on_lattice
+from tactograph.nodes.calibrate._lattice import FEWEST, Lattice, neighbours, on_lattice
 
 LARGEST = 800
 """Dots are looked for in an image of at most so many px, and measured in the whole one."""
@@ -32,10 +31,16 @@ class Blobs(NamedTuple):
     sign: int
 
 
-def find_dots(image: F4) -> Lattice | None:
-    """Return the dots that lie on one lattice, in px; None if there are not enough."""
+def reduced(image: F4) -> tuple[F4, int]:
+    """The image in at most LARGEST px, and by what factor."""
     factor = -(-max(image.shape) // LARGEST)
     small = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32), factor
+
+
+def find_dots(image: F4) -> Lattice | None:
+    """Return the dots that lie on one lattice, in px; None if there are not enough."""
+    small, factor = reduced(image)
     rough, blobs = None, None
     for part in SURROUNDINGS:
         for found in _blobs(small, part):
@@ -53,10 +58,11 @@ def _blobs(image: F4, part: float) -> list[Blobs]:
     """Dark and bright blobs, the light evened over a part of the image."""
     around = cv2.GaussianBlur(image, (0, 0), part * max(image.shape))
     even = image / np.maximum(around, np.float32(1e-3))
-    levels = np.uint8(np.clip(100 * even, 0, 255))
-    _, above = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    found = [Blobs(*_round_blobs(255 - above), -1), Blobs(*_round_blobs(above), 1)]
-    return [blobs for blobs in found if _is_sparse(blobs)]
+    levels = np.clip(100 * even, 0, 255).astype(np.uint8)
+    _, found = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    above = np.asarray(found, np.uint8)
+    both = [Blobs(*_round_blobs(255 - above), -1), Blobs(*_round_blobs(above), 1)]
+    return [blobs for blobs in both if _is_sparse(blobs)]
 
 
 def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
@@ -81,7 +87,7 @@ def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
 def _is_sparse(blobs: Blobs) -> bool:
     if len(blobs.place) < FEWEST:
         return False
-    gaps = KDTree(blobs.place).query(blobs.place, k=2)[0][:, 1]
+    gaps, _ = neighbours(blobs.place, 1)
     return bool(np.pi * blobs.radius**2 < MOST_COVERED * np.median(gaps) ** 2)
 
 

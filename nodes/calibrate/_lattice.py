@@ -27,7 +27,14 @@ class Lattice(NamedTuple):
     @property
     def pitch(self) -> float:
         """The distance of neighbours in px."""
-        return float(np.median(KDTree(self.place).query(self.place, k=2)[0][:, 1]))
+        distances, _ = neighbours(self.place, 1)
+        return float(np.median(distances))
+
+
+def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
+    """Distances and numbers of the nearest other points, N x `count` each."""
+    found: Any = KDTree(points).query(points, k=count + 1)
+    return found[0][:, 1:], found[1][:, 1:]
 
 
 def on_lattice(points: Points) -> Lattice | None:
@@ -39,7 +46,7 @@ def on_lattice(points: Points) -> Lattice | None:
     if len(points) < FEWEST:
         return None
     tree = KDTree(points)
-    step = _step(points, tree)
+    step = _step(points)
     start = int(np.argmin(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
     cells = {start: (0, 0)}
     taken = {(0, 0)}
@@ -48,12 +55,12 @@ def on_lattice(points: Points) -> Lattice | None:
         at, along, down = queue.popleft()
         for i, j in STEPS:
             want = i * along + j * down
-            distance, near = tree.query(points[at] + want)
-            cell = (cells[at][0] + i, cells[at][1] + j)
-            if near in cells or cell in taken or distance > REACH * np.hypot(*want):
+            distance, nearest = tree.query(points[at] + want)
+            near, place = int(nearest), (cells[at][0] + i, cells[at][1] + j)
+            if near in cells or place in taken or distance > REACH * np.hypot(*want):
                 continue
-            cells[near] = cell
-            taken.add(cell)
+            cells[near] = place
+            taken.add(place)
             went = (points[near] - points[at]) * (i + j)
             queue.append((near, went, down) if i else (near, along, went))
     which = np.array(list(cells))
@@ -63,10 +70,12 @@ def on_lattice(points: Points) -> Lattice | None:
     return Lattice(points[which], cell)
 
 
-def _step(points: Points, tree: KDTree) -> Points:
+def _step(points: Points) -> Points:
     """The usual step to a neighbour, turned by quarters to be nearest to the rows."""
-    distances, near = tree.query(points, k=5)
-    pitch = np.median(distances[:, 1])
-    steps = (points[near[:, 1:]] - points[:, None])[distances[:, 1:] < 1.25 * pitch]
+    distances, near = neighbours(points, 4)
+    steps = (points[near] - points[:, None])[distances < 1.25 * np.median(distances[:, 0])]
     angle = np.angle(np.mean(np.exp(4j * np.arctan2(steps[:, 1], steps[:, 0])))) / 4
-    return np.median(np.linalg.norm(steps, axis=1)) * np.array([np.cos(angle), np.sin(angle)])
+    usual: Points = np.median(np.linalg.norm(steps, axis=1)) * np.array(
+        [np.cos(angle), np.sin(angle)]
+    )
+    return usual

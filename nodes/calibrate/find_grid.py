@@ -52,7 +52,7 @@ def find_grid(
     """
     for name, found in _tried(image, pattern):
         if found is not None:
-            return GridMarks(np.float32(found.place), np.int32(found.cell), name)
+            return GridMarks(np.asarray(found.place, np.float32), found.cell, name)
     what = {"auto": "dots or corners", "dots": "dots", "checkerboard": "corners"}[pattern]
     raise InputError(
         f"the image shows no square lattice of {FEWEST} {what} or more in three rows and columns; "

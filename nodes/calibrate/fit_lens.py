@@ -113,7 +113,7 @@ def fit_lens(
     if camera_mm is not None:
         sine = np.hypot(lens[6], lens[7]) * camera_mm / (half * pixel)
         quality["tilt_deg"] = float(np.degrees(np.arcsin(min(sine, 1.0))))
-    return LensFit(np.float32(lens), pixel, residual, np.float32(departure), quality)
+    return LensFit(lens.astype(np.float32), pixel, residual, departure.astype(np.float32), quality)
 
 
 def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:

@@ -44,7 +44,7 @@ def undistort_presses(
     rows, columns = first.shape[1:]
     presses = [undistort(press, lens) for press in cut(image, rows)]
     half = float(half_diagonal((rows, columns)))
-    place = known[:, :2] - np.float32([(columns - 1) / 2, (rows - 1) / 2])
+    place = known[:, :2] - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)
     offset = np.stack(ideal_offset(lens, place[:, 0] / half, place[:, 1] / half), axis=1)
     circles = known.copy()
     circles[:, :2] += half * offset

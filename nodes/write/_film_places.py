@@ -100,7 +100,7 @@ def on_even_grid(
         low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
     x, y = seen((low + high) / 2)
     inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
-    found = between_pixels(height, np.float32(x), np.float32(y))
+    found = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
     nowhere = np.float32(np.nan)
     return np.where(inside, found, nowhere), [
         np.where(inside, np.float32(_linear(other, x, y)), nowhere) for other in others
