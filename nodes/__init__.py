@@ -43,11 +43,16 @@ PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]
 """Side of a pixel on the film."""
 Albedo = Annotated[float, Port(unit="1", high=0.95)]
 """Share of the light that the film reflects."""
+Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
+"""1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight other places of the LEDs, as far off as they may well be: the mean square of what they
 change is the variance that the LEDs' calibration leaves."""
-Camera = Annotated[float, Port(unit="1/mm", high=0.02)]
-"""1 / D: the pupil is D above the film at rest; 0: infinitely far."""
+Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
+"""(k1, k2, cx, cy, a, b, gx, gy): how the camera departs from an even grid, see `light._lens`;
+zeros where it does not."""
+Grain = Annotated[float, Port(unit="1", high=0.03)]
+"""Standard deviation of the light from the model, beyond the camera's noise, as a share of it."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
@@ -102,7 +107,9 @@ class Film(NamedTuple):
     """The coat's refractive index; 1: no coat."""
     albedo: Albedo
     """rho: the share of light that the film throws back, for light from film to film."""
-    camera: Camera
+    camera: Vergence
+    grain: Grain
+    """What texture, dirt and an imperfect model add to the noise of the light."""
 
 
 class ShadowRises(NamedTuple):

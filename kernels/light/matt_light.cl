@@ -18,6 +18,7 @@ LANED __kernel void matt_light(
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
     const float film_index, const float film_albedo, const float film_camera,
+    const float film_grain,
     const float pixel,
     __global const float *restrict bounced,
     __global float *restrict light_,
@@ -39,7 +40,8 @@ LANED __kernel void matt_light(
         shown[k] = load_floats(light + i, count);
         if (bounced) shown[k] -= load_floats(bounced + i, count);
         scale[k] = 1.0f / (touched * direct_share(&film, k));
-        store_floats(load_floats(sigma + i, count) * scale[k], sigma_ + i, count);
+        const floats spread = load_floats(sigma + i, count), grain = film_grain * shown[k];
+        store_floats(sqrt(spread * spread + grain * grain) * scale[k], sigma_ + i, count);
         if (affine) {
             const float share = film_diffuse[k] / direct_share(&film, k);
             store_floats(shown[k] * scale[k] - share, light_ + i, count);

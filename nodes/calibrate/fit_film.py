@@ -9,8 +9,9 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, SizeLimit, node
-from tactograph.nodes import F4, Albedo, Camera, Light, LightPlaces, LightPositions, Metrics, PixelSize
+from tactograph.nodes import F4, Albedo, Grain, Light, LightPlaces, LightPositions, Metrics, Noise, PixelSize, Vergence
 from tactograph.nodes.calibrate._film_fit import (
+    FAINT,
     PARTS,
     Balls,
     Fitted,
@@ -40,6 +41,8 @@ NOTICEABLE = 0.02
 """... and by so many degrees."""
 MOST_ALBEDO = 0.95
 """Of a film that a bounce is computed for."""
+NOISY = 1.5
+"""Times the camera's noise, up to which a departure is no more than that."""
 STEPS = 4
 """Of a normal, from the ball's own."""
 EXACT = 0.1
@@ -65,7 +68,8 @@ class FilmFit(NamedTuple):
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
     index: Annotated[float, Port(unit="1", low=1, high=1.6)]
     albedo: Albedo
-    camera: Camera
+    camera: Vergence
+    grain: Grain
     residual: Annotated[F4, Port("K", "1")]
     quality: Metrics
 
@@ -80,6 +84,7 @@ def fit_film(
     lights: LightPositions,
     strength: Annotated[F4, Port("K", "1")],
     others: LightPlaces,
+    noise: Noise,
     pixel: PixelSize,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
@@ -105,6 +110,8 @@ def fit_film(
         P x 3 in px, P in mm, and 1 for each press that is used.
     lights, strength, others
         K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` gives them.
+    noise
+        (shot, read), as `estimate_noise` gives it.
     pixel
         mm per px.
     camera_mm
@@ -140,6 +147,7 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
+    typed["grain"] = _grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
         **typed,
@@ -269,6 +277,16 @@ def _properties(best: _Model) -> Metrics:
     if film.camera > 0:
         said["camera_mm"] = 1 / film.camera
     return said | {"film_residual_percent": 100 * best.fitted.scale}
+
+
+def _grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
+    """What light departs from the model by, as a share of it, beyond the camera's noise."""
+    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
+    camera = (noise[0] * level * balls.light + noise[1]) / level**2
+    whole = np.maximum(balls.light, FAINT)
+    found = np.median(np.square(left / whole)) / 0.455
+    alone = np.median(camera / whole**2)
+    return float(np.sqrt(found - alone)) if found > NOISY**2 * alone else 0.0
 
 
 def _sample(

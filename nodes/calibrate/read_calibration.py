@@ -11,8 +11,9 @@ from tactograph.graph import EVERYTHING, InputError, Port, Wanted, node, warn
 from tactograph.nodes import (
     F4,
     Albedo,
-    Camera,
     Dark,
+    Grain,
+    Lens,
     Light,
     LightPlaces,
     LightPositions,
@@ -24,6 +25,7 @@ from tactograph.nodes import (
     PixelSize,
     Reflectance,
     Spread,
+    Vergence,
 )
 from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION
@@ -59,7 +61,9 @@ class Calibration(NamedTuple):
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
     index: Annotated[float, Port(unit="1", low=1, high=1.6)]
     albedo: Albedo
-    camera: Camera
+    camera: Vergence
+    grain: Grain
+    lens: Lens
 
 
 @node
@@ -91,4 +95,5 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
                 "leave out; calibrate again"
             )
     # A file from before the film was described is that of a matt film.
+    found.setdefault("lens", np.zeros(8, np.float32))
     return Calibration(**{**matt_film(found["lights"])._asdict(), **found})

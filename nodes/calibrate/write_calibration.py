@@ -12,6 +12,7 @@ from tactograph.nodes import (
     F4,
     Dark,
     Film,
+    Lens,
     Light,
     LutLight,
     LutLit,
@@ -61,21 +62,30 @@ CALIBRATION = FileKind(
             low=-1e8,
             high=1e8,
         ),
-        "diffuse": Stored("K", "share of an LED's light that the gel diffuses", required=False),
+        "diffuse": Stored("K", "share of an LED's light that the gel diffuses", required=False, low=0, high=0.99),
         "harmonics": Stored(
             "K 8 6",
             "harmonics x y z-1 xy xz yz xx-yy 3(zz-1) of the unit normal, by 1 u v uu uv vv",
             required=False,
+            low=-100,
+            high=100,
         ),
-        "flattest": Stored("", "smallest n_z that was pressed", required=False),
-        "reach": Stored("", "mm, the unit of u and v", required=False),
-        "gain": Stored("", "light of touched film relative to untouched film", required=False),
-        "contact": Stored("", "mm, height from which film counts as touched", required=False),
-        "base": Stored("", "albedo of the base under the coat", required=False),
-        "roughness": Stored("", "Beckmann's alpha of the coat", required=False),
-        "index": Stored("", "refractive index of the coat; 1: none", required=False),
-        "albedo": Stored("", "share of light that the film throws back", required=False),
-        "camera": Stored("", "1/mm, one over the pupil's height; 0: far", required=False),
+        "flattest": Stored("", "smallest n_z that was pressed", required=False, low=0, high=1),
+        "reach": Stored("", "mm, the unit of u and v", required=False, low=1e-06, high=1000000.0),
+        "gain": Stored("", "light of touched film relative to untouched film", required=False, low=0.1, high=10),
+        "contact": Stored("", "mm, height from which film counts as touched", required=False, low=1e-09, high=1000.0),
+        "base": Stored("", "albedo of the base under the coat", required=False, low=0.001, high=1000.0),
+        "roughness": Stored("", "Beckmann's alpha of the coat", required=False, low=0.01, high=10),
+        "index": Stored("", "refractive index of the coat; 1: none", required=False, low=1, high=10),
+        "albedo": Stored("", "share of light that the film throws back", required=False, low=0, high=0.95),
+        "camera": Stored("", "1/mm, one over the pupil's height; 0: far", required=False, low=0, high=10),
+        "grain": Stored(
+            "", "light departs by this share, beyond the camera's noise", required=False, low=0, high=1
+        ),
+        "lens": Stored(
+            "8", "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
+            required=False, low=-10, high=10,
+        ),
     },
 )
 
@@ -94,6 +104,7 @@ def write_calibration(
     spread: Spread,
     film: Film,
     noise: Noise,
+    lens: Lens,
     quality: Metrics,
     *,
     file: Path,
@@ -117,6 +128,8 @@ def write_calibration(
         The LEDs, the film and the camera.
     noise
         (shot, read).
+    lens
+        Of length 8, as `read_lens` gives it.
     quality
         How good the calibration is, for people and for ``result.json``.
     file
@@ -140,5 +153,6 @@ def write_calibration(
         "spread": spread,
         **film._asdict(),
         "noise": noise,
+        "lens": lens,
     }
     write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})

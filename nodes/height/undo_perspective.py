@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Camera, Height
+from tactograph.nodes import Vergence, Height
 
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
-def undo_perspective(height: Height, camera: Camera) -> Height:
+def undo_perspective(height: Height, camera: Vergence) -> Height:
     """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`).
 
     Parameters

@@ -69,6 +69,7 @@ def matt_film(lights: Array) -> Film:
         index=1.0,
         albedo=0.0,
         camera=0.0,
+        grain=0.0,
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, Light
+from tactograph.nodes import F4, Grain, Light
 from tactograph.nodes.light.coarsen import coarsen
 
 TERMS, TERMS_OF, SUMS = 6, (1, 3, 6), 21 + 8 * 7
@@ -24,6 +24,8 @@ FEWEST = 0.05
 """Share of the cells that must be calm; a film that is all touch tells nothing."""
 MOST_CELLS = 8000
 """More tell nothing new: they are put together, four into one, until there are no more."""
+COARSE = 0.5
+"""Share of the film's grain that is wider than a cell."""
 AROUND = 5
 """Side in cells of what lies around a cell; its mean is so many times less noisy."""
 HELD = 0.003
@@ -42,6 +44,7 @@ def film_drift(
     light: Light,
     sigma: Light | None = None,
     before: Drift | None = None,
+    grain: Grain | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
@@ -72,6 +75,8 @@ def film_drift(
         (none: 0), both on cells, as `coarsen` gives them.
     before
         K x 6, the drift of the item before; none: 1 everywhere.
+    grain
+        Of the film; half of it counts as calm, too, since texture is wider than a cell.
     degree
         0: a factor per LED; 1 or 2: a polynomial in x and y.
     rate
@@ -106,6 +111,7 @@ def film_drift(
         before[:, 0] = 1
     lit = np.asarray(cells / np.maximum(_gain(before, basis), DARKEST), np.float32)
     other = before * _border_level(lit, rows, columns)[:, None]
+    rough += COARSE * (grain or 0.0)
     widest = np.float32(rough + SEARCH[0])
     better = _calm(cells, noise, basis, other, widest).sum()
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
@@ -223,6 +229,7 @@ def _launch(run: Launch) -> None:
     sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
     used, rough = TERMS_OF[run.settings["degree"]], float(run.settings["rough"])
+    rough += COARSE * float(run.inputs.get("grain") or 0.0)
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))

@@ -64,7 +64,7 @@ def matt_light(
     Returns
     -------
     MattLight
-        Both K x H x W.
+        Both K x H x W; the standard deviation holds the film's grain, too.
     """
     direct = light if bounced is None else light - bounced
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
@@ -80,7 +80,8 @@ def matt_light(
             made[0][:, part] = m * scale - (film.diffuse / direct_share(film))[:, None]
         else:
             made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, steps)
-        made[1][:, part] = spread * scale
+        grain = np.float32(film.grain) * m
+        made[1][:, part] = np.sqrt(spread * spread + grain * grain) * scale
 
     in_blocks(convert, height.size)
     return MattLight(*(plane.reshape(light.shape) for plane in made))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import Camera, LightPositions
+from tactograph.nodes import Vergence, LightPositions
 
 LEAST = np.float32(0.02)
 """Smallest 1 - L_z / D: an LED at the pupil's height counts as far away."""
 
 
 @node
-def lights_in_view(lights: LightPositions, camera: Camera) -> LightPositions:
+def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
     """Return the LEDs under the projective map of `view_slope`: L / (1 - L_z / D).
 
     Straight lines stay straight under it, so shadows of the seen height under these LEDs are

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Camera, Height, PixelSize, Slope
+from tactograph.nodes import Vergence, Height, PixelSize, Slope
 from tactograph.nodes.light._near_light import places
 
 LEAST = np.float32(0.1)
@@ -14,7 +14,7 @@ LEAST = np.float32(0.1)
 
 @node(neutral="slope", tolerance=Close(1e-5, 1e-5, why="division"))
 def view_slope(
-    slope: Slope, height: Height, camera: Camera, pixel: PixelSize, *, inverse: bool = False
+    slope: Slope, height: Height, camera: Vergence, pixel: PixelSize, *, inverse: bool = False
 ) -> Slope:
     """Return the slopes of the seen height, or those of the film (`inverse`).
 

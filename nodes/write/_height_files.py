@@ -15,7 +15,8 @@ from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, Height
+from tactograph.nodes import F4, Height, Lens
+from tactograph.nodes.write._film_places import film_places
 
 Format = Literal["npy", "tiff", "png", "tmd", "ply", "stl", "obj"]
 
@@ -32,21 +33,28 @@ TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 
 
-def surface_mesh(height: Height, pixel: float) -> trimesh.Trimesh:
+def surface_mesh(
+    height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
+) -> trimesh.Trimesh:
     """Return the height map as a triangle mesh in mm, two triangles between four pixels.
 
     Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
-    camera.
+    camera.  Points lie where they are on the film (`film_places`).  What is not known, NaN, is
+    left out.
     """
     rows, columns = height.shape
-    y, x = np.mgrid[:rows, :columns]
+    x, y = film_places(height, lens, camera)
     vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     right, below = corner + 1, corner + columns
     faces = np.concatenate(
         [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
     )
-    return trimesh.Trimesh(vertices, faces, process=False)
+    known = np.isfinite(vertices[:, 2])
+    if known.all():
+        return trimesh.Trimesh(vertices, faces, process=False)
+    number = np.cumsum(known) - 1
+    return trimesh.Trimesh(vertices[known], number[faces[known[faces].all(axis=1)]], process=False)
 
 
 def write_npy(file: Path, height: Height, pixel: float) -> None:
@@ -90,19 +98,19 @@ def write_tmd(file: Path, height: Height, pixel: float) -> None:
     file.write_bytes(TMD_MAGIC + TMD_COMMENT + sizes + height.astype("<f4").tobytes())
 
 
-def write_mesh(file: Path, height: Height, pixel: float) -> None:
+def write_mesh(
+    file: Path, height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
+) -> None:
     """PLY, STL (binary) or OBJ by the file's suffix."""
-    surface_mesh(height, pixel).export(file)
+    surface_mesh(height, pixel, lens, camera).export(file)
 
 
+MESHES = ("ply", "stl", "obj")
 WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
     "npy": write_npy,
     "tiff": write_tiff,
     "png": write_png,
     "tmd": write_tmd,
-    "ply": write_mesh,
-    "stl": write_mesh,
-    "obj": write_mesh,
 }
 
 

@@ -9,8 +9,8 @@ from annotated_types import MinLen
 
 from tactograph.graph import node
 from tactograph.graph.files.whole_files import whole_files
-from tactograph.nodes import Height, PixelSize
-from tactograph.nodes.write._height_files import WRITERS, Format
+from tactograph.nodes import Height, Lens, PixelSize, Vergence
+from tactograph.nodes.write._height_files import MESHES, WRITERS, Format, write_mesh
 
 
 @node
@@ -18,6 +18,8 @@ def export_height(
     height: Height,
     pixel: PixelSize,
     name: str | None = None,
+    lens: Lens | None = None,
+    camera: Vergence | None = None,
     *,
     folder: Path,
     formats: Annotated[tuple[Format, ...], MinLen(1)] = ("tmd", "stl"),
@@ -32,6 +34,10 @@ def export_height(
         mm per px.
     name
         The capture's name in a stream; empty for a single capture.
+    lens, camera
+        Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
+        pupil above the film (0: orthographic).  Where they are given, meshes have their points
+        where these lie on the film; images stay what each pixel sees.
     folder
         Made if needed.
     formats
@@ -42,9 +48,13 @@ def export_height(
     Raises
     ------
     InputError
-        If the folder cannot be written, or the height does not fit into a PNG; then no
-        file of this touch is.
+        If the folder cannot be written, the height does not fit into a PNG, or the film rises
+        to the camera; then no file of this touch is.
     """
     with whole_files(folder / name if name else folder) as target:
         for extension in formats:
-            WRITERS[extension](target / f"height.{extension}", height, pixel)
+            file = target / f"height.{extension}"
+            if extension in MESHES:
+                write_mesh(file, height, pixel, lens, camera or 0.0)
+            else:
+                WRITERS[extension](file, height, pixel)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -19,11 +20,14 @@ from tactograph.nodes import (
     Height,
     HeightError,
     Labels,
+    Lens,
     Light,
     Metrics,
     PixelSize,
+    Vergence,
 )
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
+from tactograph.nodes.write._film_places import on_even_grid
 from tactograph.nodes.write._height_files import write_mesh, write_tiff
 
 FEWEST = 3
@@ -43,8 +47,11 @@ def write_result(
     error: HeightError | None = None,
     highlight: Labels | None = None,
     confidence: Confidence | None = None,
+    lens: Lens | None = None,
+    camera: Vergence | None = None,
     *,
     folder: Path,
+    grid: Literal["pixel", "metric"] = "pixel",
     mesh: bool = True,
     pictures: bool = True,
     provenance: Provenance,
@@ -78,15 +85,25 @@ def write_result(
         H x W, the LEDs that the film mirrors, where the graph looks for them.
     confidence
         H x W, the probability that the shadow labels are right, where the graph knows it.
+    lens, camera
+        Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
+        pupil above the film (0: orthographic), where the graph knows them.  The mesh has its
+        points where these lie on the film.
     folder
         Made if needed.
+    grid
+        "pixel": ``height.npy`` is what each pixel of the camera sees.  "metric": height and
+        error are on an even grid on the film, `pixel` apart, of the image's size and about its
+        middle; NaN at the border where no pixel sees the film.  Labels and confidence stay
+        those of the pixels.
     mesh, pictures
         Whether to write those too; they take longer than all the rest.
 
     Raises
     ------
     InputError
-        If the folder cannot be written; then no file of this touch is.
+        If the folder cannot be written, or the film rises to the camera; then no file of this
+        touch is.
     """
     if len(image) == FEWEST and shadow.any():
         share = np.mean(shadow != 0)
@@ -94,6 +111,11 @@ def write_result(
             f"three LEDs, {share:.1%} of the pixels in shadow: two lights allow two slopes, so "
             "heights there and beyond may be wrong; a fourth LED, or 'precise', helps"
         )
+    placed, vergence = lens, camera or 0.0
+    if grid == "metric":
+        height, known = on_even_grid(height, [] if error is None else [error], lens, vergence)
+        error = known[0] if known else None
+        placed, vergence = None, 0.0
     with whole_files(folder / name if name else folder) as target:
         np.save(target / "height.npy", height)
         write_tiff(target / "height.tiff", height, pixel)
@@ -105,7 +127,7 @@ def write_result(
         if confidence is not None:
             np.save(target / "confidence.npy", confidence)
         if mesh:
-            write_mesh(target / "height.ply", height, pixel)
+            write_mesh(target / "height.ply", height, pixel, placed, vergence)
         if pictures:
             _draw_height(height, error, pixel, target / "height.png")
             if error is not None:
@@ -113,14 +135,16 @@ def write_result(
             if confidence is not None:
                 _draw_confidence(confidence, pixel, target / "confidence.png")
             _draw_shadow(shadow, image, target / "shadow_view.png")
-        text = json.dumps({**provenance.as_dict(), "capture": name, "metrics": metrics}, indent=1)
+        text = json.dumps(
+            {**provenance.as_dict(), "capture": name, "grid": grid, "metrics": metrics}, indent=1
+        )
         (target / "result.json").write_text(text + "\n")
 
 
 def _draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
     """The height map in mm, and the cross-section through its highest point with its error."""
     rows, columns = height.shape
-    top = int(np.unravel_index(int(height.argmax()), height.shape)[0])
+    top = int(np.unravel_index(int(np.nanargmax(height)), height.shape)[0])
     figure = Figure(figsize=(10, 4), layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))

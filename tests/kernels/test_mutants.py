@@ -250,6 +250,45 @@ MUTANTS = {
         "one line": ("fmin(fmin(a, b), fmin(c, d))", "a"),
         "peaks only": ("+ fmin(fmax(fmax(a, b), fmax(c, d)), 0.0f)", ""),
     },
+    "undistort": {
+        "no lens": ("bent = is_bent(lens)", "bent = 0"),
+        "the quartic term forgotten": ("k1 + k2 * square", "k1"),
+        "the centre forgotten": ("du = u + qu - cx", "du = u + qu"),
+        "tilt as shear": ("a * u + b * v - w * u", "a * u - b * v - w * u"),
+        "no perspective of the tilt": ("gx * u + gy * v, nearer", "0.0f * u, nearer"),
+        "linear": ("0.5f * (ttt - tt)", "0.0f * ttt"),
+        "a column off, whole rows": ("(int)low_shift - 1", "(int)low_shift"),
+        "a column off at the border": ("left[l] + i - 1", "left[l] + i"),
+        "all lanes as the first": (
+            "shift - low_shift, taps->columns",
+            "0.0f * shift, taps->columns",
+        ),
+        "one plane for all": ("image + k * H * W", "image"),
+        "integers no fractions": (
+            "return fma(fma(-near, full, whole), part, near);",
+            "return whole;",
+        ),
+    },
+    "as_seen": {
+        "one step of Newton's": ("#define STEPS 4", "#define STEPS 1"),
+        "the quartic term forgotten": ("two * ff * ff + 1.0f) - 1.0f", "1.0f) - 1.0f"),
+        "as undistorted": (
+            "ideal_places(lens, row, column, H, W, &u, &v);",
+            "seen_places(lens, row, column, H, W, &u, &v);",
+        ),
+        "tilt not taken back": ("m00 = a - qx * gx + 1.0f", "m00 = 1.0f"),
+        "no lens": ("if (is_bent(lens))", "if (0)"),
+    },
+    "labels_as_seen": {
+        "the pixel to the left": ("right) + 0.5f", "right)"),
+        "the frame's row": ("down * W + across", "row * W + across"),
+        "no lens": ("!is_bent(lens)", "1"),
+    },
+    "confidence_as_seen": {
+        "the pixel above": ("bottom) + 0.5f", "bottom)"),
+        "not clamped": ("LESS_OF(MORE_OF(u, none), right)", "MORE_OF(u, none)"),
+        "no lens": ("!is_bent(lens)", "1"),
+    },
     "cast_shadows": {
         "away from the LED": ("x + ux * t", "x - ux * t"),
         "LEDs counted from 1": ("label |= 1 << k", "label |= 2 << k"),

@@ -20,7 +20,7 @@ from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
-from tactograph.nodes.write._height_files import PNG_TEXT, WRITERS, read_tmd, write_tmd
+from tactograph.nodes.write._height_files import MESHES, PNG_TEXT, WRITERS, read_tmd, write_tmd
 from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.read_height import read_height
 
@@ -35,7 +35,7 @@ def slope() -> F4:
 
 @pytest.fixture
 def exported(tmp_path: Path) -> Path:
-    export_height(slope(), PIXEL, folder=tmp_path, formats=tuple(WRITERS))
+    export_height(slope(), PIXEL, folder=tmp_path, formats=(*WRITERS, *MESHES))
     return tmp_path
 
 

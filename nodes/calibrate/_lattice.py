@@ -1,0 +1,81 @@
+"""The places of points on a square lattice that a lens may bend."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+FEWEST = 12
+"""Points on the lattice; and three rows and columns of them."""
+REACH = 0.25
+"""A neighbour lies within this part of the pitch of where the step before points."""
+STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+
+Points = NDArray[Any]
+
+
+class Lattice(NamedTuple):
+    """N points in px, and their columns and rows."""
+
+    place: Points
+    cell: NDArray[np.int32]
+
+    @property
+    def pitch(self) -> float:
+        """The distance of neighbours in px."""
+        distances, _ = neighbours(self.place, 1)
+        return float(np.median(distances))
+
+
+def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
+    """Distances and numbers of the nearest other points, N x `count` each."""
+    found: Any = KDTree(points).query(points, k=count + 1)
+    return found[0][:, 1:], found[1][:, 1:]
+
+
+def on_lattice(points: Points) -> Lattice | None:
+    """Number the points that lie on one square lattice, from neighbour to neighbour.
+
+    The first axis of the lattice is that nearest to the image's rows.  A step is expected to be
+    as the last one in this direction, so that a lattice may bend.
+    """
+    if len(points) < FEWEST:
+        return None
+    tree = KDTree(points)
+    step = _step(points)
+    start = int(np.argmin(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+    cells = {start: (0, 0)}
+    taken = {(0, 0)}
+    queue = deque([(start, step, np.array([-step[1], step[0]]))])
+    while queue:
+        at, along, down = queue.popleft()
+        for i, j in STEPS:
+            want = i * along + j * down
+            distance, nearest = tree.query(points[at] + want)
+            near, place = int(nearest), (cells[at][0] + i, cells[at][1] + j)
+            if near in cells or place in taken or distance > REACH * np.hypot(*want):
+                continue
+            cells[near] = place
+            taken.add(place)
+            went = (points[near] - points[at]) * (i + j)
+            queue.append((near, went, down) if i else (near, along, went))
+    which = np.array(list(cells))
+    cell = np.array([cells[n] for n in which], np.int32)
+    if len(which) < FEWEST or min(len(np.unique(axis)) for axis in cell.T) < 3:
+        return None
+    return Lattice(points[which], cell)
+
+
+def _step(points: Points) -> Points:
+    """The usual step to a neighbour, turned by quarters to be nearest to the rows."""
+    distances, near = neighbours(points, 4)
+    steps = (points[near] - points[:, None])[distances < 1.25 * np.median(distances[:, 0])]
+    angle = np.angle(np.mean(np.exp(4j * np.arctan2(steps[:, 1], steps[:, 0])))) / 4
+    usual: Points = np.median(np.linalg.norm(steps, axis=1)) * np.array(
+        [np.cos(angle), np.sin(angle)]
+    )
+    return usual

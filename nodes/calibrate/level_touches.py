@@ -1,0 +1,49 @@
+"""Take the drift of the light out of every press on a sheet."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node
+from tactograph.nodes import Light, Noise
+from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.film_drift import film_drift
+from tactograph.nodes.light.level_light import level_light
+from tactograph.nodes.light.light_noise import light_noise
+
+
+@node(neutral="light")
+def level_touches(
+    light: SheetLight,
+    flat: Light,
+    noise: Noise,
+    *,
+    degree: Annotated[int, Interval(ge=0, le=2)] = 2,
+    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
+) -> SheetLight:
+    """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
+
+    Pressed film brightens the untouched film around it, LED by LED, by some per cent.  What a
+    film model is fitted to must be levelled as what it is used for.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+    flat
+        K x H x W, the film at rest.
+    noise
+        (shot, read), as `estimate_noise` gives it.
+    degree, rough
+        As for `film_drift`.
+    """
+    sigma = coarsen(light_noise(flat, flat, noise))
+    levelled = []
+    for press in cut(light, flat.shape[1]):
+        drift = film_drift(coarsen(press), sigma, degree=degree, rough=rough)
+        levelled.append(level_light(press, drift))
+    return np.concatenate(levelled, axis=1)

@@ -1,0 +1,51 @@
+"""Bring every press on a sheet onto the ideal grid, and what is known of its ball."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Lens, Light
+from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.capture.read_balls import KnownCircles
+from tactograph.nodes.light._lens import half_diagonal, ideal_offset
+from tactograph.nodes.light.undistort import undistort
+
+
+class IdealPresses(NamedTuple):
+    """P presses on the ideal grid as a sheet, the first of them alone, and known circles."""
+
+    image: SheetLight
+    first: Light
+    known: KnownCircles
+
+
+@node
+def undistort_presses(
+    image: SheetLight, first: Light, known: KnownCircles, lens: Lens
+) -> IdealPresses:
+    """Return what `read_balls` read as a camera without distortion saw it.
+
+    Parameters
+    ----------
+    image
+        K x S x W, a sheet of captures.
+    first
+        K x H x W, the first of them.
+    known
+        P x 3 in px of the images as captured; the radius is taken as it is.
+    lens
+        Length 8, as `read_lens` gives it.
+    """
+    if not lens.any():
+        return IdealPresses(image, first, known)
+    rows, columns = first.shape[1:]
+    presses = [undistort(press, lens) for press in cut(image, rows)]
+    half = float(half_diagonal((rows, columns)))
+    place = known[:, :2] - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)
+    offset = np.stack(ideal_offset(lens, place[:, 0] / half, place[:, 1] / half), axis=1)
+    circles = known.copy()
+    circles[:, :2] += half * offset
+    return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles)

@@ -1,0 +1,63 @@
+"""Write what is known of a camera into one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from tactograph.graph import Port, Provenance, node
+from tactograph.nodes import Lens, Metrics, PixelSize
+from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, write_arrays
+from tactograph.nodes.capture.read_grey import GreyImage
+
+CAMERA = FileKind(
+    "camera",
+    1,
+    "run calibrate_camera",
+    {
+        "lens": Stored(
+            "8",
+            "k1, k2, cx, cy of the radial distortion (L2), a, b, gx, gy of the tilt (L1); places "
+            "from the image's middle in halves of its diagonal; zeros: none",
+        ),
+        "pixel_size": Stored("", "mm/px on the film at rest, of the ideal image"),
+        "residual": Stored("", "px, root mean square distance of the marks from the fit"),
+        "size": Stored("2", "px, columns and rows of the images that it holds for", np.int32),
+    },
+)
+
+
+@node
+def write_camera(
+    image: GreyImage,
+    lens: Lens,
+    pixel: PixelSize,
+    residual: Annotated[float, Port(unit="px")],
+    quality: Metrics,
+    *,
+    file: Path,
+    provenance: Provenance,
+) -> None:
+    """Write lens, pixel size and residual as one ``.npz``, readable without pickle.
+
+    Parameters
+    ----------
+    image
+        H x W, that of the grid; only its size is kept.
+    lens, pixel, residual
+        As `fit_lens` gives them.
+    quality
+        Its figures, for people and for ``result.json``.
+    file
+        Where to; replaced as a whole.
+
+    Raises
+    ------
+    InputError
+        If the file is not called ``.npz`` or cannot be written.
+    """
+    rows, columns = image.shape
+    arrays = {"lens": lens, "pixel_size": pixel, "residual": residual, "size": (columns, rows)}
+    write_arrays(file, CAMERA, arrays, {"quality": quality, "made": provenance})

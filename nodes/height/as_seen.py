@@ -1,0 +1,34 @@
+"""Bring a height from the ideal grid back to the pixels of the camera."""
+
+from __future__ import annotations
+
+from tactograph.graph import Close, node
+from tactograph.nodes import Height, Lens
+from tactograph.nodes.light._bicubic import between_pixels
+from tactograph.nodes.light._lens import ideal_places
+
+
+@node(
+    neutral="height",
+    tolerance=Close(3e-4, why="places rounded to 1e-5 px, times a step between two pixels"),
+)
+def as_seen(height: Height, lens: Lens) -> Height:
+    """Return the height that each pixel of the camera sees: the inverse of `undistort`.
+
+    Values between pixels are interpolated by cubic convolution.  Pixels that look beyond the
+    ideal grid, at the border of an image with barrel distortion, repeat its border.  Without a
+    lens the height is returned as it is, to the bit.
+
+    Parameters
+    ----------
+    height
+        H x W in mm on the ideal grid; or its standard deviation.
+    lens
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+    """
+    if not lens.any():
+        return height
+    return between_pixels(height, *ideal_places(lens, height.shape))
+
+
+as_seen.opencl(grid="H W", row_lanes=True)

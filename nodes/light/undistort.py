@@ -1,0 +1,38 @@
+"""Bring images onto an even grid on the film, as a camera without distortion saw them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import Close, node
+from tactograph.nodes import Lens, Light
+from tactograph.nodes.light._bicubic import between_pixels
+from tactograph.nodes.light._lens import seen_places
+
+
+@node(
+    neutral="image",
+    tolerance=Close(1e-4, why="places rounded to 1e-5 px, times a step between two pixels"),
+)
+def undistort(image: Light, lens: Lens) -> Light:
+    """Return the images on the ideal grid: square pixels of one size on the film at rest.
+
+    The middle of the image stays where it is.  Values between pixels are interpolated by cubic
+    convolution (`_bicubic`).  Ideal pixels that the camera does not see, at the border of an
+    image with pincushion distortion, repeat the nearest pixel that it does.  Without a lens the
+    images are returned as they are, to the bit.
+
+    Parameters
+    ----------
+    image
+        K x H x W, as captured.
+    lens
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+    """
+    if not lens.any():
+        return image
+    x, y = seen_places(lens, image.shape[1:])
+    return np.stack([between_pixels(plane, x, y) for plane in image])
+
+
+undistort.opencl(grid="H W", row_lanes=True, whole="image")

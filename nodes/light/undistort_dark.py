@@ -1,0 +1,22 @@
+"""Bring the dark image onto the ideal grid."""
+
+from __future__ import annotations
+
+from tactograph.graph import node
+from tactograph.nodes import Dark, Lens
+from tactograph.nodes.light.undistort import undistort
+
+
+@node(neutral="dark")
+def undistort_dark(dark: Dark, lens: Lens) -> Dark:
+    """Return what the camera sees with all LEDs off, as `undistort` does with images.
+
+    Parameters
+    ----------
+    dark
+        H x W.
+    lens
+        Length 8, as `read_lens` gives it.
+    """
+    plane: Dark = undistort(dark[None], lens)[0]
+    return plane

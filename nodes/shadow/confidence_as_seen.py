@@ -1,0 +1,32 @@
+"""Bring the labels' confidence from the ideal grid back to the pixels of the camera."""
+
+from __future__ import annotations
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import Confidence, Lens
+from tactograph.nodes.light._lens import nearest_ideal
+
+
+@node(
+    neutral="confidence",
+    tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
+)
+def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
+    """Return the confidence in the labels that each pixel of the camera sees.
+
+    It is that of the nearest ideal pixel, as with `labels_as_seen`.  Without a lens it is
+    returned as it is.
+
+    Parameters
+    ----------
+    confidence
+        H x W, on the ideal grid.
+    lens
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+    """
+    if not lens.any():
+        return confidence
+    return confidence[nearest_ideal(lens, confidence.shape)]
+
+
+confidence_as_seen.opencl(grid="H W", row_lanes=True)

@@ -1,0 +1,32 @@
+"""Bring labels from the ideal grid back to the pixels of the camera."""
+
+from __future__ import annotations
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import Labels, Lens
+from tactograph.nodes.light._lens import nearest_ideal
+
+
+@node(
+    neutral="labels",
+    tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
+)
+def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
+    """Return the labels that each pixel of the camera sees: those of the nearest ideal pixel.
+
+    Pixels that look beyond the ideal grid repeat its border.  Without a lens the labels are
+    returned as they are.
+
+    Parameters
+    ----------
+    labels
+        H x W, a bit per LED, on the ideal grid.
+    lens
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+    """
+    if not lens.any():
+        return labels
+    return labels[nearest_ideal(lens, labels.shape)]
+
+
+labels_as_seen.opencl(grid="H W", row_lanes=True)

@@ -1,0 +1,120 @@
+"""Where on the film the points lie that the pixels of a camera see, and an even grid of them.
+
+A camera whose pupil is D above the film sees at the place (u, v) of the film at rest a point of
+height z that lies at (u, v) (1 - z / D).  Its lens shows that place elsewhere (`light._lens`).
+Both are told from the image's middle, and places here in pixels of the ideal image.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4, Height, Lens
+from tactograph.nodes.light._bicubic import between_pixels
+from tactograph.nodes.light._lens import half_diagonal, ideal_places, seen_offset
+
+HALVINGS = 10
+"""Of the interval in which the pixel lies that sees a point of the even grid."""
+
+Places = NDArray[Any]
+
+
+def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Places, Places]:
+    """Return columns and rows, in ideal pixels, of the points that the pixels see.
+
+    Parameters
+    ----------
+    height
+        H x W in mm, as seen.
+    lens
+        Length 8; None: it bends nothing.
+    camera
+        1 / D in 1/mm; 0: orthographic.
+
+    Raises
+    ------
+    InputError
+        If the film rises to the camera.
+    """
+    _check_below(height, camera)
+    rows, columns = height.shape
+    if lens is None or not lens.any():
+        row, column = np.mgrid[:rows, :columns].astype(np.float64)
+    else:
+        column, row = (place.astype(np.float64) for place in ideal_places(lens, height.shape))
+    nearer = 1 - height.astype(np.float64) * camera
+    middle = (columns - 1) / 2, (rows - 1) / 2
+    return middle[0] + (column - middle[0]) * nearer, middle[1] + (row - middle[1]) * nearer
+
+
+def on_even_grid(
+    height: Height, others: list[F4], lens: Lens | None, camera: float
+) -> tuple[Height, list[F4]]:
+    """Return the height, and other maps beside it, on the ideal image's grid on the film.
+
+    For each point of the grid the pixel is looked for, along the line to the image's middle,
+    that sees a point above it.  NaN where no pixel does: at the border.
+
+    Parameters
+    ----------
+    height, lens, camera
+        As for `film_places`.
+    others
+        H x W each, interpolated linearly.
+
+    Raises
+    ------
+    InputError
+        If the film rises to the camera.
+    """
+    _check_below(height, camera)
+    lens = np.zeros(8, np.float32) if lens is None else lens
+    if not lens.any() and camera == 0:
+        return height, others
+    rows, columns = height.shape
+    half = float(half_diagonal(height.shape))
+    row, column = np.mgrid[:rows, :columns].astype(np.float64)
+    u, v = (column - (columns - 1) / 2) / half, (row - (rows - 1) / 2) / half
+
+    def seen(stretch: Places) -> tuple[Places, Places]:
+        du, dv = seen_offset(lens.astype(np.float64), u * stretch, v * stretch)
+        return (
+            (u * stretch + du) * half + (columns - 1) / 2,
+            (v * stretch + dv) * half + (rows - 1) / 2,
+        )
+
+    def beyond(stretch: Places) -> Places:
+        x, y = seen(stretch)
+        return stretch * (1 - camera * _linear(height, x, y)) - 1
+
+    low = np.full(u.shape, 1 / (1 - camera * min(float(height.min()), 0.0)))
+    high = np.full(u.shape, 1 / (1 - camera * max(float(height.max()), 0.0)))
+    for _ in range(HALVINGS if camera else 0):
+        middle = (low + high) / 2
+        is_beyond = beyond(middle) > 0
+        low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
+    x, y = seen((low + high) / 2)
+    inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
+    found = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
+    nowhere = np.float32(np.nan)
+    return np.where(inside, found, nowhere), [
+        np.where(inside, np.float32(_linear(other, x, y)), nowhere) for other in others
+    ]
+
+
+def _linear(plane: F4, x: Places, y: Places) -> Places:
+    return np.asarray(map_coordinates(plane, (y, x), order=1, mode="nearest"))
+
+
+def _check_below(height: Height, camera: float) -> None:
+    highest = float(height.max())
+    if camera * highest >= 1:
+        raise InputError(
+            f"the film rises to {highest:.3g} mm, but the camera's pupil is {1 / camera:.3g} mm "
+            "above it; check camera_mm"
+        )

@@ -1,0 +1,118 @@
+"""Images on an even grid, and results brought back to the pixels of the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.nodes import F4
+from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.light._lens import half_diagonal, ideal_offset, ideal_places, seen_offset
+from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.light.undistort_dark import undistort_dark
+from tactograph.nodes.shadow.confidence_as_seen import confidence_as_seen
+from tactograph.nodes.shadow.labels_as_seen import labels_as_seen
+
+ROWS, COLUMNS = 120, 160
+NONE = np.zeros(8, np.float32)
+PINCUSHION = np.float32([0.03, 0.004, 0, 0, 0, 0, 0, 0])
+ASKEW = np.float32([-0.04, 0.01, 0.05, -0.03, 0.01, -0.006, 0.02, -0.03])
+LENSES = pytest.mark.parametrize("lens", [PINCUSHION, ASKEW], ids=["pincushion", "askew"])
+
+
+def surface(x: F4, y: F4) -> F4:
+    """A smooth height over places in px from the middle."""
+    return np.float32(np.exp(-(x**2 + (y - 10) ** 2) / 900) + 0.3 * np.sin(x / 25 + y / 30))
+
+
+def places(shape: tuple[int, int] = (ROWS, COLUMNS)) -> tuple[F4, F4]:
+    row, column = np.mgrid[: shape[0], : shape[1]].astype(np.float32)
+    return column - (shape[1] - 1) / 2, row - (shape[0] - 1) / 2
+
+
+def inner(plane: F4, margin: int = 12) -> F4:
+    return plane[..., margin:-margin, margin:-margin]
+
+
+@pytest.mark.parametrize("values", [np.random.default_rng(0).random((4, 9, 21), np.float32)])
+def test_no_lens_returns_everything_to_the_bit(values: F4, device: OpenCL) -> None:
+    labels = np.uint8(255 * values[0])
+    assert np.array_equal(undistort(values, NONE), values)
+    assert np.array_equal(undistort_dark(values[0], NONE), values[0])
+    assert np.array_equal(as_seen(values[1], NONE), values[1])
+    assert np.array_equal(labels_as_seen(labels, NONE), labels)
+    assert np.array_equal(confidence_as_seen(values[2], NONE), values[2])
+    on_device = device.prepare(undistort, {}, {"K": 4, "H": 9, "W": 21})
+    given = {"image": device.upload(values), "lens": device.upload(NONE)}
+    found, _ = on_device.launch(given)
+    assert np.array_equal(device.download(found["undistort"]), values)
+
+
+@LENSES
+def test_an_image_is_as_a_camera_without_lens_saw_it(lens: F4) -> None:
+    x, y = places()
+    u, v = ideal_places(lens, (ROWS, COLUMNS))
+    seen = surface(u - (COLUMNS - 1) / 2, v - (ROWS - 1) / 2)
+    error = undistort(seen[None], lens)[0] - surface(x, y)
+    assert np.abs(inner(error)).max() < 1e-4
+
+
+@LENSES
+def test_a_height_is_what_each_pixel_sees(lens: F4) -> None:
+    u, v = ideal_places(lens, (ROWS, COLUMNS))
+    want = surface(u - (COLUMNS - 1) / 2, v - (ROWS - 1) / 2)
+    assert np.abs(inner(as_seen(surface(*places()), lens) - want)).max() < 1e-4
+
+
+@LENSES
+def test_there_and_back_is_where_it_began(lens: F4) -> None:
+    height = surface(*places())
+    back = as_seen(undistort(height[None], lens)[0], lens)
+    assert np.abs(inner(back - height)).max() < 2e-4
+
+
+def test_a_quadratic_surface_comes_back_as_it_is() -> None:
+    """Cubic convolution is exact there; linear interpolation would err by an eighth of a px^2."""
+    x, _ = places()
+    shift = np.float32([0, 0, 0, 0, 0.02, 0, 0, 0])
+    found = undistort((x * x / 100)[None], shift)[0]
+    assert np.abs(inner(found - (1.02 * x) ** 2 / 100)).max() < 1e-3
+
+
+def test_beyond_the_frame_its_border_goes_on() -> None:
+    x, _ = places()
+    found = undistort(x[None], PINCUSHION)[0]
+    assert found[0, 0] == x[0, 0]
+    assert found[-1, -1] == x[-1, -1]
+
+
+@LENSES
+def test_labels_come_from_the_nearest_pixel(lens: F4) -> None:
+    column = np.tile(np.arange(COLUMNS, dtype=np.uint8), (ROWS, 1))
+    u, _ = ideal_places(lens, (ROWS, COLUMNS))
+    want = np.clip(u, 0, COLUMNS - 1)
+    assert np.abs(labels_as_seen(column, lens) - want).max() <= 0.5
+    assert np.abs(confidence_as_seen(np.float32(column), lens) - want).max() <= 0.5
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    bend=st.tuples(*[st.floats(-0.12, 0.12)] * 2),
+    centre=st.tuples(*[st.floats(-0.1, 0.1)] * 2),
+    tilt=st.tuples(*[st.floats(-0.05, 0.05)] * 4),
+)
+def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
+    lens = (*bend, *centre, *tilt)
+    v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]
+    du, dv = seen_offset(lens, u, v)
+    back = ideal_offset(lens, u + du, v + dv)
+    assert np.abs(np.array(back) + np.array([du, dv])).max() < 1e-5
+
+
+def test_a_corner_is_one_half_diagonal_away() -> None:
+    assert half_diagonal((240, 320)) == 200
+    du, dv = seen_offset((0.02, 0.01, 0, 0, 0, 0, 0, 0), np.array(0.8), np.array(0.6))
+    assert np.hypot(du, dv) == pytest.approx(0.03)

@@ -1,0 +1,121 @@
+"""Points lie on the film where the camera's rays meet it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tactograph.graph import InputError, Provenance
+from tactograph.nodes import F4
+from tactograph.nodes.light._lens import ideal_places
+from tactograph.nodes.write._film_places import film_places, on_even_grid
+from tactograph.nodes.write.export_height import export_height
+from tactograph.nodes.write.write_result import write_result
+
+SHAPE = (120, 160)
+PIXEL = 0.1
+CAMERA = 1 / 65
+BENT = np.float32([0.03, 0, 0, 0, 0, 0, 0, 0])
+MADE = Provenance({}, None, [], {}, {}, [], [])
+
+
+def hill(x: F4, y: F4) -> F4:
+    """A height in mm over places in mm from the middle, steepest 1.2."""
+    return np.asarray(2.0 * np.exp(-((x - 3) ** 2 + (y + 1) ** 2) / 4), np.float64)
+
+
+def middle() -> tuple[float, float]:
+    return (SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2
+
+
+def seen(lens: F4) -> F4:
+    """What a pinhole camera sees of the hill: z = hill(x), x = u (1 - z / D)."""
+    column, row = ideal_places(lens, SHAPE)
+    u, v = PIXEL * (column - middle()[0]), PIXEL * (row - middle()[1])
+    z = np.zeros(SHAPE)
+    for _ in range(60):
+        z = hill(u * (1 - z * CAMERA), v * (1 - z * CAMERA))
+    return np.float32(z)
+
+
+@pytest.mark.parametrize("lens", [None, BENT], ids=["no lens", "bent"])
+def test_points_lie_on_the_surface_that_was_seen(lens: F4 | None) -> None:
+    height = seen(np.zeros(8, np.float32) if lens is None else lens)
+    x, y = film_places(height, lens, CAMERA)
+    surface = hill(PIXEL * (x - middle()[0]), PIXEL * (y - middle()[1]))
+    assert np.abs(surface - height).max() < 1e-4
+    orthographic = film_places(height, lens, 0.0)
+    away = hill(PIXEL * (orthographic[0] - middle()[0]), PIXEL * (orthographic[1] - middle()[1]))
+    assert np.abs(away - height).max() > 0.05
+
+
+@pytest.mark.parametrize("lens", [None, BENT], ids=["no lens", "bent"])
+def test_an_even_grid_holds_the_surface_itself(lens: F4 | None) -> None:
+    height = seen(np.zeros(8, np.float32) if lens is None else lens)
+    found, (error,) = on_even_grid(height, [height], lens, CAMERA)
+    row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    truth = hill(PIXEL * (column - middle()[0]), PIXEL * (row - middle()[1]))
+    known = np.isfinite(found)
+    assert known.mean() > 0.9
+    assert np.abs(found - truth)[known].max() < 1e-3
+    assert np.abs(error - truth)[known].max() < 5e-3
+    assert np.isnan(error[~known]).all()
+
+
+def test_what_no_pixel_sees_is_not_known() -> None:
+    """A film 6.5 mm up fills nine tenths of the frame in each direction."""
+    found, _ = on_even_grid(np.full(SHAPE, 6.5, np.float32), [], None, CAMERA)
+    assert np.isnan(found[0]).all()
+    assert np.abs(found[8:-8, 10:-10] - 6.5).max() < 1e-5
+
+
+def test_an_orthographic_camera_without_lens_changes_nothing() -> None:
+    height = seen(np.zeros(8, np.float32))
+    found, others = on_even_grid(height, [], np.zeros(8, np.float32), 0.0)
+    assert np.array_equal(found, height)
+    assert others == []
+    x, y = film_places(height, None, 0.0)
+    assert np.array_equal(y, np.mgrid[: SHAPE[0], : SHAPE[1]][0])
+    assert np.array_equal(x, np.mgrid[: SHAPE[0], : SHAPE[1]][1])
+
+
+def test_a_film_that_reaches_the_camera_is_refused() -> None:
+    high = np.full(SHAPE, 70, np.float32)
+    for call in (
+        lambda: film_places(high, None, CAMERA),
+        lambda: on_even_grid(high, [], None, CAMERA),
+    ):
+        with pytest.raises(InputError, match="pupil is 65 mm above it; check camera_mm"):
+            call()
+
+
+def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
+    height = seen(BENT)
+    export_height(height, PIXEL, None, BENT, CAMERA, folder=tmp_path, formats=("ply",))
+    vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
+    x, y = vertices[:, 0] - PIXEL * middle()[0], -vertices[:, 1] - PIXEL * middle()[1]
+    assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-4
+
+
+@pytest.mark.parametrize("grid", ["pixel", "metric"])
+def test_a_result_is_what_pixels_see_or_even_on_the_film(tmp_path: Path, grid: str) -> None:
+    height = seen(BENT)
+    write_result(
+        height, np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32), PIXEL, {}, "",
+        error=0.01 * height, lens=BENT, camera=CAMERA, folder=tmp_path, grid=grid,
+        provenance=MADE,
+    )  # fmt: skip
+    found = np.load(tmp_path / "height.npy")
+    even, (error,) = on_even_grid(height, [0.01 * height], BENT, CAMERA)
+    expected = (height, 0.01 * height) if grid == "pixel" else (even, error)
+    assert np.array_equal(found, expected[0], equal_nan=True)
+    assert np.array_equal(np.load(tmp_path / "error.npy"), expected[1], equal_nan=True)
+    assert json.loads((tmp_path / "result.json").read_text())["grid"] == grid
+    vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
+    assert len(vertices) == np.isfinite(found).sum()
+    x, y = vertices[:, 0] - PIXEL * middle()[0], -vertices[:, 1] - PIXEL * middle()[1]
+    assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-3
