@@ -29,7 +29,7 @@ F8 = NDArray[np.float64]
 
 FAINT = 0.3
 """Light below which a sample counts no more than at this light."""
-STEPS, CONVERGED = 25, 1e-3
+STEPS, CONVERGED = 20, 2e-3
 """Of the descent at most; and the share of the cost that is not worth another one."""
 INDEPENDENT = 20
 """What the flat frame tells of an LED if it departs from the model: so many numbers, not more,
@@ -76,7 +76,7 @@ class Balls:
 
     `ball` numbers the ball of each sample, in order.  By ball: `centre` P x 2 in mm, `rim` the
     radius of its contact and `radius` its own, in mm.  `bounced` is what a film of albedo 1
-    throws on the samples; `sector` numbers quarters of a ball.
+    throws on the samples; `sector` numbers slices of a ball.
     """
 
     u: F8
@@ -250,9 +250,9 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     spread = _spread(balls, shift_mm)
     for _ in range(10):
         left, by = _by_shift(balls, now)
-        weight = _robust(_weighted(balls, left) / scale) / (
-            scale * np.maximum(balls.light, FAINT)
-        ) ** 2
+        weight = (
+            _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
+        )
         normal = balls.by_ball(by * weight, by) + _diagonals(spread**-2)
         right = -balls.by_ball(by, (weight * left)[None])[..., 0] - now.shifts * spread**-2
         step = np.clip(np.linalg.solve(normal, right[..., None])[..., 0], -spread, spread)
@@ -400,9 +400,7 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     balls, rest, names, shift_mm, width_mm, scale, certain = problem
     left, by_own = _by_shift(balls, now)
     by = _by_shared(balls, now, names, left + balls.light)
-    weight = _robust(_weighted(balls, left) / scale) / (
-        scale * np.maximum(balls.light, FAINT)
-    ) ** 2
+    weight = _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
     spread = _spread(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
     shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T

@@ -9,7 +9,18 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, SizeLimit, node
-from tactograph.nodes import F4, Albedo, Grain, Light, LightPlaces, LightPositions, Metrics, Noise, PixelSize, Vergence
+from tactograph.nodes import (
+    F4,
+    Albedo,
+    Grain,
+    Light,
+    LightPlaces,
+    LightPositions,
+    Metrics,
+    Noise,
+    PixelSize,
+    Vergence,
+)
 from tactograph.nodes.calibrate._film_fit import (
     FAINT,
     PARTS,
@@ -31,12 +42,13 @@ from tactograph.nodes.light.film_bounce import film_bounce
 
 INNER = 0.95
 """Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
-SAMPLES, ENOUGH = 2000, 40
+SAMPLES, ENOUGH = 1500, 30
 """Samples of all balls together, and of each ball at least."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
-BETTER = 0.97
-"""A part of the model is taken if it makes the held-out error smaller than by this factor..."""
+BETTER, SURE = 0.97, 0.7
+"""A part of the model is taken if it makes the held-out error smaller than by this factor; by the
+second where a single ball holds nothing else out than places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
 MOST_ALBEDO = 0.95
@@ -47,6 +59,10 @@ STEPS = 4
 """Of a normal, from the ball's own."""
 EXACT = 0.1
 """Degrees of held-out error below which no further part is tried."""
+SLICES = 16
+"""Of a ball; every fourth is held out where there is no other ball."""
+PARALLAX = 0.02
+"""Height of a ball, relative to the film's width, from which it tells how high the pupil is."""
 RINGS, SECTORS = 3, 8
 """Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
 DEGREES = {0: 2, 1: 4, 2: 10}
@@ -96,9 +112,10 @@ def fit_film(
 
     The LEDs placed for a matt film are where it starts.  Then one part after another is tried:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
-    film, a pupil near the film; the one that lowers the error of balls held out most is taken,
-    until none lowers it by 3 per cent.  Harmonics come last, of the highest degree in the place
-    that lowers it further.  With a single ball a quarter of it is held out instead.
+    film, a pupil near the film; the one that explains the presses best is taken if it lowers
+    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in the place
+    that lowers it further.  With a single ball slices of it are held out instead,
+    and a part has to lower their error by 30 per cent.
 
     Parameters
     ----------
@@ -134,7 +151,10 @@ def fit_film(
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
-    closed = {*without, *(("camera",) if camera_mm is not None else ())}
+    tall = balls.radius - np.sqrt(np.maximum(balls.radius**2 - balls.rim**2, 0))
+    closed = set(without)
+    if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
+        closed.add("camera")
     best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
@@ -228,13 +248,13 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metri
     best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
     while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
-        tried = []
-        for part in left:
-            wider = best.parts | {part}
-            tried.append(_judge(trial, wider, trial.fit(wider, best.fitted)))
-            errors[f"film_heldout_deg/{tried[-1]}"] = tried[-1].error
-        better = min(tried, key=lambda model: model.error)
-        if not _pays(better.error, best.error):
+        wider = [best.parts | {part} for part in left]
+        fitted = [trial.fit(parts, best.fitted) for parts in wider]
+        # What explains the presses best is the one to be judged by what is held out.
+        first = int(np.argmin([_normal_error(trial.balls, found) for found in fitted]))
+        better = _judge(trial, wider[first], fitted[first])
+        errors[f"film_heldout_deg/{better}"] = better.error
+        if not _pays(better.error, best.error, trial):
             break
         best = better
     return best, errors | {"film_heldout_deg": best.error}
@@ -248,7 +268,7 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
             break
         tried = _judge(trial, physics.parts, physics.fitted, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
-        if _pays(tried.error, best.error):
+        if _pays(tried.error, best.error, trial):
             best = tried
     if best.degree is not None:
         bent = add_harmonics(
@@ -259,8 +279,9 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
     return best
 
 
-def _pays(error: float, before: float) -> bool:
-    return error < BETTER * before and error < before - NOTICEABLE
+def _pays(error: float, before: float, trial: _Trial) -> bool:
+    share = BETTER if len(trial.balls.centre) > 1 else SURE
+    return error < share * before and error < before - NOTICEABLE
 
 
 def _properties(best: _Model) -> Metrics:
@@ -321,7 +342,7 @@ def _sample(
         # A stride that is no divisor of rows spreads the samples over all columns.
         inside = inside[:: inside.size // most + 1]
         yy, xx = yy[inside], xx[inside]
-        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (np.pi / 2)).astype(int) % 4
+        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
         values, bounced = presses[i][:, yy, xx], thrown[i][:, yy, xx]
         found.append((x[xx], y[yy], values, bounced, np.full(xx.size, number), sector))
     u, v, values, bounced, ball, sector = (

@@ -62,7 +62,9 @@ CALIBRATION = FileKind(
             low=-1e8,
             high=1e8,
         ),
-        "diffuse": Stored("K", "share of an LED's light that the gel diffuses", required=False, low=0, high=0.99),
+        "diffuse": Stored(
+            "K", "share of an LED's light that the gel diffuses", required=False, low=0, high=0.99
+        ),
         "harmonics": Stored(
             "K 8 6",
             "harmonics x y z-1 xy xz yz xx-yy 3(zz-1) of the unit normal, by 1 u v uu uv vv",
@@ -72,19 +74,42 @@ CALIBRATION = FileKind(
         ),
         "flattest": Stored("", "smallest n_z that was pressed", required=False, low=0, high=1),
         "reach": Stored("", "mm, the unit of u and v", required=False, low=1e-06, high=1000000.0),
-        "gain": Stored("", "light of touched film relative to untouched film", required=False, low=0.1, high=10),
-        "contact": Stored("", "mm, height from which film counts as touched", required=False, low=1e-09, high=1000.0),
-        "base": Stored("", "albedo of the base under the coat", required=False, low=0.001, high=1000.0),
+        "gain": Stored(
+            "", "light of touched film relative to untouched film", required=False, low=0.1, high=10
+        ),
+        "contact": Stored(
+            "",
+            "mm, height from which film counts as touched",
+            required=False,
+            low=1e-09,
+            high=1000.0,
+        ),
+        "base": Stored(
+            "", "albedo of the base under the coat", required=False, low=0.001, high=1000.0
+        ),
         "roughness": Stored("", "Beckmann's alpha of the coat", required=False, low=0.01, high=10),
-        "index": Stored("", "refractive index of the coat; 1: none", required=False, low=1, high=10),
-        "albedo": Stored("", "share of light that the film throws back", required=False, low=0, high=0.95),
-        "camera": Stored("", "1/mm, one over the pupil's height; 0: far", required=False, low=0, high=10),
+        "index": Stored(
+            "", "refractive index of the coat; 1: none", required=False, low=1, high=10
+        ),
+        "albedo": Stored(
+            "", "share of light that the film throws back", required=False, low=0, high=0.95
+        ),
+        "camera": Stored(
+            "", "1/mm, one over the pupil's height; 0: far", required=False, low=0, high=10
+        ),
         "grain": Stored(
-            "", "light departs by this share, beyond the camera's noise", required=False, low=0, high=1
+            "",
+            "light departs by this share, beyond the camera's noise",
+            required=False,
+            low=0,
+            high=1,
         ),
         "lens": Stored(
-            "8", "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
-            required=False, low=-10, high=10,
+            "8",
+            "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
+            required=False,
+            low=-10,
+            high=10,
         ),
     },
 )

@@ -27,7 +27,8 @@ def pixel_size(
     mm
         mm per px; from a nanometre to a metre, which files of 32-bit floats can hold.
     camera
-        What `write_camera` wrote: its pixel size is taken where `mm` is not given.
+        What `write_camera` wrote: its pixel size goes before `mm`, since images that are
+        undistorted by it have it.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def pixel_size(
         return found
     if abs(mm / found - 1) > APART:
         warn(
-            f"{camera}: says {found:.6g} mm per px, but pixel_size_mm={mm:.6g} was given and is "
-            "taken; leave it out to take the camera's"
+            f"{camera}: says {found:.6g} mm per px, which is taken in place of pixel_size_mm="
+            f"{mm:.6g}: undistorted images have the camera's"
         )
-    return mm
+    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Vergence, Height
+from tactograph.nodes import Height, Vergence
 
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))

@@ -240,9 +240,7 @@ def beckmann(cosine: Array, roughness: float) -> Array:
     """Return Beckmann's density of microfacets by the cosine of their angle to the normal."""
     square = cosine * cosine
     tangent = (1 - square) / square
-    return np.asarray(
-        np.exp(-tangent / roughness**2) / (np.pi * roughness**2 * square * square)
-    )
+    return np.asarray(np.exp(-tangent / roughness**2) / (np.pi * roughness**2 * square * square))
 
 
 def masking(cosine: Array, roughness: float) -> Array:

@@ -14,7 +14,6 @@ from tactograph.nodes.light._film import direct_share, is_affine, predict, touch
 from tactograph.nodes.light._near_light import places, vectors_at
 
 
-
 class MattLight(NamedTuple):
     """Light as a matt film under the same LEDs would have it, and its standard deviation."""
 

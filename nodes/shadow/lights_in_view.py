@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import Vergence, LightPositions
+from tactograph.nodes import LightPositions, Vergence
 
 LEAST = np.float32(0.02)
 """Smallest 1 - L_z / D: an LED at the pupil's height counts as far away."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Vergence, Height, PixelSize, Slope
+from tactograph.nodes import Height, PixelSize, Slope, Vergence
 from tactograph.nodes.light._near_light import places
 
 LEAST = np.float32(0.1)
