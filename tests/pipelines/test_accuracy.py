@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline, with_changes
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 
 PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
 
