@@ -15,7 +15,7 @@ NARROWEST_PX = 0.01
 
 
 def gaussian(deviation_px: float) -> F4:
-    """Return the weights of a Gaussian filter, of sum 1; a single 1 if it is too narrow to matter."""
+    """Return weights of sum 1, or a single 1 if the Gaussian is too narrow to matter."""
     radius = math.ceil(TAIL * deviation_px) if deviation_px > NARROWEST_PX else 0
     distance = np.arange(-radius, radius + 1)
     weights = np.exp(-0.5 * (distance / max(deviation_px, NARROWEST_PX)) ** 2)

@@ -144,7 +144,8 @@ def render(
         Light of the film at rest at its brightest point in the image, under the LED that
         is brightest there: the exposure.  Slopes that face an LED come out brighter.
     gloss
-        Strength, without a coat, of a Blinn-Phong highlight, as a share of the Lambertian reflectance.
+        Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance; a film
+        under a coat has none.
     shininess
         Exponent of the highlight; higher is smaller and sharper.
     led_size_mm
@@ -230,7 +231,9 @@ def _lit_from(
         lit = cosine > 0
         lit[lit] = _unobstructed(surface, spot, ray, lit, film)
         coated = film.coat_alpha > 0
-        radiance = _coat(spot, ray, cosine, film) if coated else cosine + _highlight(spot, ray, film)
+        radiance = (
+            _coat(spot, ray, cosine, film) if coated else cosine + _highlight(spot, ray, film)
+        )
         falloff = 1.0 if film.distant else 1.0 / (ray.length * ray.length)
         if film.cosine_leds:
             falloff = falloff * _emitted(led, ray)
