@@ -72,7 +72,8 @@ def interreflect(
     grid = cell_grid(height.shape, pixel, cells, rim_mm)
     places, areas, irradiance = cells_of(height, lights, np.float32(pixel), grid)
     inside = framed(grid)
-    direct = means(light / np.maximum(rest, FAINTEST), grid.factor).reshape(len(light), -1)
+    relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
+    direct = means(relative, grid.factor).reshape(len(light), -1)
     gain = np.float32(albedo) / np.float32(math.pi)
     bounced = np.zeros_like(direct)
     for _ in range(bounces):
