@@ -46,9 +46,10 @@ SAMPLES, ENOUGH = 1500, 30
 """Samples of all balls together, and of each ball at least."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
-BETTER, SURE = 0.97, 0.7
-"""A part of the model is taken if it makes the held-out error smaller than by this factor; by the
-second where a single ball holds nothing else out than places between the others..."""
+BETTER, BENT, SURE = 0.97, 0.99, 0.7
+"""A part of the model is taken if it makes the held-out error smaller than by this factor; further
+harmonics by the second; and by the third all where a single ball holds nothing else out than
+places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
 MOST_ALBEDO = 0.95
@@ -276,7 +277,7 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
             break
         tried = _judge(trial, physics.parts, physics.fitted, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
-        if _pays(tried.error, best.error, trial):
+        if _pays(tried.error, best.error, trial, BENT):
             best = tried
     if best.degree is not None:
         bent = add_harmonics(
@@ -317,8 +318,8 @@ def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls]:
     return best._replace(fitted=fitted), good
 
 
-def _pays(error: float, before: float, trial: _Trial) -> bool:
-    share = BETTER if len(trial.balls.centre) > 1 else SURE
+def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) -> bool:
+    share = enough if len(trial.balls.centre) > 1 else SURE
     return error < share * before and error < before - NOTICEABLE
 
 
