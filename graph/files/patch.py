@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.model import Entry, Graph
+from tactograph.graph.files.model import PREVIOUS, Entry, Graph, split_previous
 from tactograph.graph.files.strict_yaml import Place
 
 Change = Mapping[str, Any]
@@ -100,7 +100,10 @@ def _redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
     sole = f"{old}.{graph.nodes[old].op}" if old in graph.nodes else old
 
     def swap(reference: str) -> str:
-        return new if reference in (old, sole) else reference
+        bare, previous = split_previous(reference)
+        if bare not in (old, sole):
+            return reference
+        return f"{PREVIOUS}.{new}" if previous else new
 
     nodes = {
         node_id: replace(entry, inputs={port: swap(r) for port, r in entry.inputs.items()})

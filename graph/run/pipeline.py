@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
 import numpy as np
+import pyopencl as cl
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.launch import DeviceArray
-from tactograph.graph.backends.opencl import OpenCL, milliseconds
+from tactograph.graph.backends.opencl import OpenCL, has_failed, milliseconds
 from tactograph.graph.backends.prepared import Prepared, Timer
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.provenance import Provenance, versions
 from tactograph.graph.declare.session import Session
 from tactograph.graph.errors import (
+    DeviceError,
     EndOfStream,
     InputError,
     NodeError,
@@ -35,6 +38,7 @@ from tactograph.graph.plan.sizes import Known, Shapes, Sized
 class Result(Mapping[str, Any]):
     """What one item gave: the graph's outputs by name, and how long each step took.
 
+    Arrays are read-only: the pipeline may still hold them, for the next item or for all.
     `times` is in milliseconds, by step.  `item` is what the stream's source yielded; `total`
     the milliseconds from there to the last output, as a clock on the wall sees them.
     """
@@ -61,12 +65,14 @@ class Result(Mapping[str, Any]):
 class Pipeline:
     """A verified, planned and compiled graph that keeps its buffers from call to call.
 
-    One pipeline belongs to one thread; several threads use one each.  Closing it, or leaving
-    its ``with`` block, ends the stream and closes what its nodes keep.
+    One pipeline belongs to one thread; several threads use one each, and a second one at the
+    same time is refused.  Closing it, or leaving its ``with`` block, ends the stream and closes
+    what its nodes keep; after that it is of no more use.
     """
 
     def __init__(self, plan: Plan, device: OpenCL | None) -> None:
         self.plan = plan
+        self._turn = _Turn(plan.graph.name)
         self._device = device
         self._host: dict[Value, Any] = {}
         self._remote: dict[Value, DeviceArray] = {}
@@ -84,12 +90,14 @@ class Pipeline:
         self._remote_before: dict[Value, DeviceArray] = {}
         self._sessions: dict[str, Session] = {}
         self._iterator: Iterator[Any] | None = None
+        self._running: object | None = None
         self._total = 0.0
         self._prepared = False
         self._ended = False
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stand_ins = {task.id: self._goes_up(task) for task in tasks if task.stand_in}
+        self._objects = {task.id: _containers(task) for task in tasks}
         made = {Value(t.id, port) for t in tasks if t.stand_in for port in t.node.outputs}
         self._read_whole = {value for value in made if self._is_read_whole(value)}
         self._once = self._split(stream=False)
@@ -99,8 +107,10 @@ class Pipeline:
             if device is not None and on_device:
                 device.compile(task.node)
 
-    def __call__(self, **stand_ins: NDArray[Any]) -> Result:
+    def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
         """Run one item, arrays standing in for source nodes, and return its outputs.
+
+        The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
 
         Parameters
         ----------
@@ -111,7 +121,8 @@ class Pipeline:
         Raises
         ------
         InputError
-            If a source that the pipeline was planned without is missing, or sizes clash.
+            If a source that the pipeline was planned without is missing, sizes clash, the
+            pipeline was closed, or another thread is using it.
         """
         if self._source is not None:
             raise InputError(
@@ -123,47 +134,75 @@ class Pipeline:
                 f"{self.plan.graph.name}: arrays are needed for {sorted(self._stand_ins)}, "
                 f"and were given for {sorted(stand_ins)}"
             )
-        self._prepare()
-        self._begin()
-        return self._item({name: self._stand_in(name, array) for name, array in stand_ins.items()})
+        with self._turn:
+            self._prepare()
+            self._begin()
+            stacks = {name: _checked_stack(array).view() for name, array in stand_ins.items()}
+            result = self._item({n: self._stand_in(n, stack) for n, stack in stacks.items()})
+            # What a node passes on is still the caller's own memory.
+            for name, value in result.outputs.items():
+                if isinstance(value, np.ndarray) and _shares(value, stacks.values()):
+                    result.outputs[name] = _own(value)
+            result.item = {}
+            return result
 
     def items(self, repeats: int = 1) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.
 
-        The stream ends with its source, or after an item at which a sink raised `EndOfStream`.
+        The stream ends with its source, or after an item at which a sink raised `EndOfStream`;
+        then it can be run again.
 
         Parameters
         ----------
         repeats
             How often each item is computed; above 1, the times are medians over all runs
             but the first, which compiles and fills caches.  Sinks run once.
+
+        Raises
+        ------
+        InputError
+            If the pipeline was closed, is going through its stream already, or another thread
+            is using it.
         """
         if self._stand_ins:
             waiting = ", ".join(sorted(self._stand_ins))
             raise InputError(f"{self.plan.graph.name}: call the pipeline with arrays for {waiting}")
-        self._prepare()
+        with self._turn:
+            if self._running is not None:
+                raise InputError(
+                    f"{self.plan.graph.name}: the pipeline is going through its stream already; "
+                    "end that first, or load the graph once more"
+                )
+            mine = self._running = object()
         try:
+            with self._turn:
+                self._prepare()
             if self._source is None:
-                yield self._item({}, repeats)
+                with self._turn:
+                    result = self._item({}, repeats)
+                yield result
             else:
-                yield from self._all_items(self._source, repeats)
+                yield from self._all_items(self._source, repeats, mine)
         finally:
-            self.close()
+            if self._running is mine:
+                self._end()
 
-    def _all_items(self, source: Task, repeats: int) -> Iterator[Result]:
+    def _all_items(self, source: Task, repeats: int, mine: object) -> Iterator[Result]:
         keywords = {**source.settings, **self._session(source)}
         self._ended = False
         with collect_warnings(self._notes), Blaming(source):
             iterator = self._iterator = iter(source.node(**keywords))
-        while not self._ended:
-            self._begin()
-            start = time.perf_counter()
-            with collect_warnings(self._notes), Blaming(source):
-                item = next(iterator, None)
-            if item is None:
-                return
-            self._times[source.id] = 1e3 * (time.perf_counter() - start)
-            yield self._item({source.id: item}, repeats)
+        while not self._ended and self._running is mine:
+            with self._turn:
+                self._begin()
+                start = time.perf_counter()
+                with collect_warnings(self._notes), Blaming(source):
+                    item = next(iterator, None)
+                if item is None:
+                    return
+                self._times[source.id] = 1e3 * (time.perf_counter() - start)
+                result = self._item({source.id: item}, repeats)
+            yield result
 
     @property
     def buffers(self) -> int:
@@ -175,7 +214,7 @@ class Pipeline:
         """Whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())
 
-    def aim(self, **values: Any) -> None:
+    def aim(self, /, **values: Any) -> None:
         """Give other values to params of the graph that only what runs per item takes.
 
         So a pipeline goes on to another capture, or another folder for its results, with
@@ -202,26 +241,43 @@ class Pipeline:
             if used:
                 settings[task.id] = settings_of(task.entry, graph, task.node, given)
         # Only now that nothing is refused.
-        self.plan.given = given
-        for name, found in settings.items():
-            self.plan.tasks[name].settings = found
-        # Sizes and launches may follow from settings.
-        self._sized, self._launches = {}, {}
+        with self._turn:
+            self.plan.given = given
+            for name, found in settings.items():
+                self.plan.tasks[name].settings = found
+            # Sizes and launches may follow from settings.
+            self._sized, self._launches = {}, {}
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
-        self._host_before, self._remote_before = {}, {}
+        with self._turn:
+            self._host_before, self._remote_before = {}, {}
 
     def close(self) -> None:
-        """End the stream, and close what the nodes keep; the pipeline can run again."""
+        """End the stream, and close what the nodes keep; the pipeline is of no more use.
+
+        Raises
+        ------
+        InputError
+            If another thread is using it.
+        """
+        if self._turn.end():
+            self._end()
+
+    def _end(self) -> None:
+        """End the stream, and close what the nodes keep."""
         iterator, self._iterator = self._iterator, None
         sessions, self._sessions = self._sessions, {}
+        self._running = None
+        self._host_before, self._remote_before = {}, {}
+        # What runs once and keeps something has to open it again.
+        if any(not self.plan.tasks[name].stream for name in sessions):
+            self._prepared = False
         with ExitStack() as stack:
             for session in sessions.values():
                 stack.callback(session.close)
             if iterator is not None and hasattr(iterator, "close"):
                 stack.callback(iterator.close)
-        self.forget()
 
     def __enter__(self) -> Pipeline:
         return self
@@ -242,12 +298,13 @@ class Pipeline:
     def _prepare(self) -> None:
         """Run, once, what does not depend on the stream."""
         if not self._prepared:
+            self._begin()
             self._known, self._prepared = self._steps(self._once, {}, {}), True
             self._lasting = len(self._notes)
 
     def _item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         self._steps(self._stream, self._known, given, repeats)
-        outputs = {name: self._host[value] for name, value in self.plan.outputs.items()}
+        outputs = {name: _lent(self._host[value]) for name, value in self.plan.outputs.items()}
         yielded = [
             Value(name, port) for name in given for port in self.plan.tasks[name].node.outputs
         ]
@@ -257,7 +314,7 @@ class Pipeline:
 
     def _remember(self) -> None:
         """Keep what the next item recalls."""
-        self._host_before = {v: self._host[v] for v in self._recalled if v in self._host}
+        self._host_before = {v: _own(self._host[v]) for v in self._recalled if v in self._host}
         taken = {v: self._remote.pop(v, None) for v in self._recalled}
         self._remote_before = {v: array for v, array in taken.items() if array is not None}
 
@@ -267,7 +324,8 @@ class Pipeline:
         found, port = before.get(task.recalls[name]), task.node.inputs[name]
         if found is None or port.kind != "array":
             return found
-        if tuple(d if isinstance(d, int) else sizes[d] for d in port.dims) == found.shape:
+        pairs = zip(port.dims, found.shape, strict=True)
+        if all(size == (d if isinstance(d, int) else sizes.get(d, size)) for d, size in pairs):
             return found
         warn(f"{task.id}: the images have another size than before; it starts afresh")
         return None
@@ -304,14 +362,35 @@ class Pipeline:
 
     def _compute(self, steps: list[Step], known: Known, given: Mapping[str, Any]) -> Known:
         timers: dict[str, Timer] = {}
-        for step in steps:
-            known = self._execute(step, known, timers, given)
-        if timers and self._device is not None:
-            self._device.finish()
+        doing = ""
+        try:
+            for step in steps:
+                doing = step.name
+                known = self._execute(step, known, timers, given)
+            if timers and self._device is not None:
+                doing = ""
+                self._device.finish()
+                for name, timer in timers.items():
+                    self._times[name] = milliseconds(timer)
+        except (cl.Error, DeviceError) as error:
+            raise self._device_error(error, doing, timers) from error
+        finally:
             self._arriving.clear()
-            for name, timer in timers.items():
-                self._times[name] = milliseconds(timer)
         return known
+
+    def _device_error(
+        self, error: Exception, doing: str, timers: Mapping[str, Timer]
+    ) -> DeviceError:
+        """Name the steps that failed: a device tells of them long after they began."""
+        failed = [name for name, timer in timers.items() if has_failed(timer)]
+        if isinstance(error, DeviceError) and not failed:
+            return error
+        named = ", ".join(map(self._in_words, failed or ([doing] if doing else timers)))
+        return DeviceError(f"{self.plan.device} failed at {named}: {error}")
+
+    def _in_words(self, step: str) -> str:
+        task = self.plan.tasks.get(step)
+        return f"'{step}'" if task is None else f"'{step}' ({task.node.name})"
 
     def _split(self, *, stream: bool) -> tuple[list[Step], list[Step]]:
         """The steps that compute and the sinks, of the stream or of what runs once."""
@@ -319,9 +398,8 @@ class Pipeline:
         sinks = [s for s in steps if s.kind == "run" and self.plan.tasks[s.name].node.sink]
         return [step for step in steps if step not in sinks], sinks
 
-    def _stand_in(self, name: str, array: NDArray[Any]) -> Any:
+    def _stand_in(self, name: str, stack: NDArray[Any]) -> Any:
         record = self.plan.tasks[name].node.output_record
-        stack = _checked_stack(array)
         if stack.dtype.kind == "u" and not self._stand_ins[name]:
             stack = np.asarray(stack / np.float32(np.iinfo(stack.dtype).max), np.float32)
         return stack if record is None else record(stack)
@@ -372,7 +450,9 @@ class Pipeline:
         assert self._device is not None
         (value,) = step.reads
         if step.kind == "download":
-            self._host[value], timer = self._device.start_download(self._remote[value])
+            array, timer = self._device.start_download(self._remote[value])
+            array.flags.writeable = False
+            self._host[value] = array
             self._arriving[value] = timer[1]
         elif (array := self._host[value]) is not None:
             port = self.plan.tasks[value.node].node.outputs[value.port]
@@ -397,7 +477,8 @@ class Pipeline:
             assert self._device is not None
             self._remote[value] = self._device.fill(shape, dtype, task.node.neutral)
         else:
-            self._host[value] = np.full(shape, task.node.neutral, dtype)
+            array = self._host[value] = np.full(shape, task.node.neutral, dtype)
+            array.flags.writeable = False
         self._times[task.id] = 0.0
         return {}
 
@@ -410,8 +491,13 @@ class Pipeline:
             for name, value, is_array in self._sent[task.id]
         }
         for name in task.recalls:
-            is_array = task.node.inputs[name].kind == "array"
-            inputs[name] = self._recall(task, name, sizes, remote=is_array)
+            port = task.node.inputs[name]
+            found = self._recall(task, name, sizes, remote=port.kind == "array")
+            inputs[name] = found
+            if isinstance(found, DeviceArray):
+                # A size that only the data tell is that of the item before.
+                before = zip(port.dims, found.shape, strict=True)
+                sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
         with Blaming(task):
             if launch is None or launch.sizes != sizes:
@@ -441,7 +527,9 @@ class Pipeline:
                     self._arriving.pop(value).wait()
             start = time.perf_counter()
             with Blaming(task):
-                made = task.node(*_positional(task, self._host, recalled), **keywords)
+                made = task.node(
+                    *_positional(task, self._host, recalled, self._objects[task.id]), **keywords
+                )
             self._times[task.id] = 1e3 * (time.perf_counter() - start)
         shapes: Shapes = {}
         for value, result in zip(step.writes, _results(task, made), strict=True):
@@ -449,6 +537,8 @@ class Pipeline:
             if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
                 if not (task.stand_in and _is_whole(result)):
                     result = _as_declared(task, port, result)
+                # Its readers share it; the next item, or all of them, may yet read it.
+                result.flags.writeable = False
                 shapes[value.port] = result.shape
             self._host[value] = result
         return shapes
@@ -489,6 +579,43 @@ class Pipeline:
         }
 
 
+class _Turn:
+    """Lets one thread at a time into a pipeline, and nobody once it is closed.
+
+    A lock that is never waited for: it costs less than a microsecond an item.
+    """
+
+    __slots__ = ("_closed", "_lock", "_name")
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def __enter__(self) -> None:
+        self._take()
+        if self._closed:
+            self._lock.release()
+            raise InputError(f"{self._name}: the pipeline was closed; load the graph again")
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+    def end(self) -> bool:
+        """Let nobody in any more; return whether that is new."""
+        self._take()
+        was_open, self._closed = not self._closed, True
+        self._lock.release()
+        return was_open
+
+    def _take(self) -> None:
+        if not self._lock.acquire(blocking=False):
+            raise InputError(
+                f"{self._name}: the pipeline is at work already; it belongs to one thread, so "
+                "load one for each"
+            )
+
+
 class Blaming:
     """Turn an unexpected exception of a node into one line that names the node."""
 
@@ -503,7 +630,8 @@ class Blaming:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, Exception) and not isinstance(error, (TactographError, EndOfStream)):
             task = self._task
-            raise NodeError(
+            kind_of = DeviceError if isinstance(error, cl.Error) else NodeError
+            raise kind_of(
                 f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: {error}"
             ) from error
 
@@ -518,11 +646,44 @@ def _sent(task: Task) -> list[tuple[str, Value, bool]]:
     ]
 
 
-def _positional(task: Task, host: Mapping[Value, Any], recalled: Mapping[str, Any]) -> list[Any]:
+def _containers(task: Task) -> list[str]:
+    """The inputs that may be lists or mappings, which any reader could change."""
+    ports = task.node.inputs.items()
+    return [name for name, port in ports if port.kind == "object" and port.python is not str]
+
+
+def _positional(
+    task: Task,
+    host: Mapping[Value, Any],
+    recalled: Mapping[str, Any],
+    containers: Sequence[str],
+) -> list[Any]:
     """The node's positional arguments, of this item and of the one before."""
     reads = task.reads
     inputs = {n: host[reads[n]] if n in reads else recalled.get(n) for n in task.node.inputs}
+    for name in containers:
+        inputs[name] = _lent(inputs[name])
     return task.node.in_order(inputs)
+
+
+def _lent(value: Any) -> Any:
+    """What others are handed: arrays are read-only, of lists and mappings they get a copy."""
+    if isinstance(value, dict):
+        return {key: _lent(each) for key, each in value.items()}
+    return [_lent(each) for each in value] if isinstance(value, list) else value
+
+
+def _own(value: Any) -> Any:
+    """A copy in memory that nobody else holds."""
+    if not isinstance(value, np.ndarray):
+        return _lent(value)
+    kept = value.copy()
+    kept.flags.writeable = False
+    return kept
+
+
+def _shares(array: NDArray[Any], others: Iterable[NDArray[Any]]) -> bool:
+    return any(np.may_share_memory(array, other) for other in others)
 
 
 def _results(task: Task, made: Any) -> tuple[Any, ...]:

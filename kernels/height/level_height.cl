@@ -8,8 +8,7 @@ __kernel void sample_cells(
     __global float *restrict sampled,
     const int W, const int rows, const int columns, const int cell)
 {
-    const int y = get_global_id(0), x = get_global_id(1);
-    if (y >= rows || x >= columns) return;
+    GRID_2(y, x, rows, columns)
     sampled[y * columns + x] = height[(y * cell + cell / 2) * W + x * cell + cell / 2];
 }
 

@@ -9,6 +9,7 @@ from scipy.fft import dctn, idctn
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import REQUIRES, cosine_transform
 
@@ -37,9 +38,10 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     ndarray
         H x W in mm, its mean being zero.
     """
-    spectrum = dctn(_twice_divergence(slope), type=2, norm="ortho", workers=-1, overwrite_x=True)
+    twice = _twice_divergence(slope)
+    spectrum = dctn(twice, type=2, norm="ortho", workers=cores(), overwrite_x=True)
     spectrum *= _to_mm(spectrum.shape, pixel)
-    height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
+    height = idctn(spectrum, type=2, norm="ortho", workers=cores(), overwrite_x=True)
     return np.asarray(height, np.float32)
 
 

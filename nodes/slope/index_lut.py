@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tactograph.graph import Port, node
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, I4, LutLight, LutLit, LutSlope
 
 LEAF = 8
@@ -78,7 +79,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
     """
     count = light.shape[1]
     # Sorting lets go of the interpreter's lock, so threads help.
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         tables = list(pool.map(lambda k: _table(light, slope, lit, k), (None, *range(count))))
     starts = [
         np.cumsum([0, *(len(part) for part in parts)])

@@ -115,6 +115,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2(
         (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
         (("run", "paper", "capture"), "'capture': write values as name=value"),
         (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),
+        (("run", "paper", "zzz=x"), "paper has no parameter 'zzz' (it takes: capture, "),
         (("run", "paper", "capture=a", "capture=b"), "capture is given twice"),
         (("run", "paper", "capture="), "capture=: a path is needed"),
         (("run", "paper"), "paper needs "),
