@@ -35,7 +35,7 @@ def kernel_source(node: Node) -> str:
     NodeError
         If there is no such file, or its kernel does not match the node's declaration.
     """
-    if node.grid is not None:
+    if node.kernels.grid is not None:
         _check(node, _read(node, f"{node.name}.cl"))
     return kernel_text(node)
 
@@ -66,7 +66,7 @@ def expected_arguments(node: Node) -> list[Argument]:
     for port in node.inputs.values():
         name = port.name.replace(".", "_")
         if port.kind == "array":
-            c_type = "PIXEL" if port.name == node.whole else _c_type(port.dtype)
+            c_type = "PIXEL" if port.name == node.kernels.whole else _c_type(port.dtype)
             arguments.append((f"{c_type}*", name))
         elif port.kind == "number":
             arguments.append(("float", name))

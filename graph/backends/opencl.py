@@ -172,7 +172,7 @@ class OpenCL:
         if key not in self._compiled:
             compiled = Compiled(node, partial(self._build, node, constants or {}))
             # A launch function may want its kernels with constants, and never without.
-            if node.launch is None or constants:
+            if node.kernels.launch is None or constants:
                 _ = compiled.kernels
             self._compiled[key] = compiled
         return self._compiled[key]
@@ -309,7 +309,7 @@ class OpenCL:
 
 def _converters(node: Node) -> dict[str, Convert]:
     """By parameter; empty for a node with a launch function, which passes its own."""
-    if node.grid is None:
+    if node.kernels.grid is None:
         return {}
     return {name: _converter(p.annotation) for name, p in node.parameters.items()}
 

@@ -9,6 +9,7 @@ import numpy as np
 import pyopencl as cl
 
 from tactograph.graph.backends.events import Timer
+from tactograph.graph.backends.kernels import LaunchFunction
 from tactograph.graph.backends.launch import (
     DeviceArray,
     Launch,
@@ -42,6 +43,7 @@ class Prepared:
         self._device, self._compiled = device, compiled
         self._settings, self.sizes = settings, sizes
         self._node = node = compiled.node
+        self._declared = node.kernels
         self._outputs: dict[str, tuple[int, tuple[int, ...], np.dtype[Any]]] = {}
         for name, port in node.outputs.items():
             assert port.dtype is not None
@@ -51,9 +53,9 @@ class Prepared:
                 shape = node.output_shape(name, sizes)
                 self._outputs[name] = bytes_for(shape, port.dtype), shape, port.dtype
         self.shapes: dict[str, tuple[int, ...]] | None = None
-        if node.grid is not None:
+        if self._declared.grid is not None:
             self.shapes = {name: shape for name, (_, shape, _) in self._outputs.items()}
-            self._prepare_kernel(node.grid)
+            self._prepare_kernel(self._declared.grid)
 
     def _prepare_kernel(self, symbols: tuple[str, ...]) -> None:
         """Work out all that the node's own kernel is launched with, buffers excepted."""
@@ -64,9 +66,9 @@ class Prepared:
             if symbol not in sizes:
                 raise NodeError(f"the size {symbol} is not known where the node begins")
         grid = tuple(sizes[symbol] for symbol in symbols)
-        if node.lanes:
+        if self._declared.lanes == "grid":
             grid = in_lanes(grid, self._device.lanes)
-        elif node.row_lanes:
+        elif self._declared.lanes == "rows":
             grid = in_row_lanes(grid, self._device.lanes)
         self._kernels = {np.dtype(np.float32): self._compiled.kernels[node.name]}
         self._local = local_size(len(grid))
@@ -89,8 +91,8 @@ class Prepared:
         """
         take = self._device.take
         outputs = {name: take(*known) for name, known in self._outputs.items()}
-        if self._node.launch is not None:
-            return self._by_function(inputs, outputs)
+        if self._declared.launch is not None:
+            return self._by_function(self._declared.launch, inputs, outputs)
         # In the order of `kernel_source.expected_arguments`.
         arguments: list[Any] = []
         for name, kind in self._taken:
@@ -108,23 +110,22 @@ class Prepared:
 
     def _kernel(self, inputs: Mapping[str, Any]) -> Kernel:
         """The kernel, compiled for the integers of images that came as they were."""
-        node = self._node
-        dtype = np.dtype(np.float32) if node.whole is None else inputs[node.whole].dtype
+        node, whole = self._node, self._declared.whole
+        dtype = np.dtype(np.float32) if whole is None else inputs[whole].dtype
         if dtype not in self._kernels:
             compiled = self._device.compile(node, {"FULL": np.iinfo(dtype).max})
             self._kernels[dtype] = compiled.kernels[node.name]
         return self._kernels[dtype]
 
     def _by_function(
-        self, inputs: Mapping[str, Any], outputs: dict[str, DeviceArray]
+        self, function: LaunchFunction, inputs: Mapping[str, Any], outputs: dict[str, DeviceArray]
     ) -> tuple[dict[str, DeviceArray], Timer]:
-        device, node = self._device, self._node
-        assert node.launch is not None
+        device = self._device
         launch = Launch(device, self._compiled, inputs, outputs, self._settings, self.sizes)
-        if node.library(device.lanes) is None:
-            node.launch(launch)
+        if not self._declared.uses_library(device.lanes):
+            function(launch)
             return launch.outputs, launch.timer
         # A library's kernels leave no event.
         before = cl.enqueue_marker(device.queue)
-        node.launch(launch)
+        function(launch)
         return launch.outputs, (before, cl.enqueue_marker(device.queue))

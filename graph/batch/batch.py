@@ -13,7 +13,7 @@ from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump import dump_graph
 from tactograph.graph.files.model import NOT_GIVEN, Graph
 from tactograph.graph.plan import names
-from tactograph.graph.plan.plan import Draft
+from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.origin import find_origin, named_files
 
 TRIES = 20

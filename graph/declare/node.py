@@ -12,21 +12,16 @@ import collections.abc
 import inspect
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+from tactograph.graph.backends.kernels import Kernels, Lanes, LaunchFunction
 from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Exact, Tolerance
 from tactograph.graph.declare.wanted_outputs import Wanted
-
-if typing.TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
-
-
-LaunchFunction = Callable[["Launch"], None]
 
 
 @dataclass(frozen=True)
@@ -86,14 +81,7 @@ class Node:
     session: str | None = None
     wanted: str | None = None
     endless: bool = False
-    grid: tuple[str, ...] | None = None
-    lanes: bool = False
-    row_lanes: bool = False
-    whole: str | None = None
-    launch: LaunchFunction | None = None
-    requires: tuple[str, str] | None = None
-    own_lanes: bool = False
-    on_cpu: str | None = None
+    implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
     kernel_package: str = "tactograph.kernels"
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
@@ -124,16 +112,17 @@ class Node:
 
     @property
     def has_kernel(self) -> bool:
-        return self.grid is not None or self.launch is not None
+        return "opencl" in self.implementations
+
+    @property
+    def kernels(self) -> Kernels:
+        """Its OpenCL implementation; a KeyError where there is none."""
+        return self.implementations["opencl"]
 
     @property
     def backends(self) -> frozenset[str]:
         """The back ends that it is written for."""
-        return frozenset({"numpy", "opencl"} if self.has_kernel else {"numpy"})
-
-    def library(self, lanes: int) -> tuple[str, str] | None:
-        """The module that it needs on a device of so many lanes, and its remedy; or None."""
-        return None if self.own_lanes and lanes > 1 else self.requires
+        return frozenset({"numpy", *self.implementations})
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Inputs by port as positional arguments, records put together; None for those left out."""
@@ -177,7 +166,12 @@ class Node:
 
     @typing.overload
     def opencl(
-        self, *, grid: str, lanes: bool = False, row_lanes: bool = False, whole: str | None = None
+        self,
+        *,
+        grid: str,
+        lanes: Lanes | bool = False,
+        row_lanes: bool = False,
+        whole: str | None = None,
     ) -> Node: ...
 
     @typing.overload
@@ -193,7 +187,7 @@ class Node:
         self,
         *,
         grid: str | None = None,
-        lanes: bool = False,
+        lanes: Lanes | bool = False,
         row_lanes: bool = False,
         whole: str | None = None,
         requires: tuple[str, str] | None = None,
@@ -210,10 +204,11 @@ class Node:
             a decorator for a function that is handed a `Launch`, for nodes of several
             launches.
         lanes
-            Whether a work-item does LANES consecutive elements of the grid, which is then
-            counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.
+            "grid" if a work-item does LANES consecutive elements of the grid, which is then
+            counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.  "rows"
+            if none goes on into the next row of the grid's last axis.  True is "grid".
         row_lanes
-            The same, but no work-item goes on into the next row of the grid's last axis.
+            True is ``lanes="rows"``.
         whole
             An input, images as fractions of full scale, that the kernel also reads as the
             unsigned integers which they were; see ``pixels.clh``.
@@ -225,20 +220,17 @@ class Node:
             Why the NumPy function is the better one if the device is a CPU: it is then
             taken wherever numpy is among the graph's preferences.
         """
-        self.requires = requires
-        self.own_lanes = own_lanes
-        self.lanes = lanes
-        self.row_lanes = row_lanes
-        self.whole = whole
-        self.on_cpu = on_cpu
+        along: Lanes | None = "rows" if row_lanes else "grid" if lanes is True else lanes or None
         if grid is not None:
-            self.grid = tuple(grid.split())
+            self.implementations["opencl"] = Kernels(tuple(grid.split()), along, whole)
             return self
-        return self._take_launch
+        kernels = Kernels(requires=requires, own_lanes=own_lanes, on_cpu=on_cpu)
 
-    def _take_launch(self, launch: LaunchFunction) -> LaunchFunction:
-        self.launch = launch
-        return launch
+        def take(launch: LaunchFunction) -> LaunchFunction:
+            self.implementations["opencl"] = replace(kernels, launch=launch)
+            return launch
+
+        return take
 
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         """Register a maker of test inputs, for nodes whose inputs depend on one another.

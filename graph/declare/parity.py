@@ -53,7 +53,7 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     That is every setting, inputs that may be absent left out, a part of the outputs wanted.
     """
     fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
-    fills += [] if node.whole is None else list(WHOLE)
+    fills += [] if node.kernels.whole is None else list(WHOLE)
     settings = dict(_settings(node))
     default = settings["default"]
     found = [
@@ -136,7 +136,7 @@ def _on_device(
     node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs as they are afterwards."""
-    whole = node.whole if case.fill in WHOLE else None
+    whole = node.kernels.whole if case.fill in WHOLE else None
     if whole is not None:
         dtype, full = WHOLE[case.fill]
         inputs = {**inputs, whole: np.rint(inputs[whole] * full).astype(dtype)}

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.errors import GraphError
-from tactograph.graph.plan.plan import Draft, Placement, Task
+from tactograph.graph.plan.draft import Draft, Task
+from tactograph.graph.plan.plan import Placement
 
 
 def place(draft: Draft, device: OpenCL | None, no_device: str) -> dict[str, Placement]:
@@ -42,8 +41,10 @@ def _place(task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device
             )
         return Placement(bound, "the graph file says so")
     # Also where a library is missing that only the device would need: it would not be used.
-    if task.node.on_cpu and device and device.is_cpu and "numpy" in prefer:
-        return Placement("numpy", f"faster than on a CPU device: {task.node.on_cpu}")
+    if device is not None and task.node.has_kernel and "numpy" in prefer:
+        better = task.node.kernels.better_on_host(device)
+        if better:
+            return Placement("numpy", f"faster than on a CPU device: {better}")
     return _first_that_can(task, prefer, device, no_device)
 
 
@@ -69,11 +70,4 @@ def _obstacle(task: Task, backend: str, device: OpenCL | None, no_device: str) -
         return f"node '{node.name}' has no OpenCL kernel"
     if backend == "numpy":
         return None
-    if device is None:
-        return no_device
-    library = node.library(device.lanes)
-    if library is not None:
-        module, remedy = library
-        if importlib.util.find_spec(module) is None:
-            return f"{module} is not installed ({remedy})"
-    return None
+    return no_device if device is None else node.implementations[backend].can_run(device)

@@ -12,7 +12,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.settings import check_settings
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.model import PREVIOUS, Entry, Graph, split_previous, split_reference
-from tactograph.graph.plan.plan import Draft, Task, Value
+from tactograph.graph.plan.draft import Draft, Task, Value
 
 
 def bind(

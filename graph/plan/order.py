@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import networkx as nx
 
-from tactograph.graph.plan.plan import Draft, Step, Value
+from tactograph.graph.plan.draft import Draft, Value
+from tactograph.graph.plan.plan import Step
 
 
 def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:

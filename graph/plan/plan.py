@@ -1,54 +1,15 @@
-"""What a plan is made of: values, tasks, placements, steps; what the passes hand on."""
+"""What a plan is made of: placements, steps, and the plan itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Literal
 
-from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.files.model import Entry, Graph
-
-if TYPE_CHECKING:
-    from tactograph.graph.plan.sizes import SizeClasses
-
-
-class Value(NamedTuple):
-    """What one output port of one node produces."""
-
-    node: str
-    port: str
-
-    def __str__(self) -> str:
-        return f"{self.node}.{self.port}"
-
-
-@dataclass
-class Task:
-    """A node of the graph with its references and settings resolved.
-
-    `reads` are values of the same item, `recalls` those of the item before.
-    """
-
-    id: str
-    node: Node
-    entry: Entry
-    settings: dict[str, Any]
-    reads: dict[str, Value]
-    recalls: dict[str, Value] = field(default_factory=dict)
-    stream: bool = False
-    stand_in: bool = False
-
-    @property
-    def filled(self) -> bool:
-        """Whether a constant stands in for the node."""
-        return self.entry.neutral
-
-    @property
-    def edges(self) -> dict[str, Value]:
-        """Every value that the node takes, of this item or the one before, by input."""
-        return {**self.reads, **self.recalls}
+from tactograph.graph.files.model import Graph
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.sizes import SizeClasses
 
 
 @dataclass(frozen=True)
@@ -80,17 +41,6 @@ class Step:
     @property
     def on_device(self) -> bool:
         return self.backend == "opencl"
-
-
-@dataclass
-class Draft:
-    """What the passes hand on: the graph with all that is known of it so far."""
-
-    graph: Graph
-    tasks: dict[str, Task]
-    outputs: dict[str, Value]
-    passed: dict[str, Value] = field(default_factory=dict)
-    unused: list[str] = field(default_factory=list)
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import GraphError
-from tactograph.graph.plan.plan import Draft
+from tactograph.graph.plan.draft import Draft
 
 
 def check(draft: Draft) -> None:

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 from tactograph.graph.declare.node import SizeLimit
 from tactograph.graph.declare.ports import Dim
 from tactograph.graph.errors import GraphError, InputError
-from tactograph.graph.plan.plan import Draft, Task, Value
+from tactograph.graph.plan.draft import Draft, Task, Value
 
 Symbol = tuple[str, str]
 """(node id, size symbol)"""

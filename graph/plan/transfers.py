@@ -7,7 +7,8 @@ from typing import Literal
 
 import networkx as nx
 
-from tactograph.graph.plan.plan import Draft, Placement, Step, Task, Value
+from tactograph.graph.plan.draft import Draft, Task, Value
+from tactograph.graph.plan.plan import Placement, Step
 
 
 def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]:

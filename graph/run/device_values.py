@@ -8,7 +8,8 @@ from tactograph.graph.backends.events import Timer, has_failed, milliseconds
 from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.prepared import Prepared
-from tactograph.graph.plan.plan import Plan, Step, Task, Value
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming

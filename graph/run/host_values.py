@@ -14,7 +14,8 @@ from tactograph.graph.backends.events import Event
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.session import Session
 from tactograph.graph.errors import NodeError
-from tactograph.graph.plan.plan import Plan, Step, Task, Value
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own

@@ -10,7 +10,8 @@ from typing import Any
 from tactograph.graph.backends.events import DEVICE_ERROR
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings
-from tactograph.graph.plan.plan import Plan, Step, Value
+from tactograph.graph.plan.draft import Value
+from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known, Shapes, Sized
 from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph.backends.events import DEVICE_ERROR
 from tactograph.graph.errors import DeviceError, EndOfStream, NodeError, TactographError
-from tactograph.graph.plan.plan import Task
+from tactograph.graph.plan.draft import Task
 
 
 class Blaming:

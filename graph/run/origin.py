@@ -23,7 +23,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.files.model import Graph
-from tactograph.graph.plan.plan import Draft
+from tactograph.graph.plan.draft import Draft
 
 ENGINE = "tactograph.graph"
 INSTALLED = ("site-packages", "dist-packages")

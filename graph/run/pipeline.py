@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.errors import InputError, collect_warnings
+from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
-from tactograph.graph.plan.plan import Plan, Task
+from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import own, shares

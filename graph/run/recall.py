@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from tactograph.graph.errors import warn
-from tactograph.graph.plan.plan import Plan, Task, Value
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.plan import Plan
 
 
 def recalled_values(plan: Plan) -> frozenset[Value]:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from tactograph.graph.plan.plan import Plan, Value
+from tactograph.graph.plan.draft import Value
+from tactograph.graph.plan.plan import Plan
 
 
 @dataclass(eq=False)

@@ -23,7 +23,7 @@ from tests.graph.toys import halves, leaned
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]
 """Nodes whose work-items do several elements side by side."""
-LIBRARIES = [name for name in KERNEL_NODES if find_node(name).own_lanes]
+LIBRARIES = [name for name in KERNEL_NODES if find_node(name).kernels.own_lanes]
 """Nodes that need a library on a device that does one element at a time."""
 CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name))]
 
@@ -74,7 +74,7 @@ def test_a_large_frame_is_looked_up_in_many_cells(device: OpenCL) -> None:
 def test_a_kernels_signature_matches_the_declaration(name: str) -> None:
     node = find_node(name)
     found = kernel_signatures(kernel_source(node))
-    if node.launch is None:
+    if node.kernels.launch is None:
         assert found[name] == [(kind, word.rstrip("_")) for kind, word in expected_arguments(node)]
     else:
         assert found

@@ -35,11 +35,11 @@ for case in cases(node, shapes=(ast.literal_eval(shape),))[:1] if shape else sma
 AS_WRITTEN = {"PYOPENCL_NO_CACHE": "1", "PYOPENCL_BUILD_OPTIONS": "-cl-opt-disable"}
 NODES = [find_node(name) for name in builtin_names() if find_node(name).has_kernel]
 # VkFFT's own kernels are not ours to prove, and take minutes in a simulator.
-OURS = [node.name for node in NODES if node.requires is None]
+OURS = [node.name for node in NODES if node.kernels.requires is None]
 LANED = [
     node.name
     for node in NODES
-    if (node.requires is None or node.own_lanes) and "LANES" in kernel_source(node)
+    if (node.kernels.requires is None or node.kernels.own_lanes) and "LANES" in kernel_source(node)
 ]
 
 

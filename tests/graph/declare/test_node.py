@@ -131,7 +131,7 @@ def test_only_a_declared_kernel_counts() -> None:
     assert not each.has_kernel
     each.opencl(grid="H W")
     assert each.has_kernel
-    assert each.grid == ("H", "W")
+    assert each.kernels.grid == ("H", "W")
 
 
 def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:

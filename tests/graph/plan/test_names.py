@@ -8,8 +8,8 @@ import pytest
 
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.read import read_graph
+from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.names import bind
-from tactograph.graph.plan.plan import Draft, Value
 from tactograph.graph.run.open import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
 

@@ -1,0 +1,57 @@
+"""What the passes hand on: the graph's values and tasks, as far as they are resolved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from tactograph.graph.declare.node import Node
+from tactograph.graph.files.model import Entry, Graph
+
+
+class Value(NamedTuple):
+    """What one output port of one node produces."""
+
+    node: str
+    port: str
+
+    def __str__(self) -> str:
+        return f"{self.node}.{self.port}"
+
+
+@dataclass
+class Task:
+    """A node of the graph with its references and settings resolved.
+
+    `reads` are values of the same item, `recalls` those of the item before.
+    """
+
+    id: str
+    node: Node
+    entry: Entry
+    settings: dict[str, Any]
+    reads: dict[str, Value]
+    recalls: dict[str, Value] = field(default_factory=dict)
+    stream: bool = False
+    stand_in: bool = False
+
+    @property
+    def filled(self) -> bool:
+        """Whether a constant stands in for the node."""
+        return self.entry.neutral
+
+    @property
+    def edges(self) -> dict[str, Value]:
+        """Every value that the node takes, of this item or the one before, by input."""
+        return {**self.reads, **self.recalls}
+
+
+@dataclass
+class Draft:
+    """What the passes hand on: the graph with all that is known of it so far."""
+
+    graph: Graph
+    tasks: dict[str, Task]
+    outputs: dict[str, Value]
+    passed: dict[str, Value] = field(default_factory=dict)
+    unused: list[str] = field(default_factory=list)
