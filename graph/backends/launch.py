@@ -2,57 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Mapping
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pyopencl as cl
 import pyopencl.array
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from tactograph.graph.backends.opencl import Compiled, OpenCL
+from tactograph.graph.backends.arrays import (
+    DeviceArray,
+    global_size,
+    in_lanes,
+    in_row_lanes,
+    local_size,
+)
+from tactograph.graph.backends.compiled import Compiled
+from tactograph.graph.backends.queue import Queue
+
+__all__ = ["DeviceArray", "Launch", "as_array", "global_size", "local_size"]
 
 T = TypeVar("T")
-
-
-class DeviceArray(NamedTuple):
-    """A buffer on the device with the shape and type of the array in it."""
-
-    buffer: Any
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-
-    @property
-    def nbytes(self) -> int:
-        return math.prod(self.shape) * self.dtype.itemsize
-
-
-def bytes_for(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    """The size of a buffer for an array, at least some bytes and in words of four."""
-    return -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
-
-
-def in_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
-    """Work-items that do so many elements each of a grid that is counted through as one axis."""
-    return (-(-math.prod(grid) // lanes),)
-
-
-def in_row_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
-    """The same, but none goes on into the next row."""
-    return (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
-
-
-def local_size(axes: int) -> tuple[int, ...]:
-    """Work-group size: a run of 128 along the fastest axis, which vectorises on CPUs too."""
-    return (128, *(1,) * (axes - 1))
-
-
-def global_size(grid: tuple[int, ...], local: tuple[int, ...]) -> tuple[int, ...]:
-    """Grid, slowest axis first, to work-items, fastest axis first, in whole groups."""
-    return tuple(-(-n // m) * m for n, m in zip(reversed(grid), local, strict=True))
 
 
 class Launch:
@@ -60,14 +30,14 @@ class Launch:
 
     def __init__(
         self,
-        device: OpenCL,
+        queue: Queue,
         compiled: Compiled,
         inputs: Mapping[str, Any],
         outputs: Mapping[str, DeviceArray],
         settings: Mapping[str, Any],
         sizes: Mapping[str, int],
     ) -> None:
-        self._device = device
+        self._device = queue
         self._compiled = compiled
         self.inputs = inputs
         self.outputs = dict(outputs)
@@ -134,8 +104,7 @@ class Launch:
             file is compiled once for each set of values.
         """
         local = local or local_size(len(grid))
-        compiled = self._device.compile(self._compiled.node, constants) if constants else None
-        kernel = (compiled or self._compiled).kernels[name]
+        kernel = self._compiled.kernels_with(constants or {})[name]
         plain = kernel.converted(arguments)
         self._events.append(kernel.enqueue(self.queue, global_size(grid, local), local, plain))
 
@@ -176,61 +145,3 @@ class Launch:
 def as_array(queue: cl.CommandQueue, found: DeviceArray) -> pyopencl.array.Array:
     """Look at a device array as pyopencl's own array class, which libraries take."""
     return pyopencl.array.Array(queue, found.shape, found.dtype, data=found.buffer)
-
-
-_ELEMENTS = {
-    "float": ("float32", "complex64"),
-    "uchar": ("uint8",),
-    "ushort": ("uint16",),
-    "int": ("int32",),
-    "uint": ("uint32",),
-    "PIXEL": ("uint8", "uint16", "float32"),
-}
-"""What an array may hold that a kernel reads as a type, or as vectors of it."""
-_WHOLE: dict[str, Callable[[int], Any]] = {
-    "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
-}  # fmt: skip
-
-
-def converter(c_type: str) -> Callable[[Any], Any]:
-    """What makes a kernel's argument of a value; it raises where the value is no such thing."""
-    if c_type.endswith("*"):
-        dtypes = _ELEMENTS.get(c_type.rstrip("*").rstrip("0123456789"))
-        known = None if dtypes is None else frozenset(map(np.dtype, dtypes))
-        return partial(_buffer, known)
-    if c_type == "float":
-        return _float
-    return partial(_whole, _WHOLE[c_type]) if c_type in _WHOLE else _as_it_is
-
-
-def in_words(value: Any) -> str:
-    """A value that a kernel cannot take, for an error."""
-    if isinstance(value, DeviceArray):
-        return f"an array of {value.dtype}"
-    return f"{value!r} ({type(value).__name__})"
-
-
-def _buffer(dtypes: frozenset[np.dtype[Any]] | None, value: Any) -> Any:
-    if isinstance(value, DeviceArray):
-        if dtypes is not None and value.dtype not in dtypes:
-            raise TypeError
-        return value.buffer
-    if value is None or isinstance(value, cl.LocalMemory | cl.MemoryObjectHolder):
-        return value
-    raise TypeError
-
-
-def _float(value: Any) -> np.float32:
-    if isinstance(value, float | int | np.floating | np.integer):
-        return np.float32(value)
-    raise TypeError
-
-
-def _whole(make: Callable[[int], Any], value: Any) -> Any:
-    if isinstance(value, int | np.integer):
-        return make(int(value))  # which refuses what is out of range
-    raise TypeError
-
-
-def _as_it_is(value: Any) -> Any:
-    return value

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
 
-from tactograph.graph.backends.events import Timer
-from tactograph.graph.backends.kernels import LaunchFunction
-from tactograph.graph.backends.launch import (
+from tactograph.graph.backends.arrays import (
     DeviceArray,
-    Launch,
     bytes_for,
     global_size,
     in_lanes,
     in_row_lanes,
     local_size,
 )
+from tactograph.graph.backends.compiled import Compiled
+from tactograph.graph.backends.events import Timer
+from tactograph.graph.backends.kernel import Kernel
+from tactograph.graph.backends.kernels import LaunchFunction
+from tactograph.graph.backends.launch import Launch
+from tactograph.graph.backends.queue import Queue
 from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import NodeError
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.opencl import Compiled, Kernel, OpenCL
 
 
 class Prepared:
@@ -34,13 +34,13 @@ class Prepared:
 
     def __init__(
         self,
-        device: OpenCL,
+        queue: Queue,
         compiled: Compiled,
         settings: Mapping[str, Any],
         sizes: Mapping[str, int],
         wanted: Wanted,
     ) -> None:
-        self._device, self._compiled = device, compiled
+        self._device, self._compiled = queue, compiled
         self._settings, self.sizes = settings, sizes
         self._node = node = compiled.node
         self._declared = node.kernels
@@ -70,7 +70,7 @@ class Prepared:
             grid = in_lanes(grid, self._device.lanes)
         elif self._declared.lanes == "rows":
             grid = in_row_lanes(grid, self._device.lanes)
-        self._kernels = {np.dtype(np.float32): self._compiled.kernels[node.name]}
+        self._kernels = {np.dtype(np.float32): self._compiled.kernels_with({})[node.name]}
         self._local = local_size(len(grid))
         self._work_items = global_size(grid, self._local)
         self._taken = [
@@ -113,8 +113,8 @@ class Prepared:
         node, whole = self._node, self._declared.whole
         dtype = np.dtype(np.float32) if whole is None else inputs[whole].dtype
         if dtype not in self._kernels:
-            compiled = self._device.compile(node, {"FULL": np.iinfo(dtype).max})
-            self._kernels[dtype] = compiled.kernels[node.name]
+            whole_kernels = self._compiled.kernels_with({"FULL": np.iinfo(dtype).max})
+            self._kernels[dtype] = whole_kernels[node.name]
         return self._kernels[dtype]
 
     def _by_function(

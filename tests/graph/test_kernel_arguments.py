@@ -8,9 +8,10 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
+from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.launch import DeviceArray
-from tactograph.graph.backends.opencl import Kernel, OpenCL
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import builtin_names, find_node
 
 SOURCE = """

@@ -1,0 +1,128 @@
+"""One kernel: its arguments checked and converted by its signature, and launched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.kernel_source import Argument
+
+
+class Kernel:
+    """A kernel whose arguments have the types that they had at its first launch.
+
+    Told of them, pyopencl sets all arguments in the time that a single number takes otherwise.
+    `signature` is what its source says that it takes.
+    """
+
+    def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
+        self._kernel = kernel
+        self._signature = signature
+        self._converters = [converter(c_type) for c_type, _ in signature]
+        self._typed = False
+
+    def converted(self, arguments: Sequence[Any]) -> list[Any]:
+        """The arguments as the kernel takes them: numbers of its types, and buffers.
+
+        Raises
+        ------
+        TypeError
+            If there are too many or too few, or one is not what the kernel takes.
+        """
+        try:
+            pairs = zip(self._converters, arguments, strict=True)
+            return [convert(value) for convert, value in pairs]
+        except (TypeError, ValueError, OverflowError):
+            raise TypeError(self._complaint(arguments)) from None
+
+    def _complaint(self, arguments: Sequence[Any]) -> str:
+        name = f"kernel {self._kernel.function_name}"
+        if len(arguments) != len(self._signature):
+            takes = ", ".join(name for _, name in self._signature)
+            return f"{name} takes {len(self._signature)} arguments ({takes}), not {len(arguments)}"
+        for number, (value, convert) in enumerate(
+            zip(arguments, self._converters, strict=True), start=1
+        ):
+            try:
+                convert(value)
+            except (TypeError, ValueError, OverflowError):
+                taken = " ".join(self._signature[number - 1])
+                return f"{name}: argument {number} is '{taken}', not {in_words(value)}"
+        raise AssertionError(name)
+
+    def enqueue(
+        self,
+        queue: cl.CommandQueue,
+        work_items: tuple[int, ...],
+        local: tuple[int, ...],
+        arguments: Sequence[Any],
+    ) -> cl.Event:
+        """Launch over `work_items` in work-groups of `local`, both fastest axis first."""
+        if not self._typed:
+            types = [type(a) if isinstance(a, np.generic) else None for a in arguments]
+            self._kernel.set_arg_types(types)
+            self._typed = True
+        return self._kernel(queue, work_items, local, *arguments)
+
+
+_ELEMENTS = {
+    "float": ("float32", "complex64"),
+    "uchar": ("uint8",),
+    "ushort": ("uint16",),
+    "int": ("int32",),
+    "uint": ("uint32",),
+    "PIXEL": ("uint8", "uint16", "float32"),
+}
+"""What an array may hold that a kernel reads as a type, or as vectors of it."""
+_WHOLE: dict[str, Callable[[int], Any]] = {
+    "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
+}  # fmt: skip
+
+
+def converter(c_type: str) -> Callable[[Any], Any]:
+    """What makes a kernel's argument of a value; it raises where the value is no such thing."""
+    if c_type.endswith("*"):
+        dtypes = _ELEMENTS.get(c_type.rstrip("*").rstrip("0123456789"))
+        known = None if dtypes is None else frozenset(map(np.dtype, dtypes))
+        return partial(_buffer, known)
+    if c_type == "float":
+        return _float
+    return partial(_whole, _WHOLE[c_type]) if c_type in _WHOLE else _as_it_is
+
+
+def in_words(value: Any) -> str:
+    """A value that a kernel cannot take, for an error."""
+    if isinstance(value, DeviceArray):
+        return f"an array of {value.dtype}"
+    return f"{value!r} ({type(value).__name__})"
+
+
+def _buffer(dtypes: frozenset[np.dtype[Any]] | None, value: Any) -> Any:
+    if isinstance(value, DeviceArray):
+        if dtypes is not None and value.dtype not in dtypes:
+            raise TypeError
+        return value.buffer
+    if value is None or isinstance(value, cl.LocalMemory | cl.MemoryObjectHolder):
+        return value
+    raise TypeError
+
+
+def _float(value: Any) -> np.float32:
+    if isinstance(value, float | int | np.floating | np.integer):
+        return np.float32(value)
+    raise TypeError
+
+
+def _whole(make: Callable[[int], Any], value: Any) -> Any:
+    if isinstance(value, int | np.integer):
+        return make(int(value))  # which refuses what is out of range
+    raise TypeError
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
