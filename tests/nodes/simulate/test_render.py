@@ -1,7 +1,6 @@
 """Light and shadow on simple surfaces, as geometry has it."""
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,8 +14,8 @@ from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
+from tests.conftest import Raytraced
 
-RAYTRACED = Path(__file__).resolve().parents[2].parent / "shared/data/raytraced"
 PIXEL = 0.1
 
 
@@ -215,7 +214,7 @@ def test_inputs_are_left_alone_and_the_result_is_the_same_again():
 
 def capture(rig, scene):
     """The ray tracer's images 0 to 1, height, lights and pixel size."""
-    folder = RAYTRACED / rig / scene
+    folder = Raytraced() / rig / scene
     images = [cv2.imread(str(folder / f"led{k}.png"), cv2.IMREAD_UNCHANGED) for k in range(1, 5)]
     facts = json.loads((folder / "scene.json").read_text())
     stack = np.stack(images).astype(np.float32) / np.iinfo(images[0].dtype).max
@@ -231,7 +230,6 @@ def away_from_shadow_edges(labels, steep):
     return np.stack([(cv2.dilate(s, window) == cv2.erode(s, window)) & calm for s in shadows])
 
 
-@pytest.mark.skipif(not RAYTRACED.is_dir(), reason=f"no ray-traced captures in {RAYTRACED}")
 @pytest.mark.parametrize(
     ("rig", "scene"),
     [
