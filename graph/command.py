@@ -13,6 +13,7 @@ import click
 from tactograph.graph.errors import TactographError
 
 COMMANDS = (
+    "demo",
     "run",
     "compare",
     "batch",
@@ -46,6 +47,11 @@ class _Lazy(click.Group):
 @click.version_option(importlib.metadata.version("tactograph"), prog_name="tactograph")
 def _group() -> None:
     """Height maps in mm from optical touch sensors, as an editable processing graph."""
+
+
+def run_command(words: list[str]) -> None:
+    """Run one command within this process, as if it had been typed."""
+    _group.main(words, standalone_mode=False)
 
 
 def main() -> None:
