@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import dctn, idctn
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -37,6 +36,9 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     ndarray
         H x W in mm, its mean being zero.
     """
+    # Where the kernel runs, SciPy need not be loaded.
+    from scipy.fft import dctn, idctn
+
     spectrum = dctn(_twice_divergence(slope), type=2, norm="ortho", workers=-1, overwrite_x=True)
     spectrum *= _to_mm(spectrum.shape, pixel)
     height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)

@@ -6,16 +6,18 @@ import json
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import cv2
 import numpy as np
-import trimesh
 from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height
+
+if TYPE_CHECKING:
+    import trimesh
 
 Format = Literal["npy", "tiff", "png", "tmd", "ply", "stl", "obj"]
 
@@ -38,6 +40,9 @@ def surface_mesh(height: Height, pixel: float) -> trimesh.Trimesh:
     Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
     camera.
     """
+    # It loads longer than a touch takes to compute.
+    import trimesh
+
     rows, columns = height.shape
     y, x = np.mgrid[:rows, :columns]
     vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)

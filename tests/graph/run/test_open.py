@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -135,3 +137,17 @@ def test_a_change_that_is_wrong_is_blamed_on_the_change(
     with pytest.raises(GraphError) as caught:
         load(write(WAITING), backend="numpy", changes=change)
     assert str(caught.value).startswith(message)
+
+
+def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
+    """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
+    script = (
+        "import sys;"
+        "from tactograph.graph.files.read import read_graph;"
+        "from tactograph.graph.run.open import open_pipeline, placeholders;"
+        "graph = read_graph('reconstruct');"
+        "open_pipeline(graph, placeholders(graph));"
+        "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
