@@ -18,7 +18,7 @@ def to_svg(plan: Plan) -> str:
     """The plan as an SVG image, boxes coloured by back end."""
     at = _places(plan)
     right = max((x for x, _ in at.values()), default=0) + WIDTH + EDGE
-    bottom = max((y for _, y in at.values()), default=0) + HEIGHT + EDGE
+    bottom = max((y for _, y in at.values()), default=0) + HEIGHT + 0.08 * right + EDGE
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right} {bottom}" '
         f'width="{right}" height="{bottom}" font-family="sans-serif" font-size="11">',
@@ -67,7 +67,9 @@ def _edge(start: tuple[int, int], end: tuple[int, int], port: str, more: str) ->
     x1, y1 = start[0] + WIDTH, start[1] + HEIGHT / 2
     x2, y2 = end[0], end[1] + HEIGHT / 2
     bend = max(30.0, abs(x2 - x1) / 2)
-    path = f"M{x1} {y1}C{x1 + bend} {y1} {x2 - bend} {y2} {x2} {y2}"
+    # What goes past other columns hangs below their boxes, which would hide it.
+    sag = 0.1 * max(0, x2 - x1 - COLUMN)
+    path = f"M{x1} {y1}C{x1 + bend} {y1 + sag} {x2 - bend} {y2 + sag} {x2} {y2}"
     return (
         f'<path d="{path}" fill="none" stroke="#777"{more} marker-end="url(#tip)">'
         f"<title>{escape(port)}</title></path>"
