@@ -1,4 +1,8 @@
-"""Integrate slopes by least squares with free borders, through the cosine transform."""
+"""Integrate slopes by least squares with free borders, through the cosine transform.
+
+On CPUs the kernels need no VkFFT: they transform 32 columns side by side (``cosine.clh``), and each
+frequency leaves a tridiagonal system along the rows.  So all of `reconstruct` stays on the device.
+"""
 
 from __future__ import annotations
 
