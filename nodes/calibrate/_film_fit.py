@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -123,7 +124,7 @@ class Balls:
         return np.stack(
             [
                 left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
-                for i, j in zip(ends[:-1], ends[1:], strict=True)
+                for i, j in pairwise(ends)
             ]
         )
 

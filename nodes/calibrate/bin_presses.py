@@ -81,9 +81,7 @@ def bin_presses(
     )
 
 
-def _binned(
-    image: NDArray[np.float32], factor: int, size: tuple[int, int]
-) -> NDArray[np.float32]:
+def _binned(image: NDArray[np.float32], factor: int, size: tuple[int, int]) -> NDArray[np.float32]:
     """The means of factor x factor pixels."""
     columns, rows = size
     cut_off = image[:, : rows * factor, : columns * factor]

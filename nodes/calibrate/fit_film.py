@@ -117,8 +117,8 @@ def fit_film(
     The LEDs placed for a matt film are where it starts.  Then one part after another is tried:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film; the one that explains the presses best is taken if it lowers
-    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in the place
-    that lowers it further.  With a single ball slices of it are held out instead,
+    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in
+    the place that lowers it further.  With a single ball slices of it are held out instead,
     and a part has to lower their error by 30 per cent.
 
     Parameters
@@ -148,8 +148,8 @@ def fit_film(
     -------
     FilmFit
         The fields of a `Film`; other places of the LEDs that the fit allows; the root mean
-        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...`` for each model tried,
-        ``film_heldout_deg`` of the one chosen, in degrees between normals.
+        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...``
+        for each model tried, ``film_heldout_deg`` of the one chosen, in degrees between normals.
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
