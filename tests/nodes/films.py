@@ -53,7 +53,9 @@ def ball_seen(
     """
     rows, columns = size
     pixel = 20 / columns
-    y, x = (np.mgrid[:rows, :columns] - np.array([(rows - 1) / 2, (columns - 1) / 2])[:, None, None]) * pixel
+    y, x = (
+        np.mgrid[:rows, :columns] - np.array([(rows - 1) / 2, (columns - 1) / 2])[:, None, None]
+    ) * pixel
     cz = -np.sqrt(radius**2 - rim**2)
     z = np.zeros(size)
     for _ in range(60):
