@@ -2,6 +2,7 @@
 
 #define GOLDEN_ANGLE 2.3999631f
 #define LIFT_PX 1e-3f
+#define SMALLEST_COSINE 1e-3f
 
 typedef struct {
     __global const float *height;
@@ -83,6 +84,10 @@ float outside(const float foot, const int size, const float pixel)
     return fmax(fabs(foot) - 0.5f * (float)(size - 1) * pixel, 0.0f);
 }
 
+typedef struct {
+    float alpha, index, albedo, camera_mm;
+} Coat;
+
 // Irradiance of the flat film under an LED: at the image's point nearest to the LED's foot.
 float flat_irradiance(const Surface s, const float x, const float y, const float z,
                       const int distant)
@@ -105,13 +110,26 @@ float exposure(const Surface s, __global const float *lights, const int K, const
     return level / brightest;
 }
 
-// To point i of `count` on a sunflower spiral over an LED's disk; a single one is its centre.
+// To point i of `count` on a sunflower spiral over an LED's disk, which faces the middle of the
+// film or lies parallel to it; a single one is its centre.
 Ray towards(const Spot spot, __global const float *led, const float size_mm, const int i,
-            const int count, const int distant)
+            const int count, const int distant, const int facing)
 {
     const float radius = 0.5f * size_mm * sqrt((float)i / (float)count);
     const float angle = (float)i * GOLDEN_ANGLE;
-    const float x = led[0] + radius * cos(angle), y = led[1] + radius * sin(angle), z = led[2];
+    const float u = radius * cos(angle), v = radius * sin(angle);
+    float x = led[0], y = led[1], z = led[2];
+    if (facing) {
+        const float plan = sqrt(x * x + y * y), far_ = sqrt(x * x + y * y + z * z);
+        const float c = plan > 0.0f ? x / plan : 1.0f, s = plan > 0.0f ? y / plan : 0.0f;
+        const float flatter = z / far_;
+        x += v * c * flatter - u * s;
+        y += v * s * flatter + u * c;
+        z -= v * plan / far_;
+    } else {
+        x += u;
+        y += v;
+    }
     Ray ray;
     if (distant) {
         const float far = sqrt(x * x + y * y + z * z);
@@ -127,6 +145,59 @@ Ray towards(const Spot spot, __global const float *led, const float size_mm, con
 float cosine(const Spot spot, const Ray ray)
 {
     return (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length);
+}
+
+// Cosine between a ray and the axis of the LED's disk: what it shines that way.
+float emitted(__global const float *led, const Ray ray)
+{
+    const float far_ = sqrt(led[0] * led[0] + led[1] * led[1] + led[2] * led[2]);
+    const float along = (led[0] * ray.x + led[1] * ray.y + led[2] * ray.z) / far_;
+    return fmax(along / ray.length, 0.0f);
+}
+
+// Share of unpolarised light that a dielectric mirrors.
+float fresnel(const float cosine_, const float index)
+{
+    const float inside = sqrt(fmax(1.0f - (1.0f - cosine_ * cosine_) / (index * index), 0.0f));
+    const float across = (cosine_ - index * inside) / (cosine_ + index * inside);
+    const float along = (inside - index * cosine_) / (inside + index * cosine_);
+    return 0.5f * (across * across + along * along);
+}
+
+// Smith's share of facets that others do not hide, Walter's rational approximation.
+float unhidden(const float cosine_, const float alpha)
+{
+    const float a = cosine_ / (alpha * sqrt(fmax(1.0f - cosine_ * cosine_, 1e-12f)));
+    if (a >= 1.6f)
+        return 1.0f;
+    return (3.535f * a + 2.181f * a * a) / (1.0f + 2.276f * a + 2.577f * a * a);
+}
+
+// What takes the place of n.L under a rough dielectric coat, seen from the pupil.
+float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
+{
+    const float lx = ray.x / ray.length, ly = ray.y / ray.length, lz = ray.z / ray.length;
+    float vx = 0.0f, vy = 0.0f, vz = 1.0f;
+    if (coat.camera_mm != 0.0f) {
+        const float up = coat.camera_mm - spot.z;
+        const float length_ = sqrt(spot.x * spot.x + spot.y * spot.y + up * up);
+        vx = -spot.x / length_, vy = -spot.y / length_, vz = up / length_;
+    }
+    const float seen = fmax((vz - spot.p * vx - spot.q * vy) / spot.norm, SMALLEST_COSINE);
+    const float lit = fmax(n_l, SMALLEST_COSINE);
+    const float hx = lx + vx, hy = ly + vy, hz = lz + vz;
+    const float length_ = sqrt(hx * hx + hy * hy + hz * hz);
+    const float upright =
+        fmax((hz - spot.p * hx - spot.q * hy) / (spot.norm * length_), SMALLEST_COSINE);
+    const float between = (vx * hx + vy * hy + vz * hz) / length_;
+    const float square = upright * upright, rough = coat.alpha * coat.alpha;
+    const float spread = exp((square - 1.0f) / (square * rough)) / (rough * square * square);
+    const float mirrored = fresnel(between, coat.index) * spread * unhidden(lit, coat.alpha)
+        * unhidden(seen, coat.alpha);
+    const float matt =
+        n_l * (1.0f - fresnel(lit, coat.index)) * (1.0f - fresnel(seen, coat.index));
+    // Beckmann's distribution has 1 / pi, which that of pi / albedo cancels.
+    return matt + mirrored / (4.0f * coat.albedo * seen);
 }
 
 // Blinn-Phong; h lies half-way between the light and the camera above.
@@ -200,10 +271,13 @@ __kernel void render(
     __global uchar *restrict labels,
     const int H, const int W, const int K,
     const int distant, const float level, const float gloss, const float shininess,
-    const float led_size_mm, const int rays, const int samples, const float step_px)
+    const float led_size_mm, const int rays, const int samples, const float step_px,
+    const int cosine_leds, const float coat_alpha, const float refractive_index,
+    const float albedo, const float camera_mm)
 {
     GRID_2(y, x, H, W)
     const Surface surface = {height, H, W, pixel, top[0]};
+    const Coat coat = {coat_alpha, refractive_index, albedo, camera_mm};
     const float gain = exposure(surface, lights, K, distant, level);
     const int points = led_size_mm > 0.0f ? rays : 1;
     const int count = samples * samples * points;
@@ -216,12 +290,18 @@ __kernel void render(
                 const Spot spot = spot_at(surface, (float)x + offset(i, samples),
                                           (float)y + offset(j, samples));
                 for (int n = 0; n < points; n++) {
-                    const Ray ray = towards(spot, lights + 3 * k, led_size_mm, n, points, distant);
+                    const Ray ray = towards(spot, lights + 3 * k, led_size_mm, n, points, distant,
+                                            cosine_leds);
                     const float n_l = cosine(spot, ray);
                     if (!(n_l > 0.0f) || !unobstructed(surface, spot, ray, distant, step_px))
                         continue;
-                    const float radiance = n_l + highlight(spot, ray, gloss, shininess);
-                    total += distant ? radiance : radiance * (1.0f / (ray.length * ray.length));
+                    const float radiance = coat_alpha > 0.0f
+                        ? coated(spot, ray, n_l, coat)
+                        : n_l + highlight(spot, ray, gloss, shininess);
+                    float falloff = distant ? 1.0f : 1.0f / (ray.length * ray.length);
+                    if (cosine_leds)
+                        falloff *= emitted(lights + 3 * k, ray);
+                    total += radiance * falloff;
                     reached++;
                 }
             }

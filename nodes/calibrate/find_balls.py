@@ -5,20 +5,32 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes import F4, I4, Light, PixelSize
+from tactograph.nodes.calibrate._ball_grid import find_grid
+from tactograph.nodes.calibrate._light_fit import rest_of
 from tactograph.nodes.calibrate.find_ball import Ball, find_ball
-from tactograph.nodes.calibrate.find_presses import Circles
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 
 
-class FoundBalls(NamedTuple):
-    """A circle per press, and how sure each is."""
+BallCircles = Annotated[F4, Port("B 3", "px")]
+"""x, y and contact radius of every ball."""
+BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
+"""The radius of every ball."""
+BallPress = Annotated[I4, Port("B", "press number")]
+"""The press that every ball is in, counted from 0."""
 
-    circle: Circles
-    goodness: Annotated[F4, Port("P", "1")]
+
+class FoundBalls(NamedTuple):
+    """Every ball's circle, how sure it is, its radius, and its press."""
+
+    circle: BallCircles
+    goodness: Annotated[F4, Port("B", "1")]
+    radius: BallRadii
+    of: BallPress
 
 
 @node
@@ -29,8 +41,10 @@ def find_balls(
     known: KnownCircles,
     names: list[str],
     pixel: PixelSize,
+    *,
+    pitch_mm: Annotated[float, Gt(0)] | None = None,
 ) -> FoundBalls:
-    """Return the contact circle of every press, as `find_ball` finds it.
+    """Return the contact circle of every press, as `find_ball` finds it, or a grid of balls.
 
     A press in which no ball is found is named in a warning and goes on with a radius of 0,
     which takes it out of everything that follows; a single press is refused instead.
@@ -45,18 +59,23 @@ def find_balls(
         As `read_balls` gives them.
     pixel
         mm per px.
+    pitch_mm
+        Of a square grid of balls, of which every press shows many (`_ball_grid`); none: every
+        press is one of a single ball.
 
     Returns
     -------
     FoundBalls
-        x, y and contact radius in px per press, pixel centres at integers; the goodness of
-        each, 0 to 1.
+        x, y and contact radius in px, pixel centres at integers; the goodness of each, 0 to 1;
+        its radius in mm; the press that it is in.
 
     Raises
     ------
     InputError
         If no press shows its ball.
     """
+    if pitch_mm is not None:
+        return _grids(light, flat, radius, names, pixel, pitch_mm)
     balls: list[Ball | None] = []
     for press, size, circle, name in zip(
         cut(light, flat.shape[1]), radius, known, names, strict=True
@@ -86,4 +105,37 @@ def find_balls(
     return FoundBalls(
         np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
         np.array([b.goodness if b else 0 for b in balls], np.float32),
+        radius,
+        np.arange(len(balls), dtype=np.int32),
+    )
+
+
+def _grids(
+    light: F4, flat: F4, radius: F4, names: list[str], pixel: float, pitch_mm: float
+) -> FoundBalls:
+    """The balls of every press into a grid of them."""
+    rest = rest_of(flat, pixel)
+    found = []
+    for number, (press, size) in enumerate(zip(cut(light, flat.shape[1]), radius, strict=True)):
+        if 2 * size > pitch_mm:
+            raise InputError(
+                f"ball_pitch_mm={pitch_mm:g}: balls of {2 * size:g} mm diameter do not fit"
+            )
+        grid = find_grid(press, size / pixel, pitch_mm / pixel, pixel, rest)
+        if grid is None:
+            warn(f"press {names[number]} is left out: it shows no grid of four balls or more")
+        else:
+            found.append((number, float(size), grid))
+    if not found:
+        raise InputError(
+            f"none of {len(names)} presses shows a grid of balls; check ball_radius_mm, "
+            "ball_pitch_mm and pixel_size_mm"
+        )
+    return FoundBalls(
+        np.concatenate([grid.circle for *_, grid in found]).astype(np.float32),
+        np.concatenate([grid.goodness for *_, grid in found]).astype(np.float32),
+        np.concatenate([np.full(len(grid.circle), size) for _, size, grid in found]).astype(
+            np.float32
+        ),
+        np.concatenate([np.full(len(grid.circle), i) for i, _, grid in found]).astype(np.int32),
     )

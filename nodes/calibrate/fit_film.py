@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from dataclasses import replace
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, SizeLimit, node
+from tactograph.graph import Port, SizeLimit, node, warn
 from tactograph.nodes import (
     F4,
     Albedo,
@@ -33,9 +34,8 @@ from tactograph.nodes.calibrate._film_fit import (
     start_at,
 )
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
-from tactograph.nodes.calibrate.find_presses import Circles
+from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.capture._sheet import SheetLight, cut
-from tactograph.nodes.capture.read_balls import Radii
 from tactograph.nodes.light._film import turned
 from tactograph.nodes.light._near_light import F8, places
 from tactograph.nodes.light.film_bounce import film_bounce
@@ -53,6 +53,8 @@ NOTICEABLE = 0.02
 """... and by so many degrees."""
 MOST_ALBEDO = 0.95
 """Of a film that a bounce is computed for."""
+MANY, BAD = 8, 2.0
+"""Of so many balls, those whose residual is so many times the median are left out."""
 NOISY = 1.5
 """Times the camera's noise, up to which a departure is no more than that."""
 STEPS = 4
@@ -94,8 +96,9 @@ class FilmFit(NamedTuple):
 def fit_film(
     light: SheetLight,
     flat: Light,
-    circle: Circles,
-    radius: Radii,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
     kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
     lights: LightPositions,
     strength: Annotated[F4, Port("K", "1")],
@@ -123,8 +126,10 @@ def fit_film(
         K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
     flat
         K x H x W, the film at rest; uniform where there was none.
-    circle, radius, kept
-        P x 3 in px, P in mm, and 1 for each press that is used.
+    circle, radius, of
+        B x 3 in px, B in mm, and the press that each ball is in.
+    kept
+        1 for each of the P presses that is used.
     lights, strength, others
         K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` gives them.
     noise
@@ -145,7 +150,9 @@ def fit_film(
         square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...`` for each model tried,
         ``film_heldout_deg`` of the one chosen, in degrees between normals.
     """
-    balls = _sample(light, flat, circle, radius, kept, lights, pixel, steepest)
+    used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
+    circle, radius, of = circle[used], radius[used], of[used]
+    balls = _sample(light, flat, circle, radius, of, lights, pixel, steepest)
     width = pixel * flat.shape[2]
     trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
     start = start_at(lights, strength, len(balls.centre))
@@ -158,6 +165,7 @@ def fit_film(
     best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
+    best, balls = _without_bad(trial, best)
     film = best.fitted.film
     if not best.parts and best.degree is None and camera_mm is None:
         # Nothing but matt: the LEDs stay where all pixels of the presses place them.
@@ -279,6 +287,36 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
     return best
 
 
+def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls]:
+    """Leave out the balls of a grid that depart: scratched, dirty, or no balls."""
+    balls, count = trial.balls, len(trial.balls.centre)
+    left = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
+    by_ball = np.sqrt(np.bincount(balls.ball, left, count) / np.bincount(balls.ball))
+    bad = by_ball > BAD * np.median(by_ball)
+    if count < MANY or not bad.any():
+        return best, balls
+    x, y = balls.centre[bad].T
+    where = ", ".join(f"({a:.2f}, {b:.2f})" for a, b in zip(x, y, strict=True))
+    warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")
+    number = np.cumsum(~bad) - 1
+    good = balls.only(~bad[balls.ball])
+    good = replace(
+        good,
+        ball=number[good.ball],
+        centre=balls.centre[~bad],
+        rim=balls.rim[~bad],
+        radius=balls.radius[~bad],
+    )
+    start = best.fitted._replace(
+        shifts=best.fitted.shifts[~bad],
+        film=best.fitted.film._replace(harmonics=np.zeros_like(best.fitted.film.harmonics)),
+    )
+    fitted = trial.fit(best.parts, start, good)
+    if best.degree is not None:
+        fitted = add_harmonics(good, fitted, best.degree, trial.width_mm / 2, trial.shift_mm)
+    return best._replace(fitted=fitted), good
+
+
 def _pays(error: float, before: float, trial: _Trial) -> bool:
     share = BETTER if len(trial.balls.centre) > 1 else SURE
     return error < share * before and error < before - NOTICEABLE
@@ -315,7 +353,7 @@ def _sample(
     flat: F4,
     circle: F4,
     radius: F4,
-    kept: NDArray[np.uint8],
+    of: NDArray[np.int32],
     lights: F4,
     pixel: float,
     steepest: float,
@@ -323,17 +361,16 @@ def _sample(
     """Choose samples of the balls, evenly over each."""
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
-    used = [i for i in np.flatnonzero(kept) if circle[i, 2] > 0]
-    most = max(ENOUGH, SAMPLES // len(used))
+    most = max(ENOUGH, SAMPLES // len(circle))
     presses = cut(light, rows)
-    thrown = [
-        _unit_bounce(press, ball, float(size), lights, pixel)
-        for press, ball, size in zip(presses, circle, radius, strict=True)
-    ]
-    found: list[tuple[F8, ...]] = []
-    for number, i in enumerate(used):
-        u0, v0, rim = circle[i].astype(np.float64)
-        reach = min(INNER * rim, radius[i] / pixel * np.sin(np.arctan(steepest)))
+    thrown = {
+        i: _unit_bounce(presses[i], circle[of == i], radius[of == i], lights, pixel)
+        for i in np.unique(of)
+    }
+    found: list[tuple[NDArray[Any], ...]] = []
+    for number, i in enumerate(of):
+        u0, v0, rim = circle[number].astype(np.float64)
+        reach = min(INNER * rim, radius[number] / pixel * np.sin(np.arctan(steepest)))
         yy, xx = np.mgrid[
             max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
             max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
@@ -354,19 +391,21 @@ def _sample(
         v=v.astype(np.float64),
         light=values.astype(np.float64),
         ball=ball,
-        centre=(circle[used, :2].astype(np.float64) - middle) * pixel,
-        rim=circle[used, 2].astype(np.float64) * pixel,
-        radius=radius[used].astype(np.float64),
+        centre=(circle[:, :2].astype(np.float64) - middle) * pixel,
+        rim=circle[:, 2].astype(np.float64) * pixel,
+        radius=radius.astype(np.float64),
         bounced=bounced.astype(np.float64),
         sector=sector,
     )
 
 
-def _unit_bounce(press: F4, ball: F4, radius: float, lights: F4, pixel: float) -> F4:
-    """The light that a ball in a film of albedo 1 throws on it and on the film around it."""
+def _unit_bounce(press: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
+    """The light that balls in a film of albedo 1 throw on it and on the film around them."""
     yy, xx = np.mgrid[: press.shape[1], : press.shape[2]]
-    square = ((xx - ball[0]) ** 2 + (yy - ball[1]) ** 2) * pixel**2
-    rim = float(ball[2]) * pixel
-    depth = np.sqrt(np.maximum(radius**2 - square, 0)) - np.sqrt(max(radius**2 - rim**2, 0))
-    height = np.where(square < rim**2, depth, 0).astype(np.float32)
+    height = np.zeros(press.shape[1:], np.float32)
+    for (x, y, contact), size in zip(circle, radius, strict=True):
+        square = ((xx - x) ** 2 + (yy - y) ** 2) * pixel**2
+        rim = float(contact) * pixel
+        depth = np.sqrt(np.maximum(size**2 - square, 0)) - np.sqrt(max(size**2 - rim**2, 0))
+        height = np.where(square < rim**2, depth, height).astype(np.float32)
     return film_bounce(press, height, lights, pixel, MOST_ALBEDO) / np.float32(MOST_ALBEDO)

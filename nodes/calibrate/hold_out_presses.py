@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate._light_fit import (
     samples_for,
     shift_of,
 )
-from tactograph.nodes.calibrate.find_presses import Circles
+from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.rate_presses import judge_contact
 from tactograph.nodes.capture._sheet import (
     SheetHeight,
@@ -29,7 +29,6 @@ from tactograph.nodes.capture._sheet import (
     SheetSlope,
     cut,
 )
-from tactograph.nodes.capture.read_balls import Radii
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.shadow.label_lights import label_lights
@@ -52,8 +51,9 @@ def hold_out_presses(
     mask: SheetMask,
     height: SheetHeight,
     lit: SheetLabels,
-    circle: Circles,
-    radius: Radii,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
     noise: Noise,
     pixel: PixelSize,
     *,
@@ -75,8 +75,8 @@ def hold_out_presses(
         K x H x W, the film at rest.
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
-    circle, radius
-        P x 3 in px and P in mm: the balls.
+    circle, radius, of
+        B x 3 in px, B in mm, and the press that each ball is in.
     noise
         (shot, read), as `estimate_noise` gives it.
     pixel
@@ -97,7 +97,7 @@ def hold_out_presses(
     rows = flat.shape[1]
     presses = presses_of(light, slope, mask, height, lit, rows)
     kept = [i for i, press in enumerate(presses) if press.mask.any()]
-    degrees, microns = np.full((2, len(radius)), np.nan, np.float32)
+    degrees, microns = np.full((2, len(presses)), np.nan, np.float32)
     quality = {"presses": float(len(kept))}
     if len(kept) < 2:
         return HeldOut(degrees, microns, quality)
@@ -113,10 +113,17 @@ def hold_out_presses(
         sigma = light_noise(cut(image, rows)[i], flat, noise)
         judged = _judged(presses[i], steepest)
         found = _measure(presses[i], judged, sigma, placed.lights, pixel, shift[2])
-        ball = np.array([*(circle[i, :2] + shift[:2]), circle[i, 2]])
-        degrees[i], microns[i], share = judge_contact(
-            *found, ball, radius[i] / pixel, pixel, judged
-        )
+        errors = [
+            judge_contact(
+                *found,
+                np.array([*(circle[b, :2] + shift[:2]), circle[b, 2]]),
+                radius[b] / pixel,
+                pixel,
+                judged,
+            )
+            for b in np.flatnonzero(of == i)
+        ]
+        degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)
     return HeldOut(
         degrees,

@@ -10,9 +10,8 @@ from annotated_types import Ge
 from tactograph.graph import node
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.calibrate.ball_slopes import ball_slopes
-from tactograph.nodes.calibrate.find_presses import Circles
-from tactograph.nodes.capture._sheet import SheetHeight, SheetMask, SheetSlope
-from tactograph.nodes.capture.read_balls import Radii
+from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 
 class KnownBalls(NamedTuple):
@@ -25,9 +24,11 @@ class KnownBalls(NamedTuple):
 
 @node
 def known_balls(
+    light: SheetLight,
     flat: Light,
-    circle: Circles,
-    radius: Radii,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
     pixel: PixelSize,
     *,
     margin_px: Annotated[float, Ge(0)] = 0.5,
@@ -36,23 +37,24 @@ def known_balls(
 
     Parameters
     ----------
-    flat
-        K x H x W; only its size is used.
+    light, flat
+        K x S x W and K x H x W; only their sizes are used.
     circle
-        P x 3: x, y and contact radius in px; a radius of 0 gives an empty mask.
-    radius
-        Of length P, the balls' radii in mm.
+        B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask.
+    radius, of
+        Of length B: the balls' radii in mm, and the press that each is in.
     pixel
         mm per px.
     margin_px
         Width of the rim that is left out.
     """
-    known = [
-        ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r), margin_px=margin_px)
-        for c, r in zip(circle, radius, strict=True)
-    ]
-    return KnownBalls(
-        np.concatenate([ball.slope for ball in known], axis=1),
-        np.concatenate([ball.mask for ball in known], axis=0),
-        np.concatenate([ball.height for ball in known], axis=0),
-    )
+    rows = flat.shape[1]
+    slope = np.zeros((2, *light.shape[1:]), np.float32)
+    mask, height = np.zeros(light.shape[1:], np.uint8), np.zeros(light.shape[1:], np.float32)
+    for c, r, press in zip(circle, radius, of, strict=True):
+        ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r), margin_px=margin_px)
+        inside, at = ball.mask > 0, slice(press * rows, (press + 1) * rows)
+        slope[:, at][:, inside] = ball.slope[:, inside]
+        mask[at][inside] = 1
+        height[at][inside] = ball.height[inside]
+    return KnownBalls(slope, mask, height)

@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import F4, U1, Light, LutSlope, Metrics, NullVector, Reflectance, Spread
-from tactograph.nodes.calibrate.find_presses import Circles
+from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.calibrate.fit_reflectance import harmonics
 from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 TOGETHER = 6
 """Figures in a line of the title."""
+MOST_NAMES = 20
+"""Balls that are drawn with the names of their presses."""
 LONGEST = 24
 """Letters of a press's name that are drawn."""
 
@@ -39,7 +41,8 @@ def plot_calibration(
     spread: Spread,
     quality: Metrics,
     names: list[str] | None = None,
-    circle: Circles | None = None,
+    circle: BallCircles | None = None,
+    of: BallPress | None = None,
     degrees: Annotated[F4, Port("P", "deg", nan=True)] | None = None,
     microns: Annotated[F4, Port("P", "um", nan=True)] | None = None,
     advice: str | None = None,
@@ -63,8 +66,10 @@ def plot_calibration(
         The fits.
     quality
         The figures of the calibration, for the title.
-    names, circle, degrees, microns, advice
-        Of P presses: names, circles in px, errors held out, and what to press next.
+    names, degrees, microns, advice
+        Of P presses: names, errors held out, and what to press next.
+    circle, of
+        B x 3 in px: the balls, and the press that each is in.
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """
@@ -82,9 +87,11 @@ def plot_calibration(
     _draw_null(axes[1, 1], light, mask, lit, null, spread)
     if len(lights) == 1:
         _draw_found(axes[0, 0], light, mask)
-    elif names is not None and circle is not None and degrees is not None and microns is not None:
+    elif None not in (names, circle, of, degrees, microns):
+        assert names is not None and circle is not None and of is not None
+        assert degrees is not None and microns is not None
         used = np.array([part.any() for part in masks])
-        _draw_presses(axes[0, 0], masks, names, circle, used)
+        _draw_presses(axes[0, 0], masks, names, circle, of, used)
         _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
         _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
@@ -115,17 +122,23 @@ def _draw_coverage(axes: Axes, lut_slope: LutSlope) -> None:
 
 
 def _draw_presses(
-    axes: Axes, masks: list[U1], names: list[str], circle: F4, used: NDArray[np.bool_]
+    axes: Axes,
+    masks: list[U1],
+    names: list[str],
+    circle: F4,
+    of: NDArray[np.int32],
+    used: NDArray[np.bool_],
 ) -> None:
     """The film with all contacts; those left out are grey and broken."""
     depth = np.sum([mask > 0 for mask in masks], axis=0)
     axes.imshow(depth, cmap="Blues", vmin=0, vmax=max(3, depth.max()))
-    for name, (x, y, radius), good in zip(names, circle, used, strict=True):
+    for press, (x, y, radius) in zip(of, circle, strict=True):
         if radius == 0:
             continue
-        look = {"color": ORANGE} if good else {"color": GREY, "linestyle": "--"}
+        look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
-        axes.text(x, y - radius, name[:LONGEST], fontsize=7, ha="center", va="bottom")
+        if len(circle) <= MOST_NAMES:
+            axes.text(x, y - radius, names[press][:LONGEST], fontsize=7, ha="center", va="bottom")
     out = int((~used).sum())
     axes.set(
         title=f"presses on the film: {int(used.sum())} used, {out} left out",

@@ -37,7 +37,7 @@ def rate_calibration(
     lit: SheetLabels,
     lights: LightPositions,
     mismatch: Annotated[F4, Port("K", "1")],
-    goodness: Annotated[F4, Port("P", "1")] | None = None,
+    goodness: Annotated[F4, Port("B", "1")] | None = None,
     flat: Light | None = None,
     noise: Noise | None = None,
 ) -> Metrics:
@@ -56,7 +56,7 @@ def rate_calibration(
     lights, mismatch
         K x 3 in mm, and the root mean square of the light that they do not explain, K.
     goodness
-        Of the ball of each press, 0 to 1; 0 where none was found.
+        Of each ball, 0 to 1; 0 where none was found.
     flat, noise
         K x H x W, the film at rest, and the camera's noise, as `estimate_noise` gives it:
         what noise explains is blamed on it.

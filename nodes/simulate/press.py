@@ -10,6 +10,7 @@ from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, InputError, node
 from tactograph.nodes import F4, Height, PixelSize
+from tactograph.nodes.simulate._gaussian import gaussian, smoothed
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -20,8 +21,6 @@ LONGEST_REACH_PX = 1000.0
 """Beyond this the sweeps take minutes, and no film in the picture comes back to rest."""
 SHORTEST_REACH_PX = 0.01
 """Below this the film's next pixel stays at rest to four digits: nothing to solve."""
-TAIL = 4.0
-"""The Gaussian is cut off at this many standard deviations."""
 
 
 class _Sweeps(NamedTuple):
@@ -79,8 +78,9 @@ def press(
     """
     obstacle = np.maximum(object - np.float32(stand_off_mm), np.float32(0))
     film = _settled(obstacle, _sweeps(reach_mm / pixel))
-    weights = _gaussian(skin_mm / pixel)
-    return _smoothed(_smoothed(film, weights, 1), weights, 0)
+    _check_reach("skin_mm", skin_mm / pixel)
+    weights = gaussian(skin_mm / pixel)
+    return smoothed(smoothed(film, weights, 1), weights, 0)
 
 
 @press.opencl()
@@ -89,7 +89,8 @@ def _launch(launch: Launch) -> None:
     pixel, settings = launch.inputs["pixel"], launch.settings
     obstacle, film, half = (launch.scratch(size) for _ in range(3))
     sweeps = _sweeps(settings["reach_mm"] / pixel)
-    weights = _gaussian(settings["skin_mm"] / pixel)
+    _check_reach("skin_mm", settings["skin_mm"] / pixel)
+    weights = gaussian(settings["skin_mm"] / pixel)
     taps = launch.keep(weights.tobytes(), lambda: launch.upload(weights))
 
     stand_off = settings["stand_off_mm"]
@@ -144,22 +145,3 @@ def _settle(film: F4, obstacle: F4, start: tuple[int, int], sweeps: _Sweeps) -> 
     here[:] = np.maximum(here + sweeps.relax * (pull * sweeps.share - here), obstacle[y::2, x::2])
     film[0], film[-1] = film[1], film[-2]
     film[:, 0], film[:, -1] = film[:, 1], film[:, -2]
-
-
-def _gaussian(deviation_px: float) -> F4:
-    """Weights of a Gaussian filter, of sum 1; a single 1 if it is too narrow to matter."""
-    _check_reach("skin_mm", deviation_px)
-    radius = math.ceil(TAIL * deviation_px) if deviation_px > SHORTEST_REACH_PX else 0
-    distance = np.arange(-radius, radius + 1)
-    weights = np.exp(-0.5 * (distance / max(deviation_px, SHORTEST_REACH_PX)) ** 2)
-    return np.asarray(weights / weights.sum(), np.float32)
-
-
-def _smoothed(film: F4, weights: F4, axis: int) -> F4:
-    """Filter along an axis; beyond the border the film goes on level."""
-    radius, size = len(weights) // 2, film.shape[axis]
-    wide = np.pad(film, [(radius, radius) if a == axis else (0, 0) for a in (0, 1)], mode="edge")
-    total = np.zeros_like(film)
-    for i, weight in enumerate(weights):
-        total += weight * (wide[i : i + size] if axis == 0 else wide[:, i : i + size])
-    return total

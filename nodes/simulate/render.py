@@ -24,6 +24,11 @@ LIFT_PX = 1e-3
 """A ray starts this many pixel sizes above the surface, lest rounding hit its own pixel."""
 
 
+SMALLEST_COSINE = np.float32(1e-3)
+"""A coat is not looked at more flatly."""
+ONE = np.float32(1)
+
+
 class Rendered(NamedTuple):
     """What each LED causes, and where it does not reach."""
 
@@ -60,12 +65,17 @@ class _Spots(NamedTuple):
 
 
 class _Film(NamedTuple):
-    """How the film reflects, and how its shadows are sought."""
+    """How LEDs shine and the film reflects, and how its shadows are sought."""
 
     distant: bool
     gloss: float
     shininess: float
     step_px: float
+    cosine_leds: bool
+    coat_alpha: float
+    refractive_index: float
+    albedo: float
+    camera_mm: float
 
 
 class _Rays(NamedTuple):
@@ -98,15 +108,27 @@ def render(
     rays: Annotated[int, Interval(ge=1, le=256)] = 16,
     samples: Annotated[int, Interval(ge=1, le=8)] = 1,
     step_px: Annotated[float, Interval(gt=0, le=1)] = 0.5,
+    cosine_leds: bool = False,
+    coat_alpha: Annotated[float, Interval(ge=0, le=1)] = 0.0,
+    refractive_index: Annotated[float, Interval(ge=1.01, le=3)] = 1.5,
+    albedo: Annotated[float, Interval(ge=0.01, le=1)] = 0.7,
+    camera_mm: Annotated[float, Ge(0)] = 0.0,
 ) -> Rendered:
     """Return the image under each LED and the pixels it does not reach.
 
-    A Lambertian film (section 3: I = albedo * n.L) with optional gloss, seen by an
-    orthographic camera.  A near LED lights each pixel from its own direction and falls off
+    A Lambertian film (section 3: I = albedo * n.L), with optional gloss or under a coat,
+    seen from straight above: every pixel is the film's point below it (`view` makes what a
+    camera nearby sees of that).  A near LED lights each pixel from its own direction and falls off
     with the inverse square of its distance.  The normal comes from central differences,
     one-sided at the border.  Attached shadow: the surface faces away from the LED.  Cast
     shadow: the ray from the pixel towards the LED, followed over the bilinearly
     interpolated height, meets the surface.  What lies outside the image casts no shadow.
+
+    A coat is a rough dielectric.  With c_i and c_o the cosines towards LED and camera, F
+    Fresnel's reflectance, D Beckmann's distribution, G its shadowing (Walter et al. 2007) and
+    h half-way between both directions, it makes n.L into::
+
+        c_i (1 - F(c_i)) (1 - F(c_o)) + pi / albedo  F(v.h) D(alpha) G / (4 c_o)
 
     Parameters
     ----------
@@ -122,7 +144,8 @@ def render(
         Light of the film at rest at its brightest point in the image, under the LED that
         is brightest there: the exposure.  Slopes that face an LED come out brighter.
     gloss
-        Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance.
+        Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance; a film
+        under a coat has none.
     shininess
         Exponent of the highlight; higher is smaller and sharper.
     led_size_mm
@@ -134,6 +157,18 @@ def render(
         shadow's edge are mixed as a camera mixes them.  Time grows with the square.
     step_px
         Step of the ray over the height field, in pixels.
+    cosine_leds
+        Whether the LEDs' disks face the middle of the film and shine by the cosine, as
+        surfaces do, instead of lying parallel to the film and shining evenly.
+    coat_alpha
+        Roughness of a coat, Beckmann's alpha; 0 is a film without one.
+    refractive_index
+        Of the coat.
+    albedo
+        Share of the light that the film under the coat reflects.
+    camera_mm
+        Distance of the camera's pupil from the film at rest, from where a coat is seen; 0 is
+        infinitely far.
 
     Returns
     -------
@@ -148,14 +183,16 @@ def render(
     """
     surface = _surface(height, np.float32(pixel))
     _check_above(lights, surface.top, distant)
-    film = _Film(distant, gloss, shininess, step_px)
+    coat = coat_alpha, refractive_index, albedo, camera_mm
+    film = _Film(distant, gloss, shininess, step_px, cosine_leds, *coat)
     gain = _gain(lights, height.shape, surface.pixel, distant, level)
     spots = _spots(surface, samples)
     light = np.empty((len(lights), *height.shape), np.float32)
     labels = np.zeros(height.shape, np.uint8)
     for k, led in enumerate(lights):
-        points = _points(led, rays if led_size_mm > 0 else 1, np.float32(led_size_mm))
-        radiance, reached = _lit_from(surface, spots, points, film)
+        number = rays if led_size_mm > 0 else 1
+        points = _points(led, number, np.float32(led_size_mm), cosine_leds)
+        radiance, reached = _lit_from(surface, spots, led, points, film)
         count = len(spots) * len(points)
         light[k] = gain * radiance / np.float32(count)
         labels |= np.where(2 * reached < count, 1 << k, 0).astype(np.uint8)
@@ -183,7 +220,7 @@ def _example(rng: np.random.Generator, K: int, **sizes: int) -> dict[str, F4]:
 
 
 def _lit_from(
-    surface: _Surface, spots: list[_Spots], points: list[F4], film: _Film
+    surface: _Surface, spots: list[_Spots], led: F4, points: list[F4], film: _Film
 ) -> tuple[F4, I4]:
     """Return the sum of the radiance that the points of an LED cause, and how many reach."""
     total = np.zeros(surface.size, np.float32)
@@ -193,8 +230,13 @@ def _lit_from(
         cosine = _cosine(spot, ray)
         lit = cosine > 0
         lit[lit] = _unobstructed(surface, spot, ray, lit, film)
-        radiance = cosine + _highlight(spot, ray, film)
+        coated = film.coat_alpha > 0
+        radiance = (
+            _coat(spot, ray, cosine, film) if coated else cosine + _highlight(spot, ray, film)
+        )
         falloff = 1.0 if film.distant else 1.0 / (ray.length * ray.length)
+        if film.cosine_leds:
+            falloff = falloff * _emitted(led, ray)
         total += np.where(lit, radiance * falloff, np.float32(0))
         reached += lit
     return total, reached
@@ -267,13 +309,34 @@ def _outside(foot: np.float32, size: int, pixel: np.float32) -> np.float32:
     return np.maximum(np.abs(foot) - np.float32(0.5 * (size - 1)) * pixel, np.float32(0))
 
 
-def _points(led: F4, count: int, size_mm: np.float32) -> list[F4]:
-    """`count` points spread evenly over an LED's disk; a single one is its centre."""
+def _points(led: F4, count: int, size_mm: np.float32, facing: bool) -> list[F4]:
+    """`count` points spread evenly over an LED's disk; a single one is its centre.
+
+    The disk faces the middle of the film, or lies parallel to the film.
+    """
     i = np.arange(count, dtype=np.float32)
     radius = np.float32(0.5) * size_mm * np.sqrt(i / np.float32(count))
     angle = i * np.float32(GOLDEN_ANGLE)
-    offset = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(i)], axis=1)
-    return list(led + offset)
+    u, v = radius * np.cos(angle), radius * np.sin(angle)
+    if not facing:
+        return list(led + np.stack([u, v, np.zeros_like(i)], axis=1))
+    across, along = _disk(led)
+    return list(led + u[:, None] * across + v[:, None] * along)
+
+
+def _disk(led: F4) -> tuple[F4, F4]:
+    """Two unit vectors in the plane of a disk that faces the middle of the film."""
+    x, y, z = led
+    plan, far = np.sqrt(x * x + y * y), np.sqrt(x * x + y * y + z * z)
+    c, s = (x / plan, y / plan) if plan > 0 else (np.float32(1), np.float32(0))
+    across = np.array([-s, c, 0], np.float32)
+    return across, np.array([c * z / far, s * z / far, -plan / far], np.float32)
+
+
+def _emitted(led: F4, ray: _Rays) -> F4:
+    """Cosine between a ray and the axis of the LED's disk: what it shines that way."""
+    x, y, z = led / np.sqrt((led * led).sum())
+    return np.maximum((x * ray.x + y * ray.y + z * ray.z) / ray.length, np.float32(0))
 
 
 def _towards(spot: _Spots, point: F4, distant: bool) -> _Rays:
@@ -298,6 +361,52 @@ def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:
     norm = spot.norm * np.sqrt(hx * hx + hy * hy + hz * hz)
     cosine = (hz - spot.p * hx - spot.q * hy) / norm
     return np.float32(film.gloss) * np.maximum(cosine, np.float32(0)) ** np.float32(film.shininess)
+
+
+def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
+    """What takes the place of n.L under a rough dielectric coat, seen from the pupil."""
+    lx, ly, lz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length
+    vx, vy, vz = _to_camera(spot, np.float32(film.camera_mm))
+    seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, SMALLEST_COSINE)
+    lit = np.maximum(cosine, SMALLEST_COSINE)
+    hx, hy, hz = lx + vx, ly + vy, lz + vz
+    length = np.sqrt(hx * hx + hy * hy + hz * hz)
+    upright = np.maximum((hz - spot.p * hx - spot.q * hy) / (spot.norm * length), SMALLEST_COSINE)
+    between = (vx * hx + vy * hy + vz * hz) / length
+    alpha, index = np.float32(film.coat_alpha), np.float32(film.refractive_index)
+    square = upright * upright
+    spread = np.exp((square - ONE) / (square * alpha * alpha)) / (alpha * alpha * square * square)
+    mirrored = _fresnel(between, index) * spread * _unhidden(lit, alpha) * _unhidden(seen, alpha)
+    matt = cosine * (ONE - _fresnel(lit, index)) * (ONE - _fresnel(seen, index))
+    # Beckmann's distribution has 1 / pi, which that of pi / albedo cancels.
+    return matt + mirrored / (np.float32(4 * film.albedo) * seen)
+
+
+def _to_camera(spot: _Spots, distance: np.float32) -> tuple[F4, F4, F4]:
+    """Unit vectors from the film to the pupil."""
+    if distance == 0:
+        none = np.zeros_like(spot.z)
+        return none, none, np.ones_like(spot.z)
+    up = distance - spot.z
+    length = np.sqrt(spot.x * spot.x + spot.y * spot.y + up * up)
+    return -spot.x / length, -spot.y / length, up / length
+
+
+def _fresnel(cosine: F4, index: np.float32) -> F4:
+    """Share of unpolarised light that a dielectric mirrors."""
+    inside = np.sqrt(np.maximum(ONE - (ONE - cosine * cosine) / (index * index), np.float32(0)))
+    across = (cosine - index * inside) / (cosine + index * inside)
+    along = (inside - index * cosine) / (inside + index * cosine)
+    return np.asarray(np.float32(0.5) * (across * across + along * along))
+
+
+def _unhidden(cosine: F4, alpha: np.float32) -> F4:
+    """Smith's share of facets that others do not hide, Walter's rational approximation."""
+    a = cosine / (alpha * np.sqrt(np.maximum(ONE - cosine * cosine, np.float32(1e-12))))
+    share = (np.float32(3.535) * a + np.float32(2.181) * a * a) / (
+        ONE + np.float32(2.276) * a + np.float32(2.577) * a * a
+    )
+    return np.where(a < np.float32(1.6), share, ONE)
 
 
 def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film: _Film) -> B1:

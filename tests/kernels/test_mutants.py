@@ -101,6 +101,28 @@ MUTANTS = {
         "cells unsmoothed": ("upper, right) - a) * across", "upper, right) - a) * 0.0f"),
         "no memory": ("share * (found - earlier)", "(found - earlier)"),
     },
+    "view": {
+        "the camera too close": ("1.0f - z / s.camera_mm", "1.0f - 2.0f * z / s.camera_mm"),
+        "the lens forgotten": ("1.0f + lens_at_corner *", "1.0f + 0.0f *"),
+        "corner at the side": ("half_w * half_w + half_h * half_h", "half_w * half_w"),
+        "seen through walls": ("                break;\n", ""),
+        "steps only": ("#define HALVINGS 24", "#define HALVINGS 0"),
+        "p for q": ("bilinear(slope + size, b, W)", "bilinear(slope, b, W)"),
+        "labels cut off": ("floor(at.x + 0.5f)", "floor(at.x)"),
+    },
+    "blur": {
+        "the border is dark": ("clamp(x + i, 0, W - 1)", "x"),
+        "weights the wrong way": ("weights[i + radius]", "weights[0]"),
+    },
+    "diffuse_gel": {
+        "all of the light stays": ("(1.0f - share) * direct", "direct"),
+    },
+    "interreflect": {
+        "light not relative": ("/ MORE_OF(level, least)", ""),
+        "one bounce": ("bounced[k * h * w + i]", "0.0f * bounced[k * h * w + i]"),
+        "as if lit evenly": ("direct[(CELL_REST + k) * N + cell]", "1.0f"),
+        "added as it is": ("load_floats(rest + i, count) * added", "added"),
+    },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
         "variance instead": ("sqrt(variance)", "variance"),

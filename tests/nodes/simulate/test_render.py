@@ -10,11 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph import InputError
+from tactograph.nodes.simulate.blur import blur
+from tactograph.nodes.simulate.interreflect import interreflect
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
+from tactograph.nodes.simulate.view import view
+from tactograph.nodes.slope.height_slopes import height_slopes
 
 RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1
@@ -198,6 +202,66 @@ def test_gloss_adds_a_highlight_where_the_normal_is_half_way_to_the_camera():
     assert (glossy >= dull).all()
 
 
+def test_leds_that_shine_by_the_cosine_light_the_film_off_their_axis_less() -> None:
+    # The film at rest then falls off with cos(axis) more than under a point that shines evenly.
+    (led,) = lights = towards(40, 0, 20)
+    rest = plane(0, 0, (41, 61))
+    evenly, by_cosine = (render(rest, PIXEL, lights, cosine_leds=c).light[0] for c in (False, True))
+    y, x = np.indices(rest.shape)
+    to_led = np.stack([led[0] - (x - 30) * PIXEL, led[1] - (y - 20) * PIXEL, led[2] + 0 * x])
+    axis = np.tensordot(led / 20, to_led, axes=1) / np.sqrt((to_led**2).sum(axis=0))
+    np.testing.assert_allclose(by_cosine / evenly, axis, rtol=1e-4)
+
+
+def test_a_disk_that_faces_the_film_casts_a_penumbra_as_tall_as_it_stands() -> None:
+    rise, foot, z = 2.0, 12.0, 6.0
+    led = np.float32([[-foot, 0, z]])
+    lit, soft = (
+        render(wall(r), PIXEL, led, led_size_mm=1.0, rays=128, cosine_leds=True).light
+        for r in (0.0, rise)
+    )
+    share = (soft / lit)[0, 2, 100:]
+    penumbra = np.count_nonzero((share > 0.02) & (share < 0.98)) * PIXEL
+    up, across = 0.5 * foot / np.hypot(foot, z), 0.5 * z / np.hypot(foot, z)
+    longest = rise * (foot + across) / (z - up - rise)
+    shortest = rise * (foot - across) / (z + up - rise)
+    assert penumbra == pytest.approx(longest - shortest, abs=3 * PIXEL)
+
+
+def coated(slope: float, slant: float, **coat: float) -> float:
+    """Light of a plane tilted along x under a distant LED, over that of a matt one."""
+    led = towards(slant, 0)
+    settings = {"coat_alpha": 0.2, "refractive_index": 1.5, "albedo": 0.7, **coat}
+    film = plane(slope, 0, (5, 5))
+    light = render(film, PIXEL, led, distant=True, **settings).light[0, 2, 2]
+    return float(light / render(film, PIXEL, led, distant=True).light[0, 2, 2])
+
+
+def test_a_coat_mirrors_most_where_the_normal_is_half_way_to_the_camera() -> None:
+    slant = 40.0
+    tilts = np.deg2rad(np.arange(0, 41, 4))
+    relative = [coated(-np.tan(t), slant) * np.cos(np.deg2rad(slant) - t) for t in tilts]
+    assert tilts[int(np.argmax(relative))] == pytest.approx(np.deg2rad(slant / 2), abs=0.08)
+
+
+def test_a_coat_takes_fresnel_s_share_on_the_way_in_and_out() -> None:
+    # Straight down and up through index 1.5: 4 % each; its mirror is far from the camera's way.
+    through = 1 - 0.04
+    mirror = 0.04 / (4 * 0.7 * 0.2**2)
+    assert coated(0.0, 0.0) == pytest.approx(through**2 + mirror, rel=1e-3)
+    assert coated(0.0, 60.0, coat_alpha=0.05) == pytest.approx(through * (1 - 0.0892), rel=2e-3)
+
+
+def test_a_camera_nearby_sees_the_coat_s_mirror_elsewhere() -> None:
+    # Flat film mirrors the LED where the way to the LED and to the pupil lean alike.
+    led, pupil = np.float32([[6, 0, 20]]), 20.0
+    film = plane(0, 0, (5, 121))
+    matt, coat = (
+        render(film, PIXEL, led, coat_alpha=a, camera_mm=pupil).light[0, 2] for a in (0.0, 0.03)
+    )
+    assert (np.argmax(coat / matt) - 60) * PIXEL == pytest.approx(3.0, abs=PIXEL)
+
+
 def test_light_below_the_surface_is_refused():
     with pytest.raises(InputError, match=r"LED 1 stands 5 mm .* rises to 6 mm"):
         render(np.full((3, 3), 6, np.float32), PIXEL, np.float32([[0, 0, 5]]))
@@ -266,3 +330,64 @@ def test_agrees_with_an_independent_ray_tracer(rig, scene):
         # Pixels on an edge are mixed there and not here.
         iou = np.count_nonzero(dark_there & dark_here) / np.count_nonzero(dark_there | dark_here)
         assert iou > 0.9
+
+
+def in_the_hand(facts, height, pixel, lights, level):
+    """The images of a rig in the hand, and the labels and the height that its pixels see."""
+    coat, size = facts.get("coating") or {}, 2 * (facts.get("led_disc_radius_mm") or 0)
+    camera, albedo = facts.get("camera_mm") or 0.0, facts["albedo"]
+    rig = {
+        "level": level,
+        "led_size_mm": size,
+        "cosine_leds": size > 0,
+        "rays": 8,
+        "coat_alpha": coat.get("roughness", 0.0),
+        "refractive_index": coat.get("refractive_index", 1.5),
+        "albedo": albedo,
+        "camera_mm": camera,
+    }
+    light, labels = render(height, pixel, lights, **rig)
+    if facts.get("bounces"):
+        rest = render(np.zeros_like(height), pixel, lights, **rig).light
+        # The coat takes its share of what the film throws on itself, too.
+        share = 0.9 * albedo if coat else albedo
+        light = interreflect(
+            light, rest, height, lights, pixel, albedo=share, bounces=5, cells=3000
+        )
+    slope = height_slopes(height, pixel).slope
+    lens = {"camera_mm": camera, "lens_at_corner": facts.get("lens_at_corner") or 0.0}
+    found = view(light, height, slope, labels, pixel, **lens)
+    return blur(found.light, deviation_px=facts.get("blur_px") or 0.0), found.labels, found.height
+
+
+@pytest.mark.skipif(not RAYTRACED.is_dir(), reason=f"no ray-traced captures in {RAYTRACED}")
+@pytest.mark.parametrize(
+    ("rig", "scene", "more"),
+    [
+        ("hand_ideal", "cat_film", 0.03),
+        ("hand_perspective", "cat_film", 0.03),
+        ("hand_lens", "calibration_off", 0.06),
+        ("hand_discs", "cat_film", 0.03),
+        ("hand_gloss", "sphere_film", 0.2),
+        ("hand_bounce", "sphere_film", 0.3),
+        ("hand", "sphere_film", 0.4),
+    ],
+)
+def test_agrees_with_an_independent_ray_tracer_in_the_hand(rig, scene, more):
+    flat, _, pixel, lights = capture(rig, "flat")
+    facts = json.loads((RAYTRACED / rig / scene / "scene.json").read_text())
+    at_rest = {**facts, "bounces": 0}  # a flat film lights itself nowhere
+    none = np.zeros(flat.shape[1:], np.float32)
+    plain, _, _ = in_the_hand(at_rest, none, pixel, lights, 1.0)
+    gain = float((flat * plain).sum() / (plain * plain).sum())
+    noise = 255 * np.abs(gain * plain - flat)
+
+    images, seen, _, _ = capture(rig, scene)
+    _, height, _, _ = capture("hand_ideal", scene)  # seen from straight above
+    light, labels, found = in_the_hand(facts, height, pixel, lights, gain)
+    np.testing.assert_allclose(np.median(np.abs(found - seen)), 0, atol=1e-4)
+    steep = np.hypot(*np.gradient(found, pixel)) > 3
+    calm = away_from_shadow_edges(labels, steep) & (found > 0.02) & (images < 0.99)
+    error = 255 * np.abs(light - images)[calm]
+    assert np.median(error) < np.median(noise) + more
+    assert error.mean() < noise.mean() + 1.5 * more

@@ -1,0 +1,131 @@
+#include "common.clh"
+
+#define HALVINGS 24
+
+typedef struct {
+    __global const float *height;
+    int H, W;
+    float camera_mm;
+} Scene;
+
+// A point of an image, and how it lies between four pixels.
+typedef struct {
+    int left, right, upper, lower;
+    float x, y;
+} Between;
+
+Between between(const float x, const float y, const int H, const int W)
+{
+    Between b;
+    b.left = (int)clamp(floor(x), 0.0f, (float)(W - 1));
+    b.upper = (int)clamp(floor(y), 0.0f, (float)(H - 1));
+    b.right = min(b.left + 1, W - 1);
+    b.lower = min(b.upper + 1, H - 1);
+    b.x = clamp(x - (float)b.left, 0.0f, 1.0f);
+    b.y = clamp(y - (float)b.upper, 0.0f, 1.0f);
+    return b;
+}
+
+float bilinear(__global const float *plane, const Between b, const int W)
+{
+    const float above =
+        plane[b.upper * W + b.left] * (1.0f - b.x) + plane[b.upper * W + b.right] * b.x;
+    const float below =
+        plane[b.lower * W + b.left] * (1.0f - b.x) + plane[b.lower * W + b.right] * b.x;
+    return above * (1.0f - b.y) + below * b.y;
+}
+
+// Where a ray of sight is at height z; it goes through (u, v) px from the middle at rest.
+float2 place_at(const Scene s, const float u, const float v, const float z)
+{
+    const float nearer = s.camera_mm > 0.0f ? 1.0f - z / s.camera_mm : 1.0f;
+    return (float2)(u * nearer + 0.5f * (float)(s.W - 1), v * nearer + 0.5f * (float)(s.H - 1));
+}
+
+int met(const Scene s, const float u, const float v, const float z)
+{
+    const float2 at = place_at(s, u, v, z);
+    return bilinear(s.height, between(at.x, at.y, s.H, s.W), s.W) >= z;
+}
+
+// The highest and the lowest point of each row.
+__kernel void row_ends(
+    __global const float *restrict height, __global float *restrict rows, const int H, const int W)
+{
+    GRID_1(y, H)
+    float top = height[y * W], bottom = top;
+    for (int x = 1; x < W; ++x) {
+        top = fmax(top, height[y * W + x]);
+        bottom = fmin(bottom, height[y * W + x]);
+    }
+    rows[y] = top;
+    rows[H + y] = bottom;
+}
+
+// Those of all, by a single work-item: there are few rows.
+__kernel void ends(__global const float *restrict rows, __global float *restrict out, const int H)
+{
+    GRID_1(i, 1)
+    float top = rows[0], bottom = rows[H];
+    for (int y = 1; y < H; ++y) {
+        top = fmax(top, rows[y]);
+        bottom = fmin(bottom, rows[H + y]);
+    }
+    out[0] = top;
+    out[1] = bottom;
+}
+
+// Images and truth as the pixels of a camera with a pupil and a lens see them.
+__kernel void view(
+    __global const float *restrict light,
+    __global const float *restrict height,
+    __global const float *restrict slope,
+    __global const uchar *restrict labels,
+    __global const float *restrict extent,
+    __global float *restrict light_out,
+    __global float *restrict height_out,
+    __global float *restrict slope_out,
+    __global uchar *restrict labels_out,
+    const int K, const int H, const int W,
+    const float camera_mm, const float lens_at_corner)
+{
+    GRID_2(row, column, H, W)
+    const Scene scene = {height, H, W, camera_mm};
+    const float half_w = 0.5f * (float)(W - 1), half_h = 0.5f * (float)(H - 1);
+    const float x = (float)column - half_w, y = (float)row - half_h;
+    const float corner = fmax(half_w * half_w + half_h * half_h, 1.0f);
+    const float gain = 1.0f + lens_at_corner * ((x * x + y * y) / corner - 0.5f);
+    const float u = x * gain, v = y * gain;
+
+    float below = 0.0f;
+    if (camera_mm > 0.0f) {
+        const float top = extent[0], bottom = extent[1];
+        const float far_ = 2.0f * sqrt(corner) * (top - bottom) / camera_mm;
+        const int steps = 1 + (int)ceil(far_);
+        float above = top;
+        below = bottom;
+        for (int i = 1; i < steps; ++i) {
+            const float z = top - (top - bottom) * ((float)i / (float)steps);
+            if (met(scene, u, v, z)) {
+                below = z;
+                break;
+            }
+            above = z;
+        }
+        for (int i = 0; i < HALVINGS; ++i) {
+            const float z = 0.5f * (above + below);
+            if (met(scene, u, v, z)) below = z;
+            else above = z;
+        }
+    }
+    const float2 at = place_at(scene, u, v, below);
+    const Between b = between(at.x, at.y, H, W);
+    const int i = row * W + column, size = H * W;
+    for (int k = 0; k < K; ++k) light_out[k * size + i] = bilinear(light + k * size, b, W);
+    height_out[i] = bilinear(height, b, W);
+    slope_out[i] = bilinear(slope, b, W);
+    slope_out[size + i] = bilinear(slope + size, b, W);
+    const int nearest_x = (int)clamp(floor(at.x + 0.5f), 0.0f, (float)(W - 1));
+    const int nearest_y = (int)clamp(floor(at.y + 0.5f), 0.0f, (float)(H - 1));
+    labels_out[i] = labels[nearest_y * W + nearest_x];
+}

@@ -1,0 +1,200 @@
+"""Balls on a lattice: found in one image, placed together, each then by itself.
+
+A ball shows as a disc over which the LEDs' light differs, more towards the rim.  The peaks of a
+template's correlation are some hundredths of the pitch off, all in one way, since LEDs do not
+stand evenly.  The lattice of known pitch is laid through them; light with the simplest model
+that real films need (diffuse share and gain) then says where the balls really are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate._film_fit import Balls, Fitted, fit, predicted, start_at
+from tactograph.nodes.calibrate._light_fit import Rest
+from tactograph.nodes.light._near_light import F8, places
+
+FINE = 6.0
+"""Radius in px of a ball in the image that is searched."""
+ALIKE = 0.5
+"""Correlation with the template from which a peak is a ball."""
+OUTSIDE = 1.3
+"""Radii at which the film around a ball is at rest again."""
+CONTACT = 0.9
+"""Contact radius over the ball's, to begin with."""
+OFF_LATTICE = 0.15
+"""Pitches that a ball may lie off the lattice."""
+SAMPLES = 60
+"""Of each ball, to place it."""
+RINGS = np.arange(0.5, 1.0, 0.04)
+"""Radii at which the contact's end is sought."""
+WORSE = 1.5
+"""Times the inner residual at which the film has left the ball."""
+FAR_MM = 1e3
+
+
+class Grid(NamedTuple):
+    """Circles N x 3 in px (x, y, contact radius), and the correlation of each with a ball."""
+
+    circle: F8
+    goodness: F8
+
+
+def find_grid(
+    light: F4, radius_px: float, pitch_px: float, pixel: float, rest: Rest | None
+) -> Grid | None:
+    """Return the balls of a press into a lattice of them; None if there are fewer than four.
+
+    Parameters
+    ----------
+    light
+        K x H x W, relative to the film at rest.
+    radius_px, pitch_px
+        Of the balls, and of the lattice.
+    pixel
+        mm per px.
+    rest
+        The flat frame in blocks, if there is one.
+    """
+    peaks, goodness = _peaks(light, radius_px)
+    if len(peaks) < 4:
+        return None
+    centre, kept = _lattice(peaks, pitch_px)
+    if kept.sum() < 4:
+        return None
+    circle = np.column_stack([centre, np.full(len(centre), CONTACT * radius_px)])[kept]
+    inside = _whole(circle, radius_px, light.shape[1:])
+    circle, goodness = circle[inside], goodness[kept][inside]
+    if len(circle) < 4:
+        return None
+    return Grid(_placed(light, circle, radius_px, pixel, rest), goodness)
+
+
+def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
+    """Where the LEDs' light varies as over a ball: x, y in px, N x 2, and the correlation."""
+    factor = max(1, int(radius_px / FINE))
+    small = [
+        cv2.resize(plane, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+        for plane in light
+    ]
+    spread = np.std(np.stack(small), axis=0).astype(np.float32)
+    radius = radius_px / factor
+    reach = int(np.ceil(1.05 * OUTSIDE * radius))
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    r = np.hypot(x, y) / radius
+    template = np.where(r < CONTACT, r / CONTACT, np.clip((OUTSIDE - r) / 0.4, 0, 1))
+    wide = cv2.copyMakeBorder(spread, reach, reach, reach, reach, cv2.BORDER_REFLECT)
+    found = cv2.matchTemplate(wide, template.astype(np.float32), cv2.TM_CCOEFF_NORMED)
+    peak = (found == maximum_filter(found, size=2 * int(1.6 * radius) + 1)) & (found > ALIKE)
+    rows, columns = np.nonzero(peak)
+    where = np.column_stack([columns, rows]).astype(np.float64)
+    return (where + 0.5) * factor - 0.5, found[rows, columns].astype(np.float64)
+
+
+def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
+    """The places of a square lattice of known pitch nearest to the peaks, and which are near."""
+    away = peaks[:, None] - peaks[None]
+    near = np.abs(np.hypot(away[..., 0], away[..., 1]) / pitch_px - 1) < OFF_LATTICE
+    # Four times the angle is the same for all neighbours on a square lattice.
+    angle = np.angle(np.exp(4j * np.arctan2(away[near][:, 1], away[near][:, 0])).sum()) / 4
+    offset = np.zeros(2)
+    for _ in range(5):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        place = (peaks @ turn.T) / pitch_px
+        phase = np.exp(2j * np.pi * place).mean(axis=0)
+        offset = np.angle(phase) / (2 * np.pi)
+        step = np.round(place - offset)
+        left = place - offset - step
+        kept = np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
+        # A turn by d moves the place (a, b) by d (-b, a).
+        spread = step[kept] - step[kept].mean(axis=0)
+        turned = spread[:, 0] * left[kept][:, 1] - spread[:, 1] * left[kept][:, 0]
+        angle += float(turned.sum() / max((spread**2).sum(), 1e-9))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    place = (peaks @ turn.T) / pitch_px
+    step = np.round(place - offset)
+    left = place - offset - step
+    return (step + offset) * pitch_px @ turn, np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
+
+
+def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Balls that the frame does not cut."""
+    x, y = circle[:, 0], circle[:, 1]
+    inside = (x > radius_px) & (x < shape[1] - 1 - radius_px)
+    return np.asarray(inside & (y > radius_px) & (y < shape[0] - 1 - radius_px))
+
+
+def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | None) -> F8:
+    """The circles where the light says that the balls are."""
+    balls = _samples(light, circle, 0.85 * radius_px, radius_px, pixel)
+    start = _start(balls)
+    width = pixel * light.shape[2]
+    shift = 0.1 * radius_px * pixel
+    found = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
+    placed = circle.copy()
+    placed[:, :2] += found.shifts[:, :2] / pixel
+    placed[:, 2] = _contact(light, placed, radius_px, pixel, found) * radius_px
+    return placed
+
+
+def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float) -> Balls:
+    """Samples of all balls, evenly over each."""
+    rows, columns = light.shape[1:]
+    x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
+    offsets = np.mgrid[-int(reach) - 1 : int(reach) + 2, -int(reach) - 1 : int(reach) + 2]
+    dy, dx = offsets.reshape(2, -1)
+    number, row, column = [], [], []
+    for i, (u, v, _) in enumerate(circle):
+        xx, yy = np.round(u).astype(int) + dx, np.round(v).astype(int) + dy
+        inside = np.hypot(xx - u, yy - v) < reach
+        inside &= (xx >= 0) & (xx < columns) & (yy >= 0) & (yy < rows)
+        chosen = np.flatnonzero(inside)[:: inside.sum() // SAMPLES + 1]
+        number.append(np.full(chosen.size, i))
+        row.append(yy[chosen])
+        column.append(xx[chosen])
+    at = np.concatenate(row), np.concatenate(column)
+    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    values = light[:, at[0], at[1]].astype(np.float64)
+    return Balls(
+        u=x[at[1]].astype(np.float64),
+        v=y[at[0]].astype(np.float64),
+        light=values,
+        ball=np.concatenate(number),
+        centre=(circle[:, :2] - middle) * pixel,
+        rim=circle[:, 2] * pixel,
+        radius=np.full(len(circle), radius_px * pixel),
+        bounced=np.zeros_like(values),
+        sector=np.zeros(values.shape[1], int),
+    )
+
+
+def _start(balls: Balls) -> Fitted:
+    """LEDs far away, by linear least squares: light is a constant and a product with the normal."""
+    n, *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
+    basis = np.vstack([np.ones(n.shape[1]), n]).T
+    found, *_ = np.linalg.lstsq(basis, balls.light.T, rcond=None)
+    ends = found[1:3] / np.maximum(found[3], 0.05)
+    lights = np.vstack([ends, np.ones(ends.shape[1])]).T * FAR_MM * balls.radius.max()
+    count = len(balls.centre)
+    return start_at(lights.astype(np.float32), np.ones(len(lights), np.float32), count)
+
+
+def _contact(light: F4, circle: F8, radius_px: float, pixel: float, found: Fitted) -> float:
+    """The radius, relative to the ball's, up to which the film follows the balls."""
+    balls = _samples(light, circle, RINGS[-1] * radius_px, radius_px, pixel)
+    still = found._replace(shifts=found.shifts * [0, 0, 1])
+    left = np.square(predicted(balls, still) - balls.light).mean(axis=0)
+    middle = balls.centre[balls.ball]
+    r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
+    ring = np.digitize(r, RINGS)
+    spread = np.array(
+        [np.sqrt(np.median(left[ring == i])) if (ring == i).any() else 0 for i in range(len(RINGS))]
+    )
+    beyond = np.flatnonzero(spread > WORSE * np.median(spread[:4]))
+    return float(RINGS[beyond[0] - 1] if beyond.size and beyond[0] else RINGS[-1])

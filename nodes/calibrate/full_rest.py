@@ -1,0 +1,46 @@
+"""The film at rest at the camera's own resolution, where a calibration was made on bins."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import CoarseDark, CoarseLight, Dark, Light
+
+
+class Rest(NamedTuple):
+    """The film at rest, and the image with all LEDs off."""
+
+    flat: Light
+    dark: Dark
+
+
+@node
+def full_rest(flat: Light, dark: Dark, binned: CoarseLight, binned_dark: CoarseDark) -> Rest:
+    """Return flat frame and dark image as a touch needs them.
+
+    Parameters
+    ----------
+    flat, dark
+        K x H x W and H x W, as taken.
+    binned, binned_dark
+        K x h x w and h x w, what the calibration made of them: ambient light taken off, or a
+        model where no flat frame was taken.  Where their size is the same they are the result.
+
+    Returns
+    -------
+    Rest
+        K x H x W and H x W.
+    """
+    if binned.shape == flat.shape:
+        return Rest(binned, binned_dark)
+    rows, columns = dark.shape
+    ambient = np.float32(np.median(binned_dark) - np.median(dark))
+    if all(np.ptp(plane) == 0 for plane in flat):
+        size = (columns, rows)
+        model = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in binned]
+        return Rest(np.stack(model), dark + ambient)
+    return Rest(np.maximum(flat - ambient, np.float32(0)), dark + ambient)

@@ -1,0 +1,151 @@
+"""Cells of a film that light one another: what `film_bounce` and `interreflect` share.
+
+``kernels/headers/radiosity.clh`` holds the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.light._blocks import in_blocks
+
+MOST_RIM_CELLS = 4
+"""The film beyond the frame is far from most cells: this many cells across say enough."""
+NEAREST = np.float32(1e-12)
+"""mm2, keeps a cell's distance from itself from being zero; its light on itself is zero anyway."""
+
+
+class Grid(NamedTuple):
+    """Cells of `factor` x `factor` pixels, rows x columns of them, `rim` cells all around."""
+
+    factor: int
+    rows: int
+    columns: int
+    rim: int
+    rim_mm: float
+    """Width of a cell of the rim."""
+
+    @property
+    def whole(self) -> tuple[int, int]:
+        """The cells of the frame and of the rim."""
+        return self.rows + 2 * self.rim, self.columns + 2 * self.rim
+
+
+def cell_grid(size: tuple[int, ...], pixel: float, most: int, rim_mm: float) -> Grid:
+    """The finest cells of which there are at most so many in the frame."""
+    factor = max(1, math.isqrt(math.prod(size) // most))
+    while math.prod(-(-side // factor) for side in size) > most:
+        factor += 1
+    rows, columns = (-(-side // factor) for side in size)
+    rim = min(math.ceil(rim_mm / (factor * pixel)), MOST_RIM_CELLS)
+    return Grid(factor, rows, columns, rim, rim_mm / max(rim, 1))
+
+
+def framed(grid: Grid) -> NDArray[np.intp]:
+    """The cells of the frame among all."""
+    rows, columns = grid.whole
+    numbers = np.arange(rows * columns).reshape(rows, columns)
+    inside = slice(grid.rim, rows - grid.rim), slice(grid.rim, columns - grid.rim)
+    return numbers[inside].ravel()
+
+
+def cells_of(height: F4, lights: F4, pixel: np.float32, grid: Grid) -> tuple[F4, F4, F4]:
+    """Return N x 3 middles, N x 3 area vectors and K x N irradiances of the film at rest."""
+    x, across = _sides(height.shape[1], pixel, grid)
+    y, down = _sides(height.shape[0], pixel, grid)
+    z, p, q = (np.pad(part, grid.rim) for part in _tilts(height, pixel, grid.factor))
+    area = down[:, None] * across
+    places = np.stack([np.broadcast_to(x, z.shape), np.broadcast_to(y[:, None], z.shape), z], -1)
+    areas = np.stack([-p * area, -q * area, area], -1)
+    rest = np.empty((len(lights), *z.shape), np.float32)
+    for found, (lx, ly, lz) in zip(rest, lights, strict=True):
+        dx, dy = lx - x, ly - y[:, None]
+        nearer = lz * lz / (dx * dx + dy * dy + lz * lz)
+        np.multiply(nearer, np.sqrt(nearer), out=found)
+    return places.reshape(-1, 3), areas.reshape(-1, 3), rest.reshape(len(lights), -1)
+
+
+def _sides(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
+    """Return the cells' x, or y, and their widths in mm, those of the rim at both ends."""
+    first = np.arange(0, count, grid.factor)
+    pixels = np.minimum(grid.factor, count - first).astype(np.float32)
+    half = np.float32(0.5)
+    middle = (first.astype(np.float32) + half * pixels - half * np.float32(count)) * pixel
+    rim = np.float32(grid.rim_mm)
+    beyond = half * np.float32(count) * pixel + (np.arange(grid.rim, dtype=np.float32) + half) * rim
+    wide = np.full(grid.rim, rim, np.float32)
+    return (
+        np.concatenate([-beyond[::-1], middle, beyond]),
+        np.concatenate([wide, pixels * pixel, wide]),
+    )
+
+
+def _tilts(height: F4, pixel: np.float32, factor: int) -> F4:
+    """Return the cells' mean height and mean slopes p and q, 3 x rows x columns."""
+    p, q = _difference(height, 1) / pixel, _difference(height, 0) / pixel
+    return means(np.stack([height, p, q]), factor)
+
+
+def _difference(z: F4, axis: int) -> F4:
+    """Central difference along `axis`, one-sided at the ends, 0 for one pixel."""
+    here = np.arange(z.shape[axis])
+    before, after = np.maximum(here - 1, 0), np.minimum(here + 1, here[-1])
+    span = np.maximum(after - before, 1).astype(np.float32)
+    return (z.take(after, axis) - z.take(before, axis)) / (span if axis else span[:, None])
+
+
+def means(planes: F4, factor: int) -> F4:
+    """Return the mean of each cell; the last ones may have fewer pixels."""
+    sums = planes
+    for axis in (1, 2):
+        first = np.arange(0, planes.shape[axis], factor)
+        sums = np.add.reduceat(sums, first, axis)
+        pixels = np.minimum(factor, planes.shape[axis] - first).astype(np.float32)
+        sums = sums / (pixels if axis == 2 else pixels[:, None])
+    return sums
+
+
+def all_on_all(places: F4, areas: F4, sources: F4, targets: NDArray[np.intp]) -> F4:
+    """Return what all cells throw on those of the frame: K x cells, without albedo / pi."""
+    sx, sy, sz = areas.T.copy()
+    x, y, z = places.T.copy()
+    normals = areas / np.sqrt((areas * areas).sum(axis=1, keepdims=True))
+    light = np.ascontiguousarray(sources.T)
+
+    def on(block: slice) -> F4:
+        at = targets[block]
+        dx, dy, dz = x - x[at, None], y - y[at, None], z - z[at, None]
+        square = dx * dx + dy * dy + dz * dz + NEAREST
+        nx, ny, nz = (part[:, None] for part in normals[at].T)
+        arriving = np.maximum(nx * dx + ny * dy + nz * dz, np.float32(0))
+        leaving = np.maximum(-(sx * dx + sy * dy + sz * dz), np.float32(0))
+        return np.asarray((arriving * leaving / (square * square)) @ light)
+
+    return np.concatenate(in_blocks(on, len(targets), len(x))).T
+
+
+def between_cells(planes: F4, size: tuple[int, ...], factor: int) -> F4:
+    """Bring the values of cells to pixels."""
+    if factor == 1:
+        return planes
+    above, below, down = _between(size[0], planes.shape[1], factor)
+    left, right, across = _between(size[1], planes.shape[2], factor)
+    wide = _mixed(planes[..., left], planes[..., right], across)
+    return _mixed(wide[:, above], wide[:, below], down[:, None])
+
+
+def _between(count: int, cells: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
+    """The cells whose middles a pixel lies between, and how far from the first."""
+    place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
+    place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))
+    first = place.astype(np.intp)
+    return first, np.minimum(first + 1, cells - 1), place - first.astype(np.float32)
+
+
+def _mixed(a: F4, b: F4, share: F4) -> F4:
+    return a + (b - a) * share

@@ -1,0 +1,123 @@
+"""The light that a film throws on itself, added to what the LEDs throw on it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
+from tactograph.nodes.light._radiosity import (
+    all_on_all,
+    between_cells,
+    cell_grid,
+    cells_of,
+    framed,
+    means,
+)
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+FAINTEST = np.float32(1e-6)
+
+
+@node(
+    neutral="light",
+    tolerance=Close(1e-5, 1e-3, why="sums over all cells, in another order, several times"),
+)
+def interreflect(
+    light: Light,
+    rest: Light,
+    height: Height,
+    lights: LightPositions,
+    pixel: PixelSize,
+    *,
+    albedo: Annotated[float, Interval(ge=0, le=0.95)] = 0.0,
+    bounces: Annotated[int, Interval(ge=1, le=50)] = 8,
+    cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
+    rim_mm: Annotated[float, Interval(ge=0, le=50)] = 2.0,
+) -> Light:
+    """Return the light of a film that lights itself, bounce after bounce.
+
+    Radiosity: each bounce is the sum of `film_bounce` over what the LEDs and the bounce before
+    it made of the film.  What measures that way finds the light that was given here.
+
+    Parameters
+    ----------
+    light
+        K x H x W, from the LEDs alone.
+    rest
+        K x H x W, the same of the film at rest.
+    height
+        H x W, mm.
+    lights
+        K x 3, mm.
+    pixel
+        mm per px.
+    albedo
+        Share of the light that the film reflects; 0 is a film that does not light itself.
+    bounces
+        How many; a film of albedo 0.7 has converged to a thousandth after 5.
+    cells
+        Most cells, squares of as many pixels as it takes; time grows with the square.
+    rim_mm
+        How far the film goes on beyond the frame, flat and at rest.
+    """
+    if albedo == 0:
+        return light.copy()
+    grid = cell_grid(height.shape, pixel, cells, rim_mm)
+    places, areas, irradiance = cells_of(height, lights, np.float32(pixel), grid)
+    inside = framed(grid)
+    relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
+    direct = means(relative, grid.factor).reshape(len(light), -1)
+    gain = np.float32(albedo) / np.float32(math.pi)
+    bounced = np.zeros_like(direct)
+    for _ in range(bounces):
+        sources = irradiance.copy()
+        sources[:, inside] *= direct + bounced
+        bounced = gain * all_on_all(places, areas, sources, inside) / irradiance[:, inside]
+    planes = bounced.reshape(len(light), grid.rows, grid.columns)
+    return light + rest * between_cells(planes, height.shape, grid.factor)
+
+
+@interreflect.opencl()
+def _launch(run: Launch) -> None:
+    count, *size = (run.sizes[symbol] for symbol in "KHW")
+    names = "light", "rest", "height", "lights", "pixel"
+    light, rest, height, lights, pixel = (run.inputs[name] for name in names)
+    settings, out, constants = run.settings, run.outputs["interreflect"], {"LEDS": count}
+    pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
+    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
+    shape, all_cells = (grid.rows, grid.columns, grid.rim), math.prod(grid.whole)
+    relative = run.scratch((count, *size))
+    direct, table = (run.scratch((6 + 2 * count, all_cells)) for _ in range(2))
+    bounced = run.scratch((count, grid.rows, grid.columns))
+    local = (run.group,)
+    run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)
+    for cells in (direct, table):
+        arguments = relative, height, lights, pixel, cells, *size, grid.factor, *shape, grid.rim_mm
+        run.kernel("lay_out", (all_cells,), *arguments, local=local, constants=constants)
+    work = run.in_row_lanes(grid.rows, grid.columns)
+    gain = float(np.float32(settings["albedo"]) / np.float32(math.pi))
+    for bounce in range(settings["bounces"]):
+        if bounce:
+            every = grid.rows * grid.columns
+            run.kernel("add_bounce", (every,), direct, bounced, table, *shape, constants=constants)
+        run.kernel("bounce", work, table, bounced, *shape, gain, local=local, constants=constants)
+    arguments = light, rest, bounced, out, *size, grid.factor, *shape[:2]
+    run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
+
+
+@interreflect.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs in front of a film that is nowhere black at rest, and not too rough to converge."""
+    sideways = rng.uniform(-20, 20, (K, 2))
+    lights: F4 = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)
+    rest = rng.uniform(0.3, 1, (K, H, W)).astype(np.float32)
+    y, x = np.indices((H, W)).astype(np.float32)
+    height = np.float32(0.3) * np.sin(x / np.float32(9)) * np.cos(y / np.float32(7))
+    return {"lights": lights, "rest": rest, "height": np.asarray(height, np.float32)}

@@ -1,0 +1,57 @@
+"""A film that lights itself, bounce after bounce."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.simulate.interreflect import interreflect
+
+PIXEL = 0.1
+FAR = np.float32([[0, 0, 1e5], [2e4, 0, 1e5], [0, -3e4, 1e5]])
+
+
+def imprint(depth: float = 1.2, radius: float = 4.0, side: int = 91) -> F4:
+    """A ball's imprint in the film."""
+    y, x = (np.indices((side, side)) - (side - 1) / 2) * PIXEL
+    below = radius - depth - np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0))
+    return np.minimum(below, 0).astype(np.float32)
+
+
+def even(height: F4, level: float = 0.6) -> F4:
+    return np.full((len(FAR), *height.shape), level, np.float32)
+
+
+def test_bounces_inside_a_sphere_add_up_to_a_geometric_series() -> None:
+    # Each bounce is the same share everywhere: albedo times the cap's part of the sphere.
+    height, albedo = imprint(), 0.8
+    light = even(height)
+    found = interreflect(light, light, height, FAR, PIXEL, albedo=albedo, cells=91 * 91)
+    share = albedo * 1.2 / (2 * 4.0)
+    assert found[0, 45, 45] / 0.6 == pytest.approx(1 / (1 - share), rel=0.01)
+
+
+def test_a_flat_film_keeps_its_light() -> None:
+    flat = np.zeros((30, 40), np.float32)
+    found = interreflect(even(flat), even(flat), flat, FAR, PIXEL, albedo=0.9)
+    np.testing.assert_array_equal(found, even(flat))
+
+
+def test_what_measures_the_bounce_finds_the_light_that_was_given() -> None:
+    height = imprint()
+    rng = np.random.default_rng(0)
+    rest = even(height) * rng.uniform(0.9, 1.1, (len(FAR), 1, 1)).astype(np.float32)
+    light = rest * np.linspace(0.2, 1.3, 91, dtype=np.float32)
+    seen = interreflect(light, rest, height, FAR, PIXEL, albedo=0.7, cells=2100)
+    bounced = film_bounce(seen / rest, height, FAR, PIXEL, 0.7, cells=2100)
+    assert np.abs(seen - light).max() > 0.03
+    np.testing.assert_allclose(seen / rest - bounced, light / rest, atol=1e-3)
+
+
+def test_a_film_that_reflects_nothing_keeps_its_light() -> None:
+    height = imprint()
+    light = np.random.default_rng(0).random((len(FAR), *height.shape), np.float32)
+    found = interreflect(light, even(height), height, FAR, PIXEL, albedo=0.0)
+    np.testing.assert_array_equal(found, light)
