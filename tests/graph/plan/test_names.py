@@ -227,7 +227,8 @@ def test_a_node_that_gives_more_than_a_record_feeds_it(write: Write) -> None:
 
 def test_a_single_output_is_no_record(write: Write) -> None:
     file = write(
-        "format: 1\nextends: reconstruct\npatch:\n  - {replace: matt, op: matt_light, in: {film: cal.diffuse}}"
+        "format: 1\nextends: reconstruct\npatch:\n"
+        "  - {replace: matt, op: matt_light, in: {film: cal.diffuse}}"
     )
     assert "'film' takes a node that gives all of a Film (lights, " in refusal(file)
 
