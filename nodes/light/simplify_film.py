@@ -18,7 +18,7 @@ PARTS = {
 """The fields that make up each part of equation F1 (`_film`)."""
 
 
-@node(neutral="film")
+@node
 def simplify_film(
     film: Film,
     *,
