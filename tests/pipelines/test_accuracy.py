@@ -104,7 +104,7 @@ def test_three_lights_are_enough(raytraced: Raytraced, tmp_path: Path) -> None:
     run(
         "calibrate",
         calibrated,
-        changes={**three, "flat.leds": [1, 2, 3]},
+        changes={"taken.leds": [1, 2, 3], "rest_taken.leds": [1, 2, 3]},
         capture=rig / "calibration",
         flat=rig / "flat",
         ball_radius_mm=7.0,
