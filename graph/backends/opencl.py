@@ -17,6 +17,7 @@ import pyopencl.tools
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.devices import Device
+from tactograph.graph.backends.events import Timer
 from tactograph.graph.backends.kernel_source import (
     Argument,
     kernel_signatures,
@@ -32,7 +33,7 @@ from tactograph.graph.backends.launch import (
     in_words,
     local_size,
 )
-from tactograph.graph.backends.prepared import Prepared, Timer
+from tactograph.graph.backends.prepared import Prepared
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 from tactograph.graph.errors import NodeError
@@ -304,23 +305,6 @@ class OpenCL:
     def buffers(self) -> int:
         """How many buffers were ever allocated: the pool hands back none."""
         return int(self.pool.active_blocks + self.pool.held_blocks)
-
-
-def has_failed(timer: Timer) -> bool:
-    """Whether what the two events stand for ended in an error."""
-    try:
-        return any(event.command_execution_status < 0 for event in timer)
-    except cl.Error:
-        return True
-
-
-def milliseconds(timer: Timer) -> float:
-    """The time between the start of the first event and the end of the last, on the device."""
-    first, last = timer
-    # Twice as fast as the attribute `profile`.
-    start: Any = first.get_profiling_info(cl.profiling_info.START)
-    end: Any = last.get_profiling_info(cl.profiling_info.END)
-    return float(end - start) * 1e-6
 
 
 def _converters(node: Node) -> dict[str, Convert]:

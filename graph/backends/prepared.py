@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyopencl as cl
 
+from tactograph.graph.backends.events import Timer
 from tactograph.graph.backends.launch import (
     DeviceArray,
     Launch,
@@ -22,8 +23,6 @@ from tactograph.graph.errors import NodeError
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.opencl import Compiled, Kernel, OpenCL
-
-Timer = tuple[cl.Event, cl.Event]
 
 
 class Prepared:

@@ -17,7 +17,8 @@ from tactograph.graph.files.model import Graph
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
 from tactograph.graph.run.origin import find_origin
-from tactograph.graph.run.pipeline import Pipeline, Result
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.result import Result
 
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""

@@ -12,7 +12,8 @@ import click
 from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
-    from tactograph.graph.run.pipeline import Pipeline, Result
+    from tactograph.graph.run.pipeline import Pipeline
+    from tactograph.graph.run.result import Result
 
 
 @click.command("run", short_help="Run a graph.")

@@ -24,7 +24,7 @@ from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.run.open import open_pipeline, with_changes
 from tactograph.graph.run.origin import digest, find_origin, named_files
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 
 RUNS = 3
 """How often an item of a stream is computed, for the median of its times."""

@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline, with_changes
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tests.conftest import Calibration, MadeOnce, Raytraced
 
