@@ -85,7 +85,7 @@ class FilmFit(NamedTuple):
     contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
     base: Annotated[float, Port(unit="1", low=0.3, high=1)]
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
     albedo: Albedo
     camera: Vergence
     grain: Grain
@@ -172,7 +172,7 @@ def fit_film(
         # Nothing but matt: the LEDs stay where all pixels of the presses place them.
         film = film._replace(lights=lights)
     left = balls.light - predicted(balls, best.fitted)
-    typed = {
+    typed: dict[str, Any] = {
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
@@ -330,8 +330,8 @@ def _properties(best: _Model) -> Metrics:
     if film.diffuse.any():
         said["diffuse_percent"] = float(100 * film.diffuse.mean())
         said["touched_gain"] = film.gain
-    if film.index > 1:
-        said["coat_roughness"], said["coat_index"] = film.roughness, film.index
+    if film.refraction > 1:
+        said["coat_roughness"], said["coat_index"] = film.roughness, film.refraction
     if film.albedo > 0:
         said["film_albedo"] = film.albedo
     if film.camera > 0:

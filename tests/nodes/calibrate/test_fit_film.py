@@ -65,7 +65,7 @@ def tried(found: FilmFit) -> set[str]:
 
 def test_a_matt_film_stays_matt() -> None:
     found = fitted(MATT, FOUR)
-    for name in ("diffuse", "harmonics", "gain", "index", "albedo", "camera"):
+    for name in ("diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
         assert np.array_equal(getattr(found, name), getattr(MATT, name)), name
     assert np.array_equal(found.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
 
@@ -91,7 +91,7 @@ def test_a_single_ball_tells_diffuse_light() -> None:
 
 
 def test_a_glossy_coat_is_found() -> None:
-    coat = MATT._replace(base=0.6, roughness=0.25, index=1.45)
+    coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
     found = fitted(coat, FOUR)
     assert found.roughness == pytest.approx(0.25, abs=0.03)
     assert found.index > 1
