@@ -9,8 +9,8 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from tactograph.graph import node
-from tactograph.nodes import Dark, Light, PixelSize
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 
@@ -23,9 +23,9 @@ ENOUGH_PIXELS = 3e5
 class BinnedPresses(NamedTuple):
     """Presses on a sheet, the film at rest, and what is known of the balls, on larger pixels."""
 
-    image: SheetLight
-    flat: Light
-    dark: Dark
+    image: Annotated[F4, Port("K s w", "1")]
+    flat: CoarseLight
+    dark: CoarseDark
     known: KnownCircles
     pixel: PixelSize
 
