@@ -17,7 +17,7 @@ _C_TYPES = {
     "int32": "int",
     "uint32": "uint",
 }
-_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
+_INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
 
 _MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+([^\n]*)$", re.MULTILINE)
 _TYPE = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
@@ -48,15 +48,39 @@ def kernel_text(node: Node) -> str:
     NodeError
         If a file is not there.
     """
-    text = _read(node, f"{node.name}.cl")
-    return _INCLUDE.sub(lambda match: _read(node, match[1]), text)
+    return _with_headers(node, f"{node.name}.cl", set())
+
+
+def _with_headers(node: Node, file: str, written: set[str]) -> str:
+    """The text of a file with each header written in where it is first included.
+
+    ``#line`` tells the compiler which file and line it reads, so that its messages do.
+    """
+    package, text = _find(node, file)
+    written.add(file)
+    name = f"{package.removeprefix('tactograph.').replace('.', '/')}/{file}"
+    parts = [f'#line 1 "{name}"']
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = _INCLUDE.match(line)
+        if header is None:
+            parts.append(line)
+            continue
+        if header[1] not in written:
+            parts.append(_with_headers(node, header[1], written))
+        parts.append(f'#line {number + 1} "{name}"')
+    return "\n".join([*parts, ""])
 
 
 def _read(node: Node, file: str) -> str:
+    return _find(node, file)[1]
+
+
+def _find(node: Node, file: str) -> tuple[str, str]:
+    """The package that holds a kernel's file or header, and its text."""
     for package in (node.kernel_package, "tactograph.kernels.headers"):
         found = resources.files(package) / file
         if found.is_file():
-            return found.read_text(encoding="utf-8")
+            return package, found.read_text(encoding="utf-8")
     raise NodeError(f"node '{node.name}': there is no {file} in {node.kernel_package}")
 
 

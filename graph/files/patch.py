@@ -111,8 +111,21 @@ def _redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
     }
     outputs = {name: swap(reference) for name, reference in graph.outputs.items()}
     if nodes == graph.nodes and outputs == graph.outputs:
-        raise GraphError(f"{place}: insert: nothing reads '{old}'")
+        raise GraphError(f"{place}: insert: after: {_why_unread(graph, old)}")
     return replace(graph, nodes=nodes, outputs=outputs)
+
+
+def _why_unread(graph: Graph, reference: str) -> str:
+    """Why no input and no output of the graph reads a reference."""
+    node = reference.partition(".")[0]
+    if node not in graph.nodes:
+        return f"there is no node '{node}'{did_you_mean(node, graph.nodes)}"
+    references = [r for entry in graph.nodes.values() for r in entry.inputs.values()]
+    read = [r for r in (*references, *graph.outputs.values()) if r.partition(".")[0] == node]
+    if not read:
+        return f"nothing reads '{node}'"
+    ports = ", ".join(f"'{port}'" for port in dict.fromkeys(read))
+    return f"nothing reads '{reference}'; of this node {ports} can be named"
 
 
 def _remove(graph: Graph, target: str, change: Change, places: Places) -> Graph:

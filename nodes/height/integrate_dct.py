@@ -1,11 +1,14 @@
-"""Integrate slopes by least squares with free borders, through the cosine transform."""
+"""Integrate slopes by least squares with free borders, through the cosine transform.
+
+On CPUs the kernels need no VkFFT: they transform 32 columns side by side (``cosine.clh``), and each
+frequency leaves a tridiagonal system along the rows.  So all of `reconstruct` stays on the device.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import dctn, idctn
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -38,6 +41,9 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     ndarray
         H x W in mm, its mean being zero.
     """
+    # Where the kernel runs, SciPy need not be loaded.
+    from scipy.fft import dctn, idctn
+
     twice = _twice_divergence(slope)
     spectrum = dctn(twice, type=2, norm="ortho", workers=cores(), overwrite_x=True)
     spectrum *= _to_mm(spectrum.shape, pixel)

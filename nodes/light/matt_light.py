@@ -91,11 +91,12 @@ matt_light.opencl(grid="H W", lanes=True)
 
 @matt_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film, and light that a film may have."""
+    """LEDs around the film, and light that a film may have; one in three films is matt."""
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
-    return {
+    matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
+    return (matt if rng.random() < 1 / 3 else {}) | {
         "film.lights": lights.astype(np.float32),
         "light": rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32),
         "slope": rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32),

@@ -62,6 +62,9 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
         (", with: {file: $file}", "",
          "nodes.height.with.file: node 'read_height' needs the parameter"),
+
+
+        (", with: {file: $file}", "", "with.file: node 'read_height' needs the parameter"),
         ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
         ("height: again", "height: agian",
          "11:11: outputs.height: there is no node 'agian'; did you mean 'again'?"),
@@ -213,6 +216,27 @@ def test_a_record_is_read_from_a_node_that_gives_one(write: Write) -> None:
         "  - {replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}"
     )
     assert "'index' takes a node that gives all of a LutIndex" in refusal(file)
+
+    said = refusal(file)
+    assert said.startswith(f"{file}:4:")
+    assert "'index' takes a node that gives all of a LutIndex (entries, " in said
+    assert "'cal' is not one" in said
+
+
+def test_a_node_that_gives_more_than_a_record_feeds_it(write: Write) -> None:
+    """A calibration holds a film among other things."""
+    draft = bound("reconstruct", sinks=False)
+    reads = draft.tasks["matt"].reads
+    assert reads["film.diffuse"] == Value("cal", "diffuse")
+    assert not any(name.startswith("film.flat.") or name == "film.lut_light" for name in reads)
+
+
+def test_a_single_output_is_no_record(write: Write) -> None:
+    file = write(
+        "format: 1\nextends: reconstruct\npatch:\n"
+        "  - {replace: matt, op: matt_light, in: {film: cal.diffuse}}"
+    )
+    assert "'film' takes a node that gives all of a Film (lights, " in refusal(file)
 
 
 def test_a_value_for_a_param_that_is_not_there_is_refused(write: Write) -> None:

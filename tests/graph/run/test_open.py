@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -173,3 +175,17 @@ def test_numbers_of_numpy_are_numbers(toys: list[str], write: Write, make: Any) 
     assert (result["one"].max(), result["two"].max()) == (2, 4)
     changed = load(write(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()})
     assert pipeline.plan.graph.hash == changed.plan.graph.hash
+
+
+def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
+    """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
+    script = (
+        "import sys;"
+        "from tactograph.graph.files.read import read_graph;"
+        "from tactograph.graph.run.open import open_pipeline, placeholders;"
+        "graph = read_graph('reconstruct');"
+        "open_pipeline(graph, placeholders(graph));"
+        "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

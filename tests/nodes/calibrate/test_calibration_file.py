@@ -10,9 +10,11 @@ import pytest
 
 from tactograph.graph import InputError, Provenance, Wanted
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import Film
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, write_calibration
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.light._film import matt_film
 
 RNG = np.random.default_rng(0)
 MADE = Provenance({}, None, [], {}, {}, [], [])
@@ -33,17 +35,36 @@ ARRAYS = (
     random(4),
     random(4),
     0.004,
-    random(4, 3),
-    random(2),
-    random(8, 4, 3),
 )
+FILM = Film(
+    lights=random(4, 3),
+    others=random(8, 4, 3),
+    diffuse=random(4) / 2,
+    harmonics=random(4, 8, 6),
+    flattest=0.6,
+    reach=11.0,
+    gain=1.06,
+    contact=0.04,
+    base=0.7,
+    roughness=0.3,
+    refraction=1.4,
+    albedo=0.6,
+    camera=0.015,
+    grain=0.012,
+)
+NOISE, LENS = random(2), random(8) / 100
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     target = tmp_path / "cal.npz"
-    write_calibration(*ARRAYS, {"entries": 50.0}, file=target, provenance=MADE)
+    write(target)
     return target
+
+
+def write(target: Path) -> None:
+    quality = {"entries": 50.0}
+    write_calibration(*ARRAYS, FILM, NOISE, LENS, quality, file=target, provenance=MADE)
 
 
 def change(file: Path, **arrays) -> None:
@@ -54,8 +75,27 @@ def change(file: Path, **arrays) -> None:
 
 
 def test_what_was_written_is_read(file: Path) -> None:
-    for written, read in zip(ARRAYS, read_calibration(file=file), strict=True):
+    found = read_calibration(file=file)
+    for written, read in zip((*ARRAYS, NOISE), found, strict=False):
         assert np.allclose(written, read)
+    for name, written in FILM._asdict().items():
+        assert np.allclose(written, getattr(found, name)), name
+    assert np.allclose(LENS, found.lens)
+
+
+NEW = (*(name for name in Film._fields if name not in {"lights", "others"}), "lens")
+"""What files from before films were described lack."""
+
+
+def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> None:
+    change(file, **dict.fromkeys(NEW))
+    found = read_calibration(file=file)
+    matt = matt_film(FILM.lights)
+    for name in Film._fields:
+        if name != "others":
+            assert np.array_equal(getattr(found, name), getattr(matt, name)), name
+    assert np.array_equal(found.others, FILM.others)
+    assert not found.lens.any()
 
 
 ABSURD = {
@@ -76,6 +116,20 @@ ABSURD = {
     "noise": 1e30,
     "noise ": -1.0,
     "others": 1e30,
+    "diffuse": 1e30,
+    "diffuse ": -1.0,
+    "harmonics": 1e30,
+    "flattest": 1e30,
+    "reach": 1e-30,
+    "gain": 1e30,
+    "contact": -1.0,
+    "base": 1e30,
+    "roughness": 1e-30,
+    "refraction": 1e-30,
+    "albedo": 1e30,
+    "camera": -1.0,
+    "grain": 1e30,
+    "lens": 1e30,
 }
 
 
@@ -131,6 +185,8 @@ SPOIL = {
     "'lights' is missing": lambda f: change(f, lights=None),
     "not above the film": lambda f: change(f, lights=-random(4, 3)),
     "'others' has shape": lambda f: change(f, others=random(7, 4, 3)),
+    "'harmonics' has shape": lambda f: change(f, harmonics=random(4, 8, 5)),
+    "'lens' has shape": lambda f: change(f, lens=random(7)),
     "'noise' has shape": lambda f: change(f, noise=random(3)),
     "holds 0, which no sensor has": lambda f: change(f, pixel_size=np.float32(0)),
 }
@@ -147,7 +203,7 @@ def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> N
 
 def test_another_suffix_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"something\.npz"):
-        write_calibration(*ARRAYS, {}, file=tmp_path / "cal.yaml", provenance=MADE)
+        write(tmp_path / "cal.yaml")
     assert not list(tmp_path.iterdir())
 
 

@@ -1,0 +1,85 @@
+"""Any film's light becomes that of a matt film of the same shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4, Film
+from tactograph.nodes.light._film import predict
+from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.light.matt_light import MattLight, matt_light
+from tests.nodes.films import FILMS, LEDS, MATT, ball_seen, normals
+
+SIZE = 60, 80
+PIXEL = 20 / SIZE[1]
+REST = np.zeros((2, *SIZE), np.float32)
+
+
+def seen(film: Film) -> tuple[F4, F4, F4, F4]:
+    """A pressed ball under a film: light, seen height, slopes, and where the ball is."""
+    height, slope, on = ball_seen(6.0, 4.0, (1.0, -0.5), film.camera, SIZE)
+    y, x = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([29.5, 39.5])[:, None, None]) * PIXEL
+    z = height / (1 + film.camera * height)
+    nearer = 1 - film.camera * z
+    n = normals(slope).reshape(3, -1)
+    light = predict(film, n, (x * nearer).ravel(), (y * nearer).ravel(), z.ravel())
+    return light.reshape(-1, *SIZE).astype(np.float32), height, slope, on
+
+
+def matt(film: Film, light: F4, slope: F4, height: F4, **more: object) -> MattLight:
+    return matt_light(light, np.full_like(light, 0.01), slope, height, film, PIXEL, **more)
+
+
+def wanted(height: F4, slope: F4) -> F4:
+    return np.maximum(expected_light(light_vectors(LEDS, height, PIXEL), slope), 0)
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_a_known_shape_has_the_light_of_a_matt_film(name: str) -> None:
+    light, height, slope, _ = seen(FILMS[name])
+    found = matt(FILMS[name], light, slope, height).light
+    assert found == pytest.approx(wanted(height, slope), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_a_normal_that_is_ten_degrees_off_does_little_harm(name: str) -> None:
+    light, height, slope, on = seen(FILMS[name])
+    off = slope + np.float32(0.17)
+    apart = np.abs(matt(FILMS[name], light, off, height).light - wanted(height, slope))
+    without = np.abs(matt(FILMS[name], light, off, height, steps=0).light - wanted(height, slope))
+    assert apart[:, on].max() < 0.01
+    if name in {"lobe", "all"}:
+        assert apart[:, on].max() < 0.3 * without[:, on].max()
+
+
+def test_a_matt_film_that_is_seen_from_afar_keeps_its_light() -> None:
+    light, height, _, _ = seen(MATT)
+    found = matt(MATT, light, REST, height)
+    assert np.array_equal(found.light, light)
+    assert found.sigma == pytest.approx(0.01)
+
+
+def test_light_that_bounces_is_taken_off() -> None:
+    light, height, slope, _ = seen(FILMS["diffuse"])
+    more = np.full_like(light, 0.1)
+    with_it = matt(FILMS["diffuse"], light + more, slope, height, bounced=more)
+    assert with_it.light == pytest.approx(wanted(height, slope), abs=1e-5)
+
+
+def test_a_shadow_that_holds_diffused_light_is_dark() -> None:
+    film = FILMS["diffuse"]
+    shadow = np.broadcast_to(film.diffuse[:, None, None], (4, *SIZE)).astype(np.float32)
+    assert matt(film, shadow, REST, REST[0]).light == pytest.approx(0, abs=1e-6)
+
+
+def test_noise_grows_as_the_direct_share_shrinks() -> None:
+    film = FILMS["diffuse"]._replace(gain=1.0)
+    found = matt(film, np.ones((4, *SIZE), np.float32), REST, REST[0]).sigma
+    assert found[:, 0, 0] == pytest.approx(0.01 / (1 - film.diffuse))
+
+
+def test_the_films_grain_adds_to_the_noise() -> None:
+    light = np.full((4, *SIZE), 0.5, np.float32)
+    found = matt(MATT._replace(grain=0.02), light, REST, REST[0]).sigma
+    assert found == pytest.approx(np.hypot(0.01, 0.02 * 0.5))
