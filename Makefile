@@ -2,7 +2,6 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-RUN    := $(BIN)/tactograph run
 DEMO   := demo
 
 .PHONY: demo demo-live test lint docs ablation clean
@@ -15,19 +14,7 @@ $(VENV)/.installed: pyproject.toml
 	@touch $@
 
 demo: $(VENV)/.installed
-	@echo "--- what computes"
-	@$(BIN)/tactograph devices
-	@echo "--- a sensor made of software: a 7 mm ball to calibrate, the film at rest, a 5 mm ball to measure"
-	@$(RUN) simulate out=$(DEMO)/calibration radius_mm=7 seed=1 --quiet
-	@$(RUN) simulate_flat out=$(DEMO)/flat seed=2 --quiet
-	@$(RUN) simulate out=$(DEMO)/touch radius_mm=5 seed=3 --quiet
-	@echo "--- calibrate"
-	@$(RUN) calibrate capture=$(DEMO)/calibration flat=$(DEMO)/flat ball_radius_mm=7 pixel_size_mm=0.07142857 out=$(DEMO)/cal.npz
-	@echo "--- reconstruct with and without shadow handling"
-	@$(BIN)/tactograph explain paper
-	@$(BIN)/tactograph compare paper paper_no_shadow reconstruct precise --over $(DEMO)/touch calibration=$(DEMO)/cal.npz --out $(DEMO)/report
-	@echo "--- look at"
-	@ls $(DEMO)/cal.png $(DEMO)/report/*/*/*/height.png $(DEMO)/report/*/*/*/shadow_view.png
+	@$(BIN)/tactograph demo --out $(DEMO)
 
 # A sensor made of software, pressed by a moving ball, as a live stream of heights.
 LIVE_SECONDS ?= 20
@@ -49,9 +36,10 @@ test: $(VENV)/.tested lint
 lint: $(VENV)/.tested
 	@mkdir -p .typing/tactograph
 	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part .typing/tactograph/$$part; done
+	@ln -sfn ../../tactograph/__init__.py ../../tactograph/py.typed .typing/tactograph/
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	MYPYPATH=.typing $(BIN)/mypy -p tactograph.graph -p tactograph.nodes
+	MYPYPATH=.typing $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
 
 # The documentation as a site, in build/site; links and commands are checked by the tests.
 docs: $(VENV)/.tested

@@ -1,6 +1,6 @@
 """What more presses, more flat frames and following the light's drift are worth.
 
-    python benchmarks/calibration.py [--data ../shared/data/raytraced]
+    python benchmarks/calibration.py [--data FOLDER]
 
 Three tables: LEDs placed by one ball, by another, and by both; one flat frame against the
 mean of eight (simulated, LEDs 55 mm away); LEDs that have faded since the flat frame.
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from accuracy import PIXEL_MM, ROOT, measure, number, row
+from accuracy import DATA, PIXEL_MM, measure, number, row
 
 from tactograph.graph import load
 from tactograph.graph.files.read import read_graph
@@ -35,7 +35,7 @@ NEAR: dict[str, Any] = {"slant_deg": 33.0, "distance_mm": 55.0}
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/raytraced")
+    parser.add_argument("--data", type=Path, default=DATA, help="a folder of rigs")
     data: Path = parser.parse_args().data
     with tempfile.TemporaryDirectory() as folder:
         calibrations = presses(data, Path(folder))

@@ -1,6 +1,6 @@
 """Print, as Markdown, how often the shadow labels of `precise` are right, stated and found.
 
-    python benchmarks/label_confidence.py [--data ../shared/data/raytraced]
+    python benchmarks/label_confidence.py [--data FOLDER]
     python benchmarks/label_confidence.py --fit
 
 The true shadows are those that the true height casts from the true LEDs; a pixel is right if
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from accuracy import PIXEL_MM, ROOT, SHAPES, calibrate, row, true_shadows
+from accuracy import DATA, SHAPES, calibrate, rigs_in, row, true_shadows
 from error_band import BALL, RIGS, run, simulate
 from error_band import SHAPES as SIMULATED
 from numpy.typing import NDArray
@@ -47,22 +47,20 @@ INPUTS = {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data/raytraced")
+    parser.add_argument("--data", type=Path, default=DATA, help="a folder of rigs")
     parser.add_argument("--fit", action="store_true", help="find the coefficients")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if arguments.fit:
             fit(Path(folder))
-        elif arguments.data.is_dir():
-            table(arguments.data, Path(folder))
         else:
-            parser.error(f"there are no captures in {arguments.data}")
+            table(arguments.data, Path(folder))
 
 
 def table(data: Path, folder: Path) -> None:
     """How many pixels of a stated confidence are right, over the ray-traced captures."""
     stated, right = [], []
-    for rig in PIXEL_MM:
+    for rig in rigs_in(data):
         calibration = calibrate(data / rig, folder / f"{rig}.npz")
         for shape in SHAPES:
             capture = data / rig / shape

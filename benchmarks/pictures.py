@@ -25,8 +25,8 @@ from tactograph.graph.files.patch import apply_patch
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.pipeline import Result
-from tactograph.nodes.write.write_result import LED_COLOURS
+from tactograph.graph.run.result import Result
+from tactograph.nodes.calibrate._led_colours import LED_COLOURS
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM = 1 / 14

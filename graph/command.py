@@ -14,6 +14,7 @@ import click
 from tactograph.graph.errors import TactographError, printable
 
 COMMANDS = (
+    "demo",
     "run",
     "compare",
     "batch",
@@ -53,6 +54,11 @@ class _Lazy(click.Group):
 @click.version_option(importlib.metadata.version("tactograph"), prog_name="tactograph")
 def _group() -> None:
     """Height maps in mm from optical touch sensors, as an editable processing graph."""
+
+
+def run_command(words: list[str]) -> None:
+    """Run one command within this process, as if it had been typed."""
+    _group.main(words, standalone_mode=False)
 
 
 def main() -> None:

@@ -33,6 +33,10 @@ class NodeError(TactographError):
     """A node broke its own declaration, or failed for a reason that is not the user's."""
 
 
+class DeviceError(NodeError):
+    """A device failed at what was asked of it; the pipeline may have to be loaded again."""
+
+
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
     """A sink raises it when it wants no further item: this one counts, and the stream ends."""
 

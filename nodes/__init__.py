@@ -105,7 +105,7 @@ class Film(NamedTuple):
     """k_d: the albedo of the matt base under the coat."""
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
     """Beckmann's alpha of the coat."""
-    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
     """The coat's refractive index; 1: no coat."""
     albedo: Albedo
     """rho: the share of light that the film throws back, for light from film to film."""

@@ -1,16 +1,44 @@
-"""Shared by all tests: the device, and the data that may lie beside the repository."""
+"""Shared by all tests: the device, captures of known shapes, and one calibration of each rig."""
 
 from __future__ import annotations
 
+import fcntl
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
+MadeOnce = Callable[[str, Callable[[Path], object]], Path]
+Calibration = Callable[[str], str]
+RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
+
+
+class Raytraced:
+    """Captures of known shapes by an independent renderer: ``raytraced / RIG / CAPTURE``.
+
+    Two rigs are the repository's own; tests of the others are skipped where those are absent.
+    """
+
+    def __truediv__(self, rig: str) -> Path:
+        for folder in (ROOT / "tests" / "data", SHARED / "raytraced"):
+            if (folder / rig).is_dir():
+                return folder / rig
+        pytest.skip(f"the ray-traced rig {rig} is not in {SHARED / 'raytraced'}")
+
+
+def real_data(name: str) -> Path:
+    """A folder of images of a real sensor, which others published; else the test is skipped."""
+    folder = SHARED / "real" / name
+    if not folder.is_dir():
+        pytest.skip(f"the real captures {name} are not in {SHARED / 'real'}")
+    return folder
 
 
 @pytest.fixture(scope="session")
@@ -22,18 +50,51 @@ def device() -> OpenCL:
 
 
 @pytest.fixture(scope="session")
-def raytraced() -> Path:
-    """Captures of known shapes by an independent renderer."""
-    folder = SHARED / "raytraced"
-    if not folder.is_dir():
-        pytest.skip("the ray-traced captures (../shared/data/raytraced) are not here")
-    return folder
+def raytraced() -> Raytraced:
+    return Raytraced()
 
 
 @pytest.fixture(scope="session")
 def groove() -> Path:
     """Images of a real sensor with six LEDs."""
-    folder = SHARED / "real" / "groove_6led"
-    if not folder.is_dir():
-        pytest.skip("the real captures (../shared/data/real) are not here")
-    return folder
+    return real_data("groove_6led")
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> MadeOnce:
+    """Make a file, or a folder, by its name once for all tests of all workers."""
+    own = tmp_path_factory.getbasetemp()
+    folder = own / "once" if worker_id == "master" else own.parent / "once"
+    folder.mkdir(exist_ok=True)
+
+    def make(name: str, maker: Callable[[Path], object]) -> Path:
+        path = folder / name
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.exists():
+                maker(path)
+        return path
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def calibration(raytraced: Raytraced, made_once: MadeOnce) -> Calibration:
+    """The calibration of a ray-traced rig: one ball and the flat frame; the LEDs are found."""
+
+    def calibrate(name: str) -> str:
+        rig = raytraced / name
+
+        def write(file: Path) -> None:
+            given = {
+                "capture": str(rig / "calibration"),
+                "flat": str(rig / "flat"),
+                "ball_radius_mm": 7.0,
+                "pixel_size_mm": RIG_PIXEL_MM[name],
+                "out": str(file),
+            }
+            list(open_pipeline(read_graph("calibrate"), given).items())
+
+        return str(made_once(f"{name}.npz", write))
+
+    return calibrate

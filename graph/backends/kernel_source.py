@@ -17,7 +17,11 @@ _C_TYPES = {
     "int32": "int",
     "uint32": "uint",
 }
-_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
+_INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
+
+_MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+([^\n]*)$", re.MULTILINE)
+_TYPE = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
+_KERNEL = re.compile(r"\b(?:__)?kernel\b[^{};]*?\bvoid\s+(\w+)\s*\(([^)]*)\)")
 
 Argument = tuple[str, str]
 """(C type with a star for a buffer, name without the underscore that avoids a built-in)"""
@@ -31,17 +35,52 @@ def kernel_source(node: Node) -> str:
     NodeError
         If there is no such file, or its kernel does not match the node's declaration.
     """
-    text = _read(node, f"{node.name}.cl")
     if node.grid is not None:
-        _check(node, text)
-    return _INCLUDE.sub(lambda match: _read(node, match[1]), text)
+        _check(node, _read(node, f"{node.name}.cl"))
+    return kernel_text(node)
+
+
+def kernel_text(node: Node) -> str:
+    """The same, without a look at the declaration.
+
+    Raises
+    ------
+    NodeError
+        If a file is not there.
+    """
+    return _with_headers(node, f"{node.name}.cl", set())
+
+
+def _with_headers(node: Node, file: str, written: set[str]) -> str:
+    """The text of a file with each header written in where it is first included.
+
+    ``#line`` tells the compiler which file and line it reads, so that its messages do.
+    """
+    package, text = _find(node, file)
+    written.add(file)
+    name = f"{package.removeprefix('tactograph.').replace('.', '/')}/{file}"
+    parts = [f'#line 1 "{name}"']
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = _INCLUDE.match(line)
+        if header is None:
+            parts.append(line)
+            continue
+        if header[1] not in written:
+            parts.append(_with_headers(node, header[1], written))
+        parts.append(f'#line {number + 1} "{name}"')
+    return "\n".join([*parts, ""])
 
 
 def _read(node: Node, file: str) -> str:
+    return _find(node, file)[1]
+
+
+def _find(node: Node, file: str) -> tuple[str, str]:
+    """The package that holds a kernel's file or header, and its text."""
     for package in (node.kernel_package, "tactograph.kernels.headers"):
         found = resources.files(package) / file
         if found.is_file():
-            return found.read_text(encoding="utf-8")
+            return package, found.read_text(encoding="utf-8")
     raise NodeError(f"node '{node.name}': there is no {file} in {node.kernel_package}")
 
 
@@ -98,13 +137,28 @@ def _c_type(dtype: Any) -> str:
     return _C_TYPES[str(dtype)]
 
 
-def kernel_arguments(text: str, name: str) -> list[Argument] | None:
-    """Read the arguments of kernel `name` from its source; None if there is no such kernel."""
-    plain = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL)
-    head = re.search(rf"(?:__)?kernel\s+void\s+{name}\s*\(([^)]*)\)", plain)
-    if head is None:
-        return None
-    return [_argument(piece) for piece in head[1].split(",")]
+def kernel_signatures(text: str) -> dict[str, list[Argument]]:
+    """Read the arguments of every kernel from a source, by the kernel's name."""
+    plain = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", " ")
+    macros = _macros(plain)
+    found: dict[str, list[Argument]] = {}
+    for name, head in _KERNEL.findall(plain):
+        # Arguments that several kernels share are macros; vectors of LANES have a name.
+        written = re.sub(r"\w+", lambda word: macros.get(word[0], word[0]), head)
+        found[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
+    return found
+
+
+def _macros(plain: str) -> dict[str, str]:
+    """What stands for something else, without what stands for another thing elsewhere: PIXEL."""
+    found: dict[str, set[str]] = {}
+    for name, text in (*_MACRO.findall(plain), *((new, old) for old, new in _TYPE.findall(plain))):
+        found.setdefault(name, set()).add(text.strip())
+    return {
+        name: min(texts)
+        for name, texts in found.items()
+        if len({text.rstrip("0123456789") for text in texts}) == 1
+    }
 
 
 def _argument(piece: str) -> Argument:
@@ -115,7 +169,7 @@ def _argument(piece: str) -> Argument:
 
 
 def _check(node: Node, text: str) -> None:
-    found = kernel_arguments(text, node.name)
+    found = kernel_signatures(text).get(node.name)
     if found is None:
         raise NodeError(f"kernels/{node.name}.cl holds no kernel '{node.name}'")
     expected = [(c_type, name.rstrip("_")) for c_type, name in expected_arguments(node)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -124,7 +125,8 @@ class Launch:
         grid
             Work-items needed, slowest axis first; rounded up to whole work-groups.
         arguments
-            Device arrays, ints (as C int), floats (as C float) or pyopencl local memory.
+            Device arrays, None for a null pointer, numbers, or pyopencl local memory; checked
+            and converted by the kernel's own signature.
         local
             Work-group size, fastest axis first, where the kernel relies on it.
         constants
@@ -134,7 +136,7 @@ class Launch:
         local = local or local_size(len(grid))
         compiled = self._device.compile(self._compiled.node, constants) if constants else None
         kernel = (compiled or self._compiled).kernels[name]
-        plain = [_argument(argument) for argument in arguments]
+        plain = kernel.converted(arguments)
         self._events.append(kernel.enqueue(self.queue, global_size(grid, local), local, plain))
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
@@ -176,11 +178,59 @@ def as_array(queue: cl.CommandQueue, found: DeviceArray) -> pyopencl.array.Array
     return pyopencl.array.Array(queue, found.shape, found.dtype, data=found.buffer)
 
 
-def _argument(value: Any) -> Any:
+_ELEMENTS = {
+    "float": ("float32", "complex64"),
+    "uchar": ("uint8",),
+    "ushort": ("uint16",),
+    "int": ("int32",),
+    "uint": ("uint32",),
+    "PIXEL": ("uint8", "uint16", "float32"),
+}
+"""What an array may hold that a kernel reads as a type, or as vectors of it."""
+_WHOLE: dict[str, Callable[[int], Any]] = {
+    "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
+}  # fmt: skip
+
+
+def converter(c_type: str) -> Callable[[Any], Any]:
+    """What makes a kernel's argument of a value; it raises where the value is no such thing."""
+    if c_type.endswith("*"):
+        dtypes = _ELEMENTS.get(c_type.rstrip("*").rstrip("0123456789"))
+        known = None if dtypes is None else frozenset(map(np.dtype, dtypes))
+        return partial(_buffer, known)
+    if c_type == "float":
+        return _float
+    return partial(_whole, _WHOLE[c_type]) if c_type in _WHOLE else _as_it_is
+
+
+def in_words(value: Any) -> str:
+    """A value that a kernel cannot take, for an error."""
     if isinstance(value, DeviceArray):
+        return f"an array of {value.dtype}"
+    return f"{value!r} ({type(value).__name__})"
+
+
+def _buffer(dtypes: frozenset[np.dtype[Any]] | None, value: Any) -> Any:
+    if isinstance(value, DeviceArray):
+        if dtypes is not None and value.dtype not in dtypes:
+            raise TypeError
         return value.buffer
-    if isinstance(value, int):
-        return np.int32(value)
-    if isinstance(value, float):
+    if value is None or isinstance(value, cl.LocalMemory | cl.MemoryObjectHolder):
+        return value
+    raise TypeError
+
+
+def _float(value: Any) -> np.float32:
+    if isinstance(value, float | int | np.floating | np.integer):
         return np.float32(value)
+    raise TypeError
+
+
+def _whole(make: Callable[[int], Any], value: Any) -> Any:
+    if isinstance(value, int | np.integer):
+        return make(int(value))  # which refuses what is out of range
+    raise TypeError
+
+
+def _as_it_is(value: Any) -> Any:
     return value

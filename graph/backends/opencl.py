@@ -17,15 +17,23 @@ import pyopencl.tools
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.devices import Device
-from tactograph.graph.backends.kernel_source import kernel_source, scalar_type
+from tactograph.graph.backends.events import Timer
+from tactograph.graph.backends.kernel_source import (
+    Argument,
+    kernel_signatures,
+    kernel_source,
+    scalar_type,
+)
 from tactograph.graph.backends.launch import (
     DeviceArray,
     bytes_for,
+    converter,
     global_size,
     in_lanes,
+    in_words,
     local_size,
 )
-from tactograph.graph.backends.prepared import Prepared, Timer
+from tactograph.graph.backends.prepared import Prepared
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 from tactograph.graph.errors import NodeError
@@ -35,11 +43,43 @@ class Kernel:
     """A kernel whose arguments have the types that they had at its first launch.
 
     Told of them, pyopencl sets all arguments in the time that a single number takes otherwise.
+    `signature` is what its source says that it takes.
     """
 
-    def __init__(self, kernel: cl.Kernel) -> None:
+    def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
         self._kernel = kernel
+        self._signature = signature
+        self._converters = [converter(c_type) for c_type, _ in signature]
         self._typed = False
+
+    def converted(self, arguments: Sequence[Any]) -> list[Any]:
+        """The arguments as the kernel takes them: numbers of its types, and buffers.
+
+        Raises
+        ------
+        TypeError
+            If there are too many or too few, or one is not what the kernel takes.
+        """
+        try:
+            pairs = zip(self._converters, arguments, strict=True)
+            return [convert(value) for convert, value in pairs]
+        except (TypeError, ValueError, OverflowError):
+            raise TypeError(self._complaint(arguments)) from None
+
+    def _complaint(self, arguments: Sequence[Any]) -> str:
+        name = f"kernel {self._kernel.function_name}"
+        if len(arguments) != len(self._signature):
+            takes = ", ".join(name for _, name in self._signature)
+            return f"{name} takes {len(self._signature)} arguments ({takes}), not {len(arguments)}"
+        for number, (value, convert) in enumerate(
+            zip(arguments, self._converters, strict=True), start=1
+        ):
+            try:
+                convert(value)
+            except (TypeError, ValueError, OverflowError):
+                taken = " ".join(self._signature[number - 1])
+                return f"{name}: argument {number} is '{taken}', not {in_words(value)}"
+        raise AssertionError(name)
 
     def enqueue(
         self,
@@ -138,7 +178,9 @@ class OpenCL:
         return self._compiled[key]
 
     def _build(self, node: Node, constants: Mapping[str, int]) -> dict[str, Kernel]:
-        program = cl.Program(self.context, kernel_source(node))
+        source = kernel_source(node)
+        signatures = kernel_signatures(source)
+        program = cl.Program(self.context, source)
         macros = [f"-D{name}={value}" for name, value in {"LANES": self.lanes, **constants}.items()]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # compilers' remarks on their own speed
@@ -148,7 +190,10 @@ class OpenCL:
                 lines = [line for line in str(error).splitlines() if "error" in line.lower()]
                 reason = lines[0] if lines else str(error)
                 raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
-        return {kernel.function_name: Kernel(kernel) for kernel in program.all_kernels()}
+        return {
+            kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
+            for kernel in program.all_kernels()
+        }
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
         """Take a buffer from the pool; an empty array still gets some bytes to point at.
@@ -260,15 +305,6 @@ class OpenCL:
     def buffers(self) -> int:
         """How many buffers were ever allocated: the pool hands back none."""
         return int(self.pool.active_blocks + self.pool.held_blocks)
-
-
-def milliseconds(timer: Timer) -> float:
-    """The time between the start of the first event and the end of the last, on the device."""
-    first, last = timer
-    # Twice as fast as the attribute `profile`.
-    start: Any = first.get_profiling_info(cl.profiling_info.START)
-    end: Any = last.get_profiling_info(cl.profiling_info.END)
-    return float(end - start) * 1e-6
 
 
 def _converters(node: Node) -> dict[str, Convert]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyopencl as cl
 
+from tactograph.graph.backends.events import Timer
 from tactograph.graph.backends.launch import (
     DeviceArray,
     Launch,
@@ -18,11 +19,10 @@ from tactograph.graph.backends.launch import (
     local_size,
 )
 from tactograph.graph.declare.wanted_outputs import Wanted
+from tactograph.graph.errors import NodeError
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.opencl import Compiled, Kernel, OpenCL
-
-Timer = tuple[cl.Event, cl.Event]
 
 
 class Prepared:
@@ -58,7 +58,12 @@ class Prepared:
     def _prepare_kernel(self, symbols: tuple[str, ...]) -> None:
         """Work out all that the node's own kernel is launched with, buffers excepted."""
         node = self._node
-        grid = tuple(self.sizes[symbol] for symbol in symbols)
+        absent = {s for s in node.symbols if s not in self.sizes and node.may_lack(s)}
+        sizes = {**self.sizes, **dict.fromkeys(absent, 0)}
+        for symbol in node.symbols:
+            if symbol not in sizes:
+                raise NodeError(f"the size {symbol} is not known where the node begins")
+        grid = tuple(sizes[symbol] for symbol in symbols)
         if node.lanes:
             grid = in_lanes(grid, self._device.lanes)
         elif node.row_lanes:
@@ -69,7 +74,7 @@ class Prepared:
         self._taken = [
             (name, port.kind) for name, port in node.inputs.items() if port.kind != "object"
         ]
-        self._plain = [np.int32(self.sizes[symbol]) for symbol in node.symbols]
+        self._plain = [np.int32(sizes[symbol]) for symbol in node.symbols]
         for name, convert in self._compiled.converters.items():
             self._plain += convert(self._settings[name])
 

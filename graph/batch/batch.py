@@ -13,6 +13,8 @@ from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump import dump_graph
 from tactograph.graph.files.model import NOT_GIVEN, Graph
 from tactograph.graph.plan import names
+from tactograph.graph.plan.plan import Draft
+from tactograph.graph.run.origin import find_origin, named_files
 
 TRIES = 20
 """So many captures are tried to find out what maps look like."""
@@ -78,13 +80,17 @@ def make_job(
         name: absolute(value) if name in paths and value is not None else value
         for name, value in given.items()
     }
-    kept = _maps(graph, fixed, param, maps, sinks=folders is not None)
+    draft = _draft(graph, fixed, param, sinks=folders is not None)
+    kept = _maps(draft, maps)
+    named = {n: str(file) for n, file in named_files(draft, {*fixed, param, "out"}).items()}
+    read = {n: str(v) for n, v in fixed.items() if n in paths and v is not None}
+    origin = find_origin(graph, backend=backend, device=device)
     return Job(
         graph=dump_graph(graph),
         name=graph.name,
         hash=graph.hash,
         given={**fixed, param: "."},
-        inputs={n: content_of(str(v)) for n, v in fixed.items() if n in paths and v is not None},
+        inputs={name: content_of(place) for name, place in {**read, **named}.items()},
         param=param,
         maps=() if folders else kept,
         chunk=chunk,
@@ -92,6 +98,9 @@ def make_job(
         device=device,
         strict=strict,
         folders=folders,
+        code=origin.code,
+        versions=origin.versions,
+        computes_on=origin.device,
     )
 
 
@@ -188,17 +197,15 @@ def run_batch(
     yield from workers.run(iter(chunks))
 
 
-def _maps(
-    graph: Graph,
-    given: Mapping[str, Any],
-    param: str,
-    wanted: Sequence[str] | None,
-    *,
-    sinks: bool,
-) -> tuple[str, ...]:
-    """The outputs to keep, once it is sure that no param but the capture is missing."""
+def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
+    """The graph's nodes and settings, once it is sure that no param but the capture is missing."""
     each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
-    draft = names.bind(graph, {**given, **each}, sinks=sinks, stand_ins=frozenset())
+    return names.bind(graph, {**given, **each}, sinks=sinks, stand_ins=frozenset())
+
+
+def _maps(draft: Draft, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """The outputs to keep."""
+    graph = draft.graph
     ports = {
         name: draft.tasks[value.node].node.outputs[value.port]
         for name, value in draft.outputs.items()
@@ -215,7 +222,14 @@ def _maps(
 
 
 def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    words = {"hash": "another graph", "inputs": "another content of", "given": "other values of"}
+    words = {
+        "hash": "another graph",
+        "inputs": "another content of",
+        "given": "other values of",
+        "code": "other code of",
+        "versions": "another version of",
+        "computes_on": f"another device ({then['computes_on'] or 'none'})",
+    }
     found = []
     for name in then:
         if then[name] == now[name]:

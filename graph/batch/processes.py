@@ -10,6 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 
 from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.run.cores import shared_among
 
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
@@ -56,7 +57,7 @@ class Processes:
         spawn = multiprocessing.get_context("spawn")
         running: dict[Future[Tally], Chunk] = {}
         ready: list[Chunk] = []
-        with ProcessPoolExecutor(number, mp_context=spawn) as pool:
+        with shared_among(number), ProcessPoolExecutor(number, mp_context=spawn) as pool:
             try:
                 while True:
                     ready.extend(islice(chunks, number - len(running)))

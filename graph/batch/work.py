@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import tempfile
 import threading
 import time
@@ -11,10 +12,13 @@ from pathlib import Path
 
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
 from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
-from tactograph.graph.errors import InputError, NodeError, TactographError
+from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
+from tactograph.graph.files.model import Graph
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.pipeline import Pipeline, Result
+from tactograph.graph.run.origin import find_origin
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.result import Result
 
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""
@@ -55,7 +59,11 @@ def do_chunk(chunk: Chunk) -> Tally:
     statuses = store.statuses_of(slice(first, last + 1))
     open_ones = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
     types = store.map_types()
-    entries = {n: _attempt(pipeline, store.job, place, types) for n, place in open_ones}
+    entries: dict[int, Entry] = {}
+    for number, place in open_ones:
+        # Opened again if a device failed: it may not recover otherwise.
+        _, pipeline = _opened(chunk.out, chunk.stamp)
+        entries[number] = _attempt(pipeline, store.job, place, types)
     if entries:
         store.write(entries)
     reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
@@ -97,6 +105,8 @@ def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
         store = open_store(out)
         if store is None or store.stamp != stamp:
             raise InputError(f"{out}: the store of this batch is not there (any more)")
+        # Should opening fail, nothing is taken for open.
+        _mine.stamp = None
         _mine.store, _mine.pipeline = store, _open(store.job)
         _mine.stamp = out, stamp
     return _mine.store, _mine.pipeline
@@ -107,6 +117,7 @@ def _open(job: Job) -> Pipeline:
         file = Path(folder) / f"{job.name}.yaml"
         file.write_text(job.graph, encoding="utf-8")
         graph = replace(read_graph(str(file)), places={})
+    _check_origin(graph, job)
     paths = {name for name, param in graph.params.items() if param.kind == "path"}
     given = {
         name: kept_at_hand(value) if name in paths and value is not None else value
@@ -122,6 +133,21 @@ def _open(job: Job) -> Pipeline:
     )
 
 
+def _check_origin(graph: Graph, job: Job) -> None:
+    """Refuse to add to a store what other code, or other versions, would make."""
+    here = find_origin(graph, backend=job.backend, device=job.device)
+    for kind, then, now in (
+        ("code of", job.code, here.code),
+        ("version of", job.versions, here.versions),
+    ):
+        others = sorted(n for n in {*then, *now} if then.get(n) != now.get(n))
+        if others:
+            raise InputError(
+                f"this worker ({platform.node()}) has another {kind} {', '.join(others)} than "
+                "the batch was started with; install the same, or give another --out"
+            )
+
+
 def _attempt(pipeline: Pipeline, job: Job, place: str, types: dict[str, MapType]) -> Entry:
     start = time.perf_counter()
     try:
@@ -133,6 +159,9 @@ def _attempt(pipeline: Pipeline, job: Job, place: str, types: dict[str, MapType]
                     f"{place}: '{name}' is {_by(array.shape)}, but the store holds "
                     f"{_by(types[name].shape)}; give images of another size another --out"
                 )
+    except DeviceError as error:
+        _mine.stamp = None
+        return Entry(FAILED, str(error))
     except TactographError as error:
         return Entry(FAILED, str(error))
     except MemoryError:

@@ -15,7 +15,7 @@ import click
 from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
-    from tactograph.graph.run.pipeline import Result
+    from tactograph.graph.run.result import Result
 
 
 @click.command("bench", short_help="Time a graph on every back end and device.")

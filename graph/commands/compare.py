@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
 @click.argument("words", nargs=-1, metavar="GRAPH... [NAME=VALUE]...")
-@click.option("--over", multiple=True, metavar="DIR", help="A capture folder.")
+@click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option(
@@ -99,7 +99,8 @@ def _read_study(
     missing = [word for word in over if not Path(word).is_dir()]
     if missing:
         raise InputError(f"--over {missing[0]}: there is no such folder")
-    captures = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
+    folders = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
+    captures = [capture for folder in folders for capture in _captures(folder)]
     names = [w for w in words if "=" not in w and not Path(w).is_dir()]
     if not names:
         raise InputError("compare needs at least one graph to run")
@@ -119,6 +120,12 @@ def _read_study(
         seed=seed,
         repeats=repeats,
     )
+
+
+def _captures(folder: Path) -> list[Path]:
+    """The folder itself, or, where it holds folders and no file, those in order of name."""
+    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    return inside if inside and all(path.is_dir() for path in inside) else [folder]
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:

@@ -10,10 +10,12 @@ from tactograph.graph.commands import RunOptions, run_options, say
 @click.command("explain", short_help="Say where each node would run, and why.")
 @click.argument("graph")
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
 @run_options
 def command(
     graph: str,
     values: tuple[str, ...],
+    transfers: bool,
     options: RunOptions,
 ) -> None:
     """Print the plan of GRAPH.  Params that are not given do not matter to the plan."""
@@ -27,9 +29,12 @@ def command(
     given = {**placeholders(read), **read_words(read, values)}
     plan = options.open(read, given).plan
     table = Table(title=f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}")
-    for heading in ("step", "op", "back end", "when", "why"):
+    for heading in ("node", "op", "back end", "when", "why"):
         table.add_column(heading, overflow="fold")
+    moves = [step for step in plan.steps if step.kind in ("upload", "download")]
     for step in plan.steps:
+        if step in moves and not transfers:
+            continue
         task = plan.tasks.get(step.name)
         table.add_row(
             step.name,
@@ -42,6 +47,12 @@ def command(
     if not console.is_terminal:
         console.width = 120
     console.print(table)
+    if moves and not transfers:
+        each = sum(step.stream for step in moves)
+        click.echo(
+            f"{len(moves)} transfers between host and device, {each} of them for every item; "
+            "--transfers lists them"
+        )
     for node_id, value in plan.passed.items():
         say(f"{node_id}: taken out; its readers read {value}")
     for node_id in plan.unused:

@@ -12,7 +12,8 @@ import click
 from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
-    from tactograph.graph.run.pipeline import Pipeline, Result
+    from tactograph.graph.run.pipeline import Pipeline
+    from tactograph.graph.run.result import Result
 
 
 @click.command("run", short_help="Run a graph.")
@@ -57,6 +58,25 @@ def command(
                 say(_summary(count, result))
     if not count:
         raise InputError(f"{read.name}: its stream ended before a first item came")
+    ending = _ending(pipeline, told)
+    if ending and not quiet:
+        say(ending)
+
+
+def _ending(pipeline: Pipeline, told: set[str]) -> str:
+    """Where the results are, and whether there was a warning."""
+    plan = pipeline.plan
+    places = {
+        str(plan.given.get(name[1:], param.default)): None
+        for task in plan.tasks.values()
+        if task.node.sink
+        for name in task.entry.settings.values()
+        if isinstance(name, str) and name.startswith("$")
+        if (param := plan.graph.params[name[1:]]).kind == "path"
+    }
+    written = ", ".join(place for place in places if place != "None")
+    warned = f"{len(told)} warning{'s' if len(told) > 1 else ''}, see above" if told else ""
+    return "; ".join(filter(None, [f"written to {written}" if written else "", warned]))
 
 
 @contextmanager
@@ -89,10 +109,26 @@ def _summary(number: int, result: Result) -> str:
         for name, figure in value.items()
     }
     words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
-    shown = {**_in_rows(figures), **words}
+    shown = {**_ranges(result), **_in_rows(figures), **words}
     width = max(map(len, shown), default=0)
     lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     return "\n".join([f"{number}: {times or 'done'}", *lines])
+
+
+def _ranges(result: Result) -> dict[str, str]:
+    """From where to where the maps among the outputs go, those that have a unit of their own."""
+    import numpy as np
+
+    found = {}
+    for name, value in result.plan.outputs.items():
+        port = result.plan.tasks[value.node].node.outputs[value.port]
+        array = result.outputs.get(name)
+        if port.kind != "array" or port.dims != ("H", "W") or port.unit == "1":
+            continue
+        if isinstance(array, np.ndarray) and array.dtype.kind == "f" and array.size:
+            low, high = np.nanmin(array), np.nanmax(array)
+            found[name] = f"{low:.4g} to {high:.4g} {port.unit}"
+    return found
 
 
 def _in_rows(figures: dict[str, float]) -> dict[str, str]:

@@ -20,9 +20,11 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, TactographError, WriteError
 from tactograph.graph.files.model import Graph
 from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.run.open import open_pipeline, with_changes
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.origin import digest, find_origin, named_files
+from tactograph.graph.run.result import Result
 
 RUNS = 3
 """How often an item of a stream is computed, for the median of its times."""
@@ -113,6 +115,7 @@ class Row:
     sweep: dict[str, Any] = field(default_factory=dict)
     seed: int | None = None
     inputs: dict[str, str] = field(default_factory=dict)
+    made_by: str = ""
     items: int = 0
     warnings: list[str] = field(default_factory=list)
 
@@ -153,7 +156,7 @@ def make_jobs(study: Study) -> list[Job]:
 
 
 def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
-    """Run one job, or take its row from a former run of the very same graph and values.
+    """Run one job, or take its row from a former run that was made by the very same things.
 
     Returns
     -------
@@ -162,10 +165,11 @@ def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
     folder = job.folder(out)
     values = {**study.given[job.graph.name], **_places(job, folder)}
     row = _empty_row(job, values)
-    done = _done(folder, row)
-    if done is not None and (study.device or "").lower() in (done.device or "").lower():
-        return done, True
     try:
+        row.made_by = _made_by(job, values, study.device, row)
+        done = _done(folder, row)
+        if done is not None:
+            return done, True
         results = _run(job, values, study.device, row)
     except WriteError:
         raise  # no other run can be kept either
@@ -248,6 +252,23 @@ def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:
     )
 
 
+def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
+    """A hash of everything that makes the run: see `Origin`."""
+    graph = job.changed
+    draft = names.bind(graph, values, sinks=True, stand_ins=frozenset())
+    files = named_files(draft, values)
+    return digest(
+        {
+            "graph": row.hash,
+            "backend": row.backend,
+            "given": row.given,
+            "inputs": row.inputs,
+            "files": {name: content_hash(file) for name, file in files.items()},
+            "origin": asdict(find_origin(graph, backend=job.backend, device=device)),
+        }
+    )
+
+
 def _places(job: Job, folder: Path) -> dict[str, str]:
     """Where the capture is and where results go, as far as the graph wants to know."""
     places = {"out": str(folder)}
@@ -261,8 +282,7 @@ def _done(folder: Path, wanted: Row) -> Row | None:
         row = Row(**json.loads((folder / "row.json").read_text()))
     except (OSError, ValueError, TypeError):
         return None
-    same = (row.hash, row.given, row.inputs) == (wanted.hash, wanted.given, wanted.inputs)
-    return row if same else None
+    return row if row.made_by == wanted.made_by else None
 
 
 def content_hash(path: Path) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,10 +13,11 @@ from pathlib import Path
 from tactograph.graph.compare.compare import Row, Study, content_hash
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.files.dump import dump_graph
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.run.origin import find_origin
 from tactograph.graph.run.typed_values import read_words
 
 FILE = "report.json"
@@ -39,6 +41,7 @@ class Record:
     seed: str | None
     repeats: int
     versions: dict[str, str] = field(default_factory=versions)
+    code: dict[str, str] = field(default_factory=dict)
     format: int = FORMAT
 
 
@@ -59,7 +62,17 @@ def make_record(
         sweeps=[sweep.text for sweep in study.sweeps],
         seed=study.seed,
         repeats=study.repeats,
+        code=_code(study),
     )
+
+
+def _code(study: Study) -> dict[str, str]:
+    """The code of every node of the study's graphs, as far as it is there."""
+    found: dict[str, str] = {}
+    for graph in study.graphs:
+        with suppress(TactographError):  # a row of the table says what is wrong
+            found |= find_origin(graph, backend="numpy", device=None).code
+    return found
 
 
 def write_record(record: Record, study: Study, out: Path) -> None:
@@ -144,6 +157,7 @@ def what_changed(then: Record, now: Record) -> list[str]:
     """Versions, devices and captures that are no longer the same, in words."""
     pairs = [
         *_pairs(then.versions, now.versions),
+        *((f"code of {n}", a, b) for n, a, b in _pairs(then.code, now.code)),
         *((f"capture {n}", a, b) for n, a, b in _pairs(then.capture_hashes, now.capture_hashes)),
         ("device", ", ".join(then.devices_used), ", ".join(now.devices_used)),
     ]

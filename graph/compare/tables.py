@@ -18,7 +18,6 @@ from tactograph.graph.files.whole_files import whole_files
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
-ALL = "mean of all"
 TIME = "ms"
 CONFIDENCE = 0.95
 
@@ -93,7 +92,8 @@ def over_all(lines: Sequence[Line]) -> list[Line]:
     groups: dict[tuple[str, ...], list[Line]] = {}
     for line in lines:
         groups.setdefault((line.variant, line.backend, repr(line.sweep)), []).append(line)
-    return [_mean_line(group) for group in groups.values() if not any(p.error for p in group)]
+    means = [group for group in groups.values() if len(group) > 1]
+    return [_mean_line(group) for group in means if not any(line.error for line in group)]
 
 
 def columns(lines: Iterable[Line], details: bool = False) -> list[str]:
@@ -181,7 +181,8 @@ def _mean_line(lines: Sequence[Line]) -> Line:
     names = [name for name in first.figures if all(name in line.figures for line in lines)]
     means = {name: fmean(line.figures[name].mean for line in lines) for name in names}
     figures = {name: Estimate(mean, mean, mean, 1) for name, mean in means.items()}
-    return Line(first.variant, ALL, first.backend, first.sweep, first.rows, figures)
+    of = f"mean of {len(lines)} captures"
+    return Line(first.variant, of, first.backend, first.sweep, first.rows, figures)
 
 
 def _row_headings(lines: Sequence[Line]) -> list[str]:

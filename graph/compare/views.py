@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.files.array_files import load_arrays
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 
 Kind = Literal["map", "labels", "planes"]
 

@@ -163,6 +163,18 @@ class Node:
             seen.update(dict.fromkeys(d for d in port.dims if isinstance(d, str)))
         return tuple(seen)
 
+    @property
+    def may_be_absent(self) -> list[str]:
+        """The inputs, by port, that an item may come without."""
+        ports = self.inputs.values()
+        return [p.name for p in ports if p.optional or p.name in self.optional_inputs]
+
+    def may_lack(self, symbol: str) -> bool:
+        """Whether a size is one of absent inputs alone: 0 for a kernel then."""
+        absent = self.may_be_absent
+        needed = [p for p in self.inputs.values() if p.name not in absent]
+        return all(symbol not in port.dims for port in (*needed, *self.outputs.values()))
+
     @typing.overload
     def opencl(
         self, *, grid: str, lanes: bool = False, row_lanes: bool = False, whole: str | None = None

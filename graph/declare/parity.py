@@ -21,6 +21,7 @@ from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
+from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
@@ -32,12 +33,14 @@ RUBBISH = 0xA5
 
 @dataclass(frozen=True)
 class Case:
-    """One comparison."""
+    """One comparison: `left_out` are inputs that are absent, `wanted` the outputs asked for."""
 
     sizes: Mapping[str, int]
     fill: str
     setting: str
     settings: Mapping[str, Any]
+    left_out: tuple[str, ...] = ()
+    wanted: tuple[str, ...] | None = None
 
     def __str__(self) -> str:
         sizes = "x".join(f"{name}{size}" for name, size in self.sizes.items())
@@ -45,7 +48,10 @@ class Case:
 
 
 def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case]:
-    """Every shape with every fill at default parameters, and every setting on one shape."""
+    """Every shape with every fill at default parameters; on one shape the rest.
+
+    That is every setting, inputs that may be absent left out, a part of the outputs wanted.
+    """
     fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
     fills += [] if node.whole is None else list(WHOLE)
     settings = dict(_settings(node))
@@ -61,26 +67,54 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
         for name, setting in settings.items()
         if name != "default"
     ]
+    sizes = _sizes(node, middle, default)
+    found += [
+        Case(sizes, "random", f"without {' and '.join(names)}", default, left_out=names)
+        for names in _absences(node)
+    ]
+    found += [
+        Case(sizes, "random", f"only {' and '.join(names)}", default, wanted=names)
+        for names in _demands(node)
+    ]
     return found
+
+
+def _absences(node: Node) -> list[tuple[str, ...]]:
+    """Inputs to leave out: each that may be absent, and all of them."""
+    names = node.may_be_absent
+    return [*((name,) for name in names), *([tuple(names)] if len(names) > 1 else [])]
+
+
+def _demands(node: Node) -> list[tuple[str, ...]]:
+    """Outputs to want: each alone, and all but each."""
+    if node.wanted is None:
+        return []
+    names = tuple(node.outputs)
+    others = [tuple(n for n in names if n != left) for left in names] if len(names) > 2 else []
+    return [*((name,) for name in names), *others]
 
 
 def compare(node: Node, device: OpenCL, case: Case) -> str | None:
     """Run one case on NumPy and on a device; return None, or what differs."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
-    reference = by_port(node, node(*node.in_order(inputs), **case.settings))
+    wanted = EVERYTHING if case.wanted is None else Wanted(frozenset(case.wanted))
+    keywords = {**case.settings, **({node.wanted: wanted} if node.wanted else {})}
+    reference = by_port(node, node(*node.in_order(inputs), **keywords))
     changed = _changed(inputs, kept)
     if changed:
         return f"the NumPy function changed its input '{changed}'"
     poisoned, device.poison = device.poison, RUBBISH
     try:
-        found, inputs = _on_device(node, device, case, inputs)
+        found, inputs = _on_device(node, device, case, inputs, wanted)
     finally:
         device.poison = poisoned
     changed = _changed(inputs, kept)
     if changed:
         return f"the kernel changed its input '{changed}'"
     for name, expected in reference.items():
+        if name not in wanted:
+            continue
         if expected.shape != found[name].shape:
             return f"{name}: shape {found[name].shape}, expected {expected.shape}"
         wrong = node.tolerance.difference(expected, found[name])
@@ -99,7 +133,7 @@ def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> s
 
 
 def _on_device(
-    node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any]
+    node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs as they are afterwards."""
     whole = node.whole if case.fill in WHOLE else None
@@ -111,7 +145,10 @@ def _on_device(
         for name, value in inputs.items()
         if node.inputs[name].kind != "object"
     }
-    outputs, _ = device.prepare(node, case.settings, case.sizes).launch(remote)
+    there = [port for name, port in node.inputs.items() if name not in case.left_out]
+    known = {dim for port in (*there, *node.outputs.values()) for dim in port.dims}
+    sizes = {symbol: size for symbol, size in case.sizes.items() if symbol in known}
+    outputs, _ = device.prepare(node, case.settings, sizes, wanted).launch(remote)
     found = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
     if whole is not None:
@@ -128,7 +165,7 @@ def make_inputs(node: Node, case: Case) -> dict[str, Any]:
     for name, port in node.inputs.items():
         if name not in made and port.kind != "object":
             made[name] = _drawn(port, case, rng)
-    return made
+    return {name: value for name, value in made.items() if name not in case.left_out}
 
 
 def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:

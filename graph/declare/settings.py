@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
 from tactograph.graph.declare.node import Node
-from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.model import NOT_GIVEN, Entry
+from tactograph.graph.files.strict_yaml import parse_scalar
 
 _WRAPPERS = (Annotated, Union, UnionType)
 
@@ -104,10 +106,16 @@ def model_of(node: Node) -> type[BaseModel]:
 def _lenient(annotation: Any) -> Any:
     """Let ``160,120`` from a command line stand for a tuple; keep true and false from numbers."""
     parts = _parts(annotation)
-    if any(get_origin(part) is tuple for part in parts):
-        return Annotated[annotation, BeforeValidator(_split_commas)]
+    tuples = [part for part in parts if get_origin(part) is tuple]
+    if tuples:
+        members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
+        split = _split_numbers if {int, float} & members else _split_commas
+        return Annotated[annotation, BeforeValidator(split)]
     if float in parts or (int in parts and bool not in parts):
-        return Annotated[annotation, BeforeValidator(_refuse_bool)]
+        text = str in parts or Path in parts
+        return Annotated[annotation, BeforeValidator(_refuse_bool if text else _only_number)]
+    if bool in parts and not {str, int} & {*parts}:
+        return Annotated[annotation, BeforeValidator(_only_flag)]
     return annotation
 
 
@@ -120,11 +128,37 @@ def _parts(annotation: Any) -> list[Any]:
 
 
 def _split_commas(value: Any) -> Any:
-    parts = value.split(",") if isinstance(value, str) else value
-    if isinstance(parts, list | tuple):
-        for part in parts:
-            _refuse_bool(part)
-    return parts
+    return value.split(",") if isinstance(value, str) else value
+
+
+def _split_numbers(value: Any) -> Any:
+    if isinstance(value, str):
+        return [_scalar_of(part.strip()) for part in value.split(",")]
+    if isinstance(value, list | tuple):
+        for part in value:
+            _only_number(part)
+    return value
+
+
+def _scalar_of(text: str) -> Any:
+    """A part of a text with commas, read as it would be read alone."""
+    try:
+        return _refuse_bool(parse_scalar(text))
+    except InputError:
+        return text
+
+
+def _only_number(value: Any) -> Any:
+    """Text is no number, whatever could be made of it."""
+    if isinstance(value, str):
+        raise ValueError("a number is needed")
+    return _refuse_bool(value)
+
+
+def _only_flag(value: Any) -> Any:
+    if value is not None and not isinstance(value, bool):
+        raise ValueError("true or false is needed")
+    return value
 
 
 def _refuse_bool(value: Any) -> Any:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.model import Entry, Graph
+from tactograph.graph.files.model import PREVIOUS, Entry, Graph, split_previous
 from tactograph.graph.files.strict_yaml import Place
 
 Change = Mapping[str, Any]
@@ -100,7 +100,10 @@ def _redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
     sole = f"{old}.{graph.nodes[old].op}" if old in graph.nodes else old
 
     def swap(reference: str) -> str:
-        return new if reference in (old, sole) else reference
+        bare, previous = split_previous(reference)
+        if bare not in (old, sole):
+            return reference
+        return f"{PREVIOUS}.{new}" if previous else new
 
     nodes = {
         node_id: replace(entry, inputs={port: swap(r) for port, r in entry.inputs.items()})
@@ -108,8 +111,21 @@ def _redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
     }
     outputs = {name: swap(reference) for name, reference in graph.outputs.items()}
     if nodes == graph.nodes and outputs == graph.outputs:
-        raise GraphError(f"{place}: insert: nothing reads '{old}'")
+        raise GraphError(f"{place}: insert: after: {_why_unread(graph, old)}")
     return replace(graph, nodes=nodes, outputs=outputs)
+
+
+def _why_unread(graph: Graph, reference: str) -> str:
+    """Why no input and no output of the graph reads a reference."""
+    node = reference.partition(".")[0]
+    if node not in graph.nodes:
+        return f"there is no node '{node}'{did_you_mean(node, graph.nodes)}"
+    references = [r for entry in graph.nodes.values() for r in entry.inputs.values()]
+    read = [r for r in (*references, *graph.outputs.values()) if r.partition(".")[0] == node]
+    if not read:
+        return f"nothing reads '{node}'"
+    ports = ", ".join(f"'{port}'" for port in dict.fromkeys(read))
+    return f"nothing reads '{reference}'; of this node {ports} can be named"
 
 
 def _remove(graph: Graph, target: str, change: Change, places: Places) -> Graph:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tactograph.graph.plan.plan import Plan, Step
 
 _SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box"}
-_COLOURS = {"numpy": "#dbe9f6", "opencl": "#fbe3c5"}
+COLOURS = {"numpy": "#dbe9f6", "opencl": "#fbe3c5"}
 
 
 def to_dot(plan: Plan) -> str:
@@ -18,7 +18,7 @@ def to_dot(plan: Plan) -> str:
     for step in plan.steps:
         lines.append(
             f'  "{step.name}" [label="{_label(plan, step, chr(92) + "n")}", '
-            f'shape={_SHAPES[step.kind]}, fillcolor="{_COLOURS[step.backend]}"];'
+            f'shape={_SHAPES[step.kind]}, fillcolor="{COLOURS[step.backend]}"];'
         )
     lines += [f'  "{a}" -> "{b}" [label="{port}"];' for a, b, port in edges(plan)]
     lines += [
@@ -39,7 +39,7 @@ def to_mermaid(plan: Plan) -> str:
         )
     lines += [f"  {ids[a]} -->|{port}| {ids[b]}" for a, b, port in edges(plan)]
     lines += [f"  {ids[a]} -.->|previous {port}| {ids[b]}" for a, b, port in recalls(plan)]
-    lines += [f"  classDef {name} fill:{colour}" for name, colour in _COLOURS.items()]
+    lines += [f"  classDef {name} fill:{colour}" for name, colour in COLOURS.items()]
     return "\n".join([*lines, ""])
 
 

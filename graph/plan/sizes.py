@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from tactograph.graph.declare.node import SizeLimit
 from tactograph.graph.declare.ports import Dim
@@ -153,11 +153,13 @@ def unify(draft: Draft) -> SizeClasses:
         for symbol in task.node.symbols
     }
     fixed: dict[Symbol, Bound] = {}
-    for task, name, value in _edges(draft):
-        source = draft.tasks[value.node]
-        pairs = zip(task.node.inputs[name].dims, source.node.outputs[value.port].dims, strict=True)
-        for wanted, offered in pairs:
-            _join(root, fixed, (task, name, wanted), (source, value.port, offered))
+    for task, name, wanted, value, offered in _joints(draft, "reads"):
+        _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
+    found = {_find(root, symbol) for symbol in _found(draft)}
+    for task, name, wanted, value, offered in _joints(draft, "recalls"):
+        # What the data tell of one item says nothing of the item before.
+        if isinstance(offered, int) or _find(root, (value.node, offered)) not in found:
+            _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
     flat = {symbol: _find(root, symbol) for symbol in root}
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
     for task in draft.tasks.values():
@@ -172,11 +174,26 @@ def unify(draft: Draft) -> SizeClasses:
     return SizeClasses(flat, fixed, limits)
 
 
-def _edges(draft: Draft) -> Iterator[tuple[Task, str, Value]]:
+def _joints(
+    draft: Draft, edges: Literal["reads", "recalls"]
+) -> Iterator[tuple[Task, str, Dim, Value, Dim]]:
+    """Reader and its input's size, value and its own size, wherever two meet."""
     for task in draft.tasks.values():
-        for name, value in task.edges.items():
+        for name, value in getattr(task, edges).items():
             if task.node.inputs[name].kind == "array":
-                yield task, name, value
+                offered = draft.tasks[value.node].node.outputs[value.port].dims
+                for one, other in zip(task.node.inputs[name].dims, offered, strict=True):
+                    yield task, name, one, value, other
+
+
+def _found(draft: Draft) -> Iterator[Symbol]:
+    """The sizes that only the data tell: of outputs alone, and not of a source."""
+    for task in draft.tasks.values():
+        node = task.node
+        given = {dim for port in node.inputs.values() for dim in port.dims} | {*node.derived}
+        for symbol in node.symbols if not node.source else ():
+            if symbol not in given:
+                yield task.id, symbol
 
 
 def _find(root: dict[Symbol, Symbol], symbol: Symbol) -> Symbol:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
@@ -21,7 +24,9 @@ from tactograph.graph.run.pipeline import Pipeline
 
 
 def load(
-    name: str,
+    name: str | os.PathLike[str],
+    params: Mapping[str, Any] | None = None,
+    /,
     *,
     backend: str | None = None,
     device: str | None = None,
@@ -36,6 +41,8 @@ def load(
     ----------
     name
         A graph file, or the bare name of a pipeline that ships.
+    params
+        The graph's own params that are called like an argument here, such as ``device``.
     backend
         "numpy" or "opencl" in place of what the graph prefers.
     device
@@ -67,7 +74,10 @@ def load(
     >>> pipeline(frames=stack)["height"].shape  # doctest: +SKIP
     (480, 640)
     """
-    graph = with_changes(read_graph(name), changes or {})
+    for word in given.keys() & (params or {}).keys():
+        raise InputError(f"{word} is given twice")
+    given = {word: plain(value) for word, value in {**(params or {}), **given}.items()}
+    graph = with_changes(read_graph(os.fspath(name)), changes or {})
     if outputs is not None:
         graph = _with_outputs(graph, outputs)
     pipeline = open_pipeline(
@@ -143,8 +153,18 @@ def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
         if not dot or not setting:
             raise InputError(f"--set {target}: write it as node.param=value")
         places = {"": Place("--set", 0, 0, target)}
-        graph = apply_patch(graph, {"set": node_id, "settings": {setting: value}}, places)
+        change = {"set": node_id, "settings": {setting: plain(value)}}
+        graph = apply_patch(graph, change, places)
     return graph
+
+
+def plain(value: Any) -> Any:
+    """A value as a graph file would hold it: numbers for NumPy's, text for paths."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:

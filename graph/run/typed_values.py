@@ -31,8 +31,8 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
             raise InputError(f"'{word}': write values as name=value")
         if name not in graph.params:
             raise InputError(
-                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)} "
-                f"It takes: {', '.join(graph.params) or 'none'}"
+                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
+                f" (it takes: {', '.join(graph.params) or 'none'})"
             )
         if name in given:
             raise InputError(f"{name} is given twice")

@@ -17,7 +17,7 @@ LANED __kernel void matt_light(
     __global const float *restrict film_harmonics,
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
-    const float film_index, const float film_albedo, const float film_camera,
+    const float film_refraction, const float film_albedo, const float film_camera,
     const float film_grain,
     const float pixel,
     __global const float *restrict bounced,
@@ -30,9 +30,9 @@ LANED __kernel void matt_light(
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
     const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
-                       film_roughness, film_index,  film_camera,    K, harmonic};
+                       film_roughness, film_refraction,  film_camera,    K, harmonic};
     const floats none = 0.0f, seen = load_floats(height + at, count);
-    const int affine = film_index == 1.0f && film_camera == 0.0f && !harmonic;
+    const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const floats touched = touch_gain(&film, seen);
     floats shown[MOST], scale[MOST];
     for (int k = 0; k < K; ++k) {

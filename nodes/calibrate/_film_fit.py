@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,14 +57,14 @@ SHARED = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
     "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
     "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
-    "index": Unknown(1.4, 0.15, 1.05, 2.0, 1e-3),
+    "refraction": Unknown(1.4, 0.15, 1.05, 2.0, 1e-3),
     "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
 }
 DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
 PARTS = {
     "diffuse": ("diffuse", "gain"),
-    "lobe": ("base", "roughness", "index"),
+    "lobe": ("base", "roughness", "refraction"),
     "bounce": ("albedo",),
     "camera": ("camera",),
 }
@@ -123,7 +124,7 @@ class Balls:
         return np.stack(
             [
                 left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
-                for i, j in zip(ends[:-1], ends[1:], strict=True)
+                for i, j in pairwise(ends)
             ]
         )
 
@@ -143,7 +144,7 @@ class Fitted(NamedTuple):
         """Return it with other LEDs."""
         ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
         lights = ends / np.maximum(leds[:, 2:3], 1 / FARTHEST)
-        return self._replace(leds=leds, film=self.film._replace(lights=lights))
+        return self._replace(leds=leds, film=self.film._replace(lights=cast(F4, lights)))
 
 
 class _Problem(NamedTuple):
@@ -307,7 +308,7 @@ def add_harmonics(
         harmonics = np.zeros((count, 8, 6))
         harmonics[:, :, :used] = found[:-1].reshape(count, 8, used)
         gain = film.gain * (1 + float(found[-1]))
-        now = now._replace(film=film._replace(harmonics=harmonics, gain=gain))
+        now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         now = place_balls(balls, now._replace(scale=_scale(balls, now)), shift_mm)
         weight = _cauchy(_weighted(balls, balls.light - predicted(balls, now)), now.scale)
         weight = weight / np.maximum(balls.light, FAINT) ** 2
@@ -321,7 +322,7 @@ def _cauchy(left: F8, scale: float) -> F8:
 def _opened(start: Fitted, names: list[str]) -> Fitted:
     """Numbers that are opened leave the value that switches them off."""
     off = matt_film(start.film.lights)
-    changed = {
+    changed: dict[str, Any] = {
         name: SHARED[name].start
         for name in names
         if name in SHARED and getattr(start.film, name) == getattr(off, name)
@@ -466,7 +467,8 @@ def _stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
 
 
 def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> Film:
-    changed, number = {}, 0
+    changed: dict[str, Any] = {}
+    number = 0
     for name in names:
         size = len(film.diffuse) if name == "diffuse" else 1
         about = DIFFUSE if name == "diffuse" else SHARED[name]

@@ -9,8 +9,8 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from tactograph.graph import node
-from tactograph.nodes import Dark, Light, PixelSize
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 
@@ -23,9 +23,9 @@ ENOUGH_PIXELS = 3e5
 class BinnedPresses(NamedTuple):
     """Presses on a sheet, the film at rest, and what is known of the balls, on larger pixels."""
 
-    image: SheetLight
-    flat: Light
-    dark: Dark
+    image: Annotated[F4, Port("K s w", "1")]
+    flat: CoarseLight
+    dark: CoarseDark
     known: KnownCircles
     pixel: PixelSize
 
@@ -81,9 +81,7 @@ def bin_presses(
     )
 
 
-def _binned(
-    image: NDArray[np.float32], factor: int, size: tuple[int, int]
-) -> NDArray[np.float32]:
+def _binned(image: NDArray[np.float32], factor: int, size: tuple[int, int]) -> NDArray[np.float32]:
     """The means of factor x factor pixels."""
     columns, rows = size
     cut_off = image[:, : rows * factor, : columns * factor]

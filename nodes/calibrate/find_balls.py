@@ -15,7 +15,6 @@ from tactograph.nodes.calibrate.find_ball import Ball, find_ball
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 
-
 BallCircles = Annotated[F4, Port("B 3", "px")]
 """x, y and contact radius of every ball."""
 BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]

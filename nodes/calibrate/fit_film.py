@@ -46,9 +46,10 @@ SAMPLES, ENOUGH = 1500, 30
 """Samples of all balls together, and of each ball at least."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
-BETTER, SURE = 0.97, 0.7
-"""A part of the model is taken if it makes the held-out error smaller than by this factor; by the
-second where a single ball holds nothing else out than places between the others..."""
+BETTER, BENT, SURE = 0.97, 0.99, 0.7
+"""A part of the model is taken if it makes the held-out error smaller than by this factor; further
+harmonics by the second; and by the third all where a single ball holds nothing else out than
+places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
 MOST_ALBEDO = 0.95
@@ -84,7 +85,7 @@ class FilmFit(NamedTuple):
     contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
     base: Annotated[float, Port(unit="1", low=0.3, high=1)]
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
     albedo: Albedo
     camera: Vergence
     grain: Grain
@@ -116,8 +117,8 @@ def fit_film(
     The LEDs placed for a matt film are where it starts.  Then one part after another is tried:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film; the one that explains the presses best is taken if it lowers
-    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in the place
-    that lowers it further.  With a single ball slices of it are held out instead,
+    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in
+    the place that lowers it further.  With a single ball slices of it are held out instead,
     and a part has to lower their error by 30 per cent.
 
     Parameters
@@ -147,8 +148,8 @@ def fit_film(
     -------
     FilmFit
         The fields of a `Film`; other places of the LEDs that the fit allows; the root mean
-        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...`` for each model tried,
-        ``film_heldout_deg`` of the one chosen, in degrees between normals.
+        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...``
+        for each model tried, ``film_heldout_deg`` of the one chosen, in degrees between normals.
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
@@ -171,7 +172,7 @@ def fit_film(
         # Nothing but matt: the LEDs stay where all pixels of the presses place them.
         film = film._replace(lights=lights)
     left = balls.light - predicted(balls, best.fitted)
-    typed = {
+    typed: dict[str, Any] = {
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
@@ -276,7 +277,7 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
             break
         tried = _judge(trial, physics.parts, physics.fitted, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
-        if _pays(tried.error, best.error, trial):
+        if _pays(tried.error, best.error, trial, BENT):
             best = tried
     if best.degree is not None:
         bent = add_harmonics(
@@ -317,8 +318,8 @@ def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls]:
     return best._replace(fitted=fitted), good
 
 
-def _pays(error: float, before: float, trial: _Trial) -> bool:
-    share = BETTER if len(trial.balls.centre) > 1 else SURE
+def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) -> bool:
+    share = enough if len(trial.balls.centre) > 1 else SURE
     return error < share * before and error < before - NOTICEABLE
 
 
@@ -329,8 +330,8 @@ def _properties(best: _Model) -> Metrics:
     if film.diffuse.any():
         said["diffuse_percent"] = float(100 * film.diffuse.mean())
         said["touched_gain"] = film.gain
-    if film.index > 1:
-        said["coat_roughness"], said["coat_index"] = film.roughness, film.index
+    if film.refraction > 1:
+        said["coat_roughness"], said["coat_index"] = film.roughness, film.refraction
     if film.albedo > 0:
         said["film_albedo"] = film.albedo
     if film.camera > 0:

@@ -87,13 +87,12 @@ def plot_calibration(
     _draw_null(axes[1, 1], light, mask, lit, null, spread)
     if len(lights) == 1:
         _draw_found(axes[0, 0], light, mask)
-    elif None not in (names, circle, of, degrees, microns):
-        assert names is not None and circle is not None and of is not None
-        assert degrees is not None and microns is not None
+    elif names and circle is not None and of is not None:
         used = np.array([part.any() for part in masks])
         _draw_presses(axes[0, 0], masks, names, circle, of, used)
-        _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
-        _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
+        if degrees is not None and microns is not None:
+            _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
+            _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
         figure.savefig(target, dpi=100)

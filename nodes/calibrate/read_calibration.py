@@ -59,7 +59,7 @@ class Calibration(NamedTuple):
     contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
     base: Annotated[float, Port(unit="1", low=0.3, high=1)]
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    index: Annotated[float, Port(unit="1", low=1, high=1.6)]
+    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
     albedo: Albedo
     camera: Vergence
     grain: Grain

@@ -88,7 +88,7 @@ CALIBRATION = FileKind(
             "", "albedo of the base under the coat", required=False, low=0.001, high=1000.0
         ),
         "roughness": Stored("", "Beckmann's alpha of the coat", required=False, low=0.01, high=10),
-        "index": Stored(
+        "refraction": Stored(
             "", "refractive index of the coat; 1: none", required=False, low=1, high=10
         ),
         "albedo": Stored(

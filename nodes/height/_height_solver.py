@@ -1,4 +1,10 @@
-"""`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here."""
+"""`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here.
+
+For each step of conjugate gradients two sums of 1024 parts come down, added in a fixed order.
+Levels of at most ONE_GROUP pixels run in one work-group, all steps in one launch.  Multigrid
+preconditions, no cosine transform: weights differ by orders of magnitude, and a preconditioner
+that does not know them leaves conjugate gradients without convergence.
+"""
 
 from __future__ import annotations
 

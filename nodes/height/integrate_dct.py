@@ -1,14 +1,18 @@
-"""Integrate slopes by least squares with free borders, through the cosine transform."""
+"""Integrate slopes by least squares with free borders, through the cosine transform.
+
+On CPUs the kernels need no VkFFT: they transform 32 columns side by side (``cosine.clh``), and each
+frequency leaves a tridiagonal system along the rows.  So all of `reconstruct` stays on the device.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import dctn, idctn
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import REQUIRES, cosine_transform
 
@@ -37,9 +41,13 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     ndarray
         H x W in mm, its mean being zero.
     """
-    spectrum = dctn(_twice_divergence(slope), type=2, norm="ortho", workers=-1, overwrite_x=True)
+    # Where the kernel runs, SciPy need not be loaded.
+    from scipy.fft import dctn, idctn
+
+    twice = _twice_divergence(slope)
+    spectrum = dctn(twice, type=2, norm="ortho", workers=cores(), overwrite_x=True)
     spectrum *= _to_mm(spectrum.shape, pixel)
-    height = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
+    height = idctn(spectrum, type=2, norm="ortho", workers=cores(), overwrite_x=True)
     return np.asarray(height, np.float32)
 
 

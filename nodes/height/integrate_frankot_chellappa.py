@@ -11,6 +11,7 @@ from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import REQUIRES, cosine_transform, fourier_transform
 
@@ -49,12 +50,12 @@ def integrate_frankot_chellappa(
 def _periodic(slope: Slope) -> F4:
     p, q = slope
     by_v, by_u = _multipliers(p.shape)
-    spectrum = rfft2(p, workers=-1)
+    spectrum = rfft2(p, workers=cores())
     spectrum *= by_u
-    other = rfft2(q, workers=-1)
+    other = rfft2(q, workers=cores())
     other *= by_v
     spectrum += other
-    return np.asarray(irfft2(spectrum, s=p.shape, workers=-1, overwrite_x=True))
+    return np.asarray(irfft2(spectrum, s=p.shape, workers=cores(), overwrite_x=True))
 
 
 @lru_cache(maxsize=8)
@@ -76,7 +77,7 @@ def _mirrored(slope: Slope) -> F4:
     p_hat[:, 0] = 0
     q_hat[0, :] = 0
     spectrum = -(u * p_hat + v * q_hat) * _inverse(u, v)
-    return np.asarray(idctn(spectrum.astype(np.float32), 2, norm="ortho", workers=-1))
+    return np.asarray(idctn(spectrum.astype(np.float32), 2, norm="ortho", workers=cores()))
 
 
 def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
+
+from tactograph.graph.run.cores import cores
 
 T = TypeVar("T")
 
@@ -23,5 +24,5 @@ def in_blocks(work: Callable[[slice], T], count: int, pixels: int = 1) -> list[T
     blocks = [slice(first, min(first + step, count)) for first in range(0, count, step)]
     if len(blocks) == 1:
         return [work(blocks[0])]
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
+    with ThreadPoolExecutor(cores()) as threads:
         return list(threads.map(work, blocks))

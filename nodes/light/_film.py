@@ -14,7 +14,7 @@ distribution; Walter et al., Microfacet models for refraction, 2007)::
     e(n, P) = max(n.l, 0) / |L - P|^2 [k_d (1 - F(n.l)) (1 - F(n.v)) / pi
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
 
-with h between the direction l to the light and v to the pupil; an `index` of 1 has F = 0 and
+with h between the direction l to the light and v to the pupil; a `refraction` of 1 has F = 0 and
 is the matt film.  B are the second-order harmonics of the normal (the paper's equation 4), each
 less its value at rest, c polynomials of degree 2 in the place, w fades them out where n_z is
 below what was pressed: there the physical part stands alone.  P_0 is the film at rest that
@@ -66,7 +66,7 @@ def matt_film(lights: Array) -> Film:
         contact=0.05,
         base=1.0,
         roughness=0.2,
-        index=1.0,
+        refraction=1.0,
         albedo=0.0,
         camera=0.0,
         grain=0.0,
@@ -75,7 +75,7 @@ def matt_film(lights: Array) -> Film:
 
 def is_affine(film: Film) -> bool:
     """Whether light is a linear function of the normal, apart from the diffuse share."""
-    return film.index == 1 and film.camera == 0 and not film.harmonics.any()
+    return film.refraction == 1 and film.camera == 0 and not film.harmonics.any()
 
 
 def predict(film: Film, n: Array, x: Array, y: Array, z: Array) -> Array:
@@ -205,7 +205,7 @@ def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array)
     square = dx * dx + dy * dy + dz * dz
     away = np.sqrt(square)
     lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
-    if film.index == 1:
+    if film.refraction == 1:
         return np.asarray(lit)
     lx, ly, lz = dx / away, dy / away, dz / away
     vx, vy, vz = _to_pupil(film.camera, x, y, z)
@@ -215,8 +215,13 @@ def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array)
     c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
     c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
     v_h = (vx * hx + vy * hy + vz * hz) * half
-    base = film.base * (1 - fresnel(c_i, film.index)) * (1 - fresnel(c_o, film.index)) / np.pi
-    glint = beckmann(c_h, film.roughness) * fresnel(v_h, film.index)
+    base = (
+        film.base
+        * (1 - fresnel(c_i, film.refraction))
+        * (1 - fresnel(c_o, film.refraction))
+        / np.pi
+    )
+    glint = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
     hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
     return np.asarray(lit * (base + glint * hidden / (4 * c_i * c_o)))
 

@@ -95,7 +95,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
-    matt = {"film.index": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
+    matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
     return (matt if rng.random() < 1 / 3 else {}) | {
         "film.lights": lights.astype(np.float32),
         "light": rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32),

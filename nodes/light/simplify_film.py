@@ -10,7 +10,7 @@ from tactograph.nodes.light._film import matt_film
 
 PARTS = {
     "diffuse": ("diffuse", "gain"),
-    "lobe": ("base", "roughness", "index"),
+    "lobe": ("base", "roughness", "refraction"),
     "harmonics": ("harmonics",),
     "bounce": ("albedo",),
     "camera": ("camera",),

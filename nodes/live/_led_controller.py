@@ -173,6 +173,9 @@ class LedController:
         except TactographError as error:
             self._link.close()
             raise InputError(str(error)) from None
+        except BaseException:
+            self._link.close()
+            raise
         # Some boards start anew when their port is opened; that is no fault.
         self._failed_at = None
         self._faults.clear()
@@ -321,10 +324,12 @@ class LedController:
             return
         self._closed.set()
         self._woken.set()
-        self._keeper.join(2)
-        with contextlib.suppress(TactographError):
-            self._link.request("off")
-        self._link.close()
+        try:
+            self._keeper.join(2)
+            with contextlib.suppress(TactographError):
+                self._link.request("off")
+        finally:
+            self._link.close()
 
     # Asking
 

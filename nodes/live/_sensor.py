@@ -259,7 +259,11 @@ def open_sensor(
     rig = open_rig(
         camera, port, wanted, leds=len(flat), ambient=ambient, queue=queue, timeout=timeout
     )
-    return rig.with_film(flat, dark)
+    try:
+        return rig.with_film(flat, dark)
+    except BaseException:
+        rig.close()
+        raise
 
 
 def open_rig(
@@ -297,29 +301,31 @@ def open_rig(
     board: SimulatedController | None = None
     link: Path | None = None
     once = False
-    if str(camera).partition("?")[0] == SIMULATED:
-        table = SimulatedSensor(read_scene(str(camera)))
-        lit_between = steady(cycle, wanted.rate, table.start)
-        if port == SIMULATED:
-            # Plugged in again, a controller has another port; a link leads to it, as udev's do.
-            link = Path(mkdtemp()) / "controller"
-            board = SimulatedController(leds=leds, link=link)
-            port, lit_between = str(link), board.lit_between
-        connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
-    elif port == SIMULATED:
-        raise InputError("port=simulated goes with camera=simulated")
-    else:
-        once = check_camera(camera)
-        connect = partial(open_capture, camera)
-    lamps = open_lamps(port, cycle, wanted.rate)
-    source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
-    rig = Rig(source, lamps, cycle, wanted.rate, table, board, link)
-    try:
+    with ExitStack() as undo:
+        # What is open by then is closed again should the rest fail, or Ctrl-C be pressed.
+        if str(camera).partition("?")[0] == SIMULATED:
+            table = SimulatedSensor(read_scene(str(camera)))
+            lit_between = steady(cycle, wanted.rate, table.start)
+            if port == SIMULATED:
+                # Plugged in again, a controller has another port; a link leads to it, as udev's do.
+                link = Path(mkdtemp()) / "controller"
+                undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
+                board = SimulatedController(leds=leds, link=link)
+                undo.callback(board.close)
+                port, lit_between = str(link), board.lit_between
+            connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
+        elif port == SIMULATED:
+            raise InputError("port=simulated goes with camera=simulated")
+        else:
+            once = check_camera(camera)
+            connect = partial(open_capture, camera)
+        lamps = open_lamps(port, cycle, wanted.rate)
+        undo.callback(lamps.close)
+        source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
+        undo.callback(source.close)
         source.check(START_S, camera)
-    except InputError:
-        rig.close()
-        raise
-    return rig
+        undo.pop_all()
+    return Rig(source, lamps, cycle, wanted.rate, table, board, link)
 
 
 def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
@@ -332,4 +338,9 @@ def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
     """
     if port == FREE:
         return FreeLamps()
-    return ControlledLamps(open_controller(port, leds=max(cycle)), cycle, rate)
+    controller = open_controller(port, leds=max(cycle))
+    try:
+        return ControlledLamps(controller, cycle, rate)
+    except BaseException:
+        controller.close()
+        raise

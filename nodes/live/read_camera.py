@@ -101,21 +101,21 @@ def read_camera(
         queue=queue,
         timeout=timeout_s,
     )
-    full = float(2**bits - 1) if bits else 0.0
-    settings = {
-        "camera": str(camera),
-        "rate": rate,
-        "exposure": exposure,
-        "gain": gain,
-        "white_balance": white_balance,
-        "refresh": refresh,
-        "cycle": list(sensor.cycle),
-        "bits": bits,
-    }
-    stream = Stream(
-        sensor, refresh, full, motion_limit, motion == "skip", LiveState(settings=settings)
-    )
     try:
+        full = float(2**bits - 1) if bits else 0.0
+        settings = {
+            "camera": str(camera),
+            "rate": rate,
+            "exposure": exposure,
+            "gain": gain,
+            "white_balance": white_balance,
+            "refresh": refresh,
+            "cycle": list(sensor.cycle),
+            "bits": bits,
+        }
+        stream = Stream(
+            sensor, refresh, full, motion_limit, motion == "skip", LiveState(settings=settings)
+        )
         yield from stream.touches(timeout_s / 2, seconds, items)
     finally:
         sensor.close()

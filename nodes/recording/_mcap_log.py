@@ -3,6 +3,8 @@
 Every message is a chunk of its own, with its checksum, so that a reader needs neither the end
 of the file nor its index (`_mcap_read.py`).  One thread writes, which survives the program's
 end; another asks the disk to keep it, which survives the computer's.
+
+All topics are CDR: ``ros2 bag`` refuses mixed serialisation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,12 @@
-"""Index the look-up tables once, so that nearest neighbours are found fast."""
+"""Index the look-up tables once, so that nearest neighbours are found fast.
+
+The look-up is exact.  The index is a tree of three levels of 16 boxes along the table's principal
+axes, along which a Lambertian film's light is thin.  A film at rest lies off the table, so that
+many entries are almost equally near, and only boxes in all principal axes prune them.  On CPUs 16
+pixels of similar light walk the tree together; ``sort_by_light.clh`` sorts the frame by light, so
+that they are alike.  Equal entries are merged and ties go to the first entry, so both back ends
+find the same slope.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tactograph.graph import Port, node
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, I4, LutLight, LutLit, LutSlope
 
 LEAF = 8
@@ -78,7 +87,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
     """
     count = light.shape[1]
     # Sorting lets go of the interpreter's lock, so threads help.
-    with ThreadPoolExecutor() as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         tables = list(pool.map(lambda k: _table(light, slope, lit, k), (None, *range(count))))
     starts = [
         np.cumsum([0, *(len(part) for part in parts)])

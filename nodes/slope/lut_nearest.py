@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Labels, Light, Slope
 from tactograph.nodes.slope.index_lut import LutIndex, index_lut
 
@@ -90,7 +91,7 @@ def _mean_slope(tree: cKDTree, query: F4, slopes: F4, neighbours: int) -> F4:
     asked = min(neighbours + 1, len(tree.data))
     distance: NDArray[np.float64]
     found: NDArray[np.intp]
-    distance, found = tree.query(query, k=np.arange(1, asked + 1), workers=-1)  # type: ignore[assignment]
+    distance, found = tree.query(query, k=np.arange(1, asked + 1), workers=cores())  # type: ignore[assignment]
     nearest = found[:, :neighbours]
     # In float32 the next one may be as near, or nearer: settled where it is this close.
     close = np.flatnonzero((np.diff(distance, axis=1) <= ALIKE * distance[:, 1:]).any(axis=1))
@@ -105,7 +106,7 @@ def _mean_slope(tree: cKDTree, query: F4, slopes: F4, neighbours: int) -> F4:
 def _settled(tree: cKDTree, query: F4, neighbours: int) -> NDArray[np.intp]:
     """The nearest by their distances in float32; of equals the first in the table."""
     asked = min(neighbours + SPARE, len(tree.data))
-    _, found = tree.query(query, k=np.arange(1, asked + 1), workers=-1)
+    _, found = tree.query(query, k=np.arange(1, asked + 1), workers=cores())
     entries: NDArray[Any] = tree.data[found].astype(np.float32)
     squares = np.zeros(found.shape, np.float32)
     for k in range(query.shape[1]):

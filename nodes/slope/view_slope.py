@@ -38,17 +38,17 @@ def view_slope(
     inverse
         From slopes of the seen height to slopes of the film.
     """
-    camera = np.float32(camera)
     if camera == 0:
         return slope
+    by = np.float32(camera)
     u = places(height.shape[1], np.float32(pixel))[None, :]
     v = places(height.shape[0], np.float32(pixel))[:, None]
     p, q = slope
     if inverse:
-        return slope / np.maximum(1 + camera * (height - p * u - q * v), LEAST)
-    z = height / (1 + camera * height)
-    nearer = 1 - camera * z
-    return slope / np.maximum(1 - camera * (z - (p * u + q * v) * nearer), LEAST)
+        return slope / np.maximum(1 + by * (height - p * u - q * v), LEAST)
+    z = height / (1 + by * height)
+    nearer = 1 - by * z
+    return slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), LEAST)
 
 
 view_slope.opencl(grid="H W", lanes=True)

@@ -6,17 +6,19 @@ import json
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import cv2
 import numpy as np
-import trimesh
 from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
 from tactograph.nodes.write._film_places import film_places
+
+if TYPE_CHECKING:
+    import trimesh
 
 Format = Literal["npy", "tiff", "png", "tmd", "ply", "stl", "obj"]
 
@@ -42,6 +44,9 @@ def surface_mesh(
     camera.  Points lie where they are on the film (`film_places`).  What is not known, NaN, is
     left out.
     """
+    # It loads longer than a touch takes to compute.
+    import trimesh
+
     rows, columns = height.shape
     x, y = film_places(height, lens, camera)
     vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)

@@ -10,19 +10,23 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
+import venv
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
 from tactograph.graph.command import COMMANDS
 from tactograph.graph.files.read import read_graph, shipped_names
 from tactograph.graph.files.strict_yaml import read_yaml
-from tests.conftest import ROOT
+from tests.conftest import ROOT, MadeOnce
 
 PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))
 RUN = ("sh", "python", "yaml")
@@ -55,15 +59,63 @@ COMMAND_LINES = [
 ]
 
 
+@pytest.fixture
+def wheel(made_once: MadeOnce) -> Path:
+    """The Python of an environment into which the wheel is installed, and nothing else."""
+
+    def install(folder: Path) -> None:
+        pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+        build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder / "dist")]
+        source = folder / "source"
+        ignored = shutil.ignore_patterns(
+            ".*", "tests", "docs", "build", "demo", "out", "*.egg-info"
+        )
+        shutil.copytree(ROOT, source, ignore=ignored)
+        subprocess.run([*pip, *build, str(source)], check=True)
+        (built,) = (folder / "dist").glob("tactograph-*.whl")
+        venv.create(folder / "venv", with_pip=False)
+        python = folder / "venv" / "bin" / "python"
+        into = ["--python", str(python), "install", "--no-deps", "--no-index", str(built)]
+        subprocess.run([*pip, *into], check=True)
+
+    return made_once("wheel", install) / "venv" / "bin" / "python"
+
+
+def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
+    (built,) = (wheel.parents[2] / "dist").glob("*.whl")
+    names = {name for name in zipfile.ZipFile(built).namelist() if ".dist-info/" not in name}
+    assert {name.partition("/")[0] for name in names} == {"tactograph"}
+    for folder in ("firmware", "graph", "kernels", "nodes", "pipelines"):
+        files = [file for file in (ROOT / folder).rglob("*.*") if "__pycache__" not in file.parts]
+        missing = {f"tactograph/{file.relative_to(ROOT)}" for file in files} - names
+        assert not missing
+
+
+def test_a_script_is_checked_against_the_types_of_the_wheel(wheel: Path, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text("from tactograph import load\nload('reconstruct', strict='yes')\n")
+    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(wheel), str(script)]
+    done = subprocess.run(mypy, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert 'Argument "strict" to "load" has incompatible type' in done.stdout
+    assert "Found 1 error" in done.stdout
+
+
 @pytest.mark.parametrize("page", RUNNABLE, ids=lambda page: page.name)
 def test_a_page_does_what_it_says(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    environment = dict(os.environ)
+    python = Path(sys.executable)
+    if page.name == "index.md":
+        # The tour is done with what a user installs; of these packages only the dependencies.
+        python = request.getfixturevalue("wheel")
+        environment["PYTHONPATH"] = str(Path(np.__file__).parents[1])
+    environment["PATH"] = f"{python.parent}{os.pathsep}{os.environ['PATH']}"
     names: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(page):
         if block.language == "sh":
-            _run_shell(block, tmp_path)
+            _run_shell(block, tmp_path, environment)
         elif block.language == "python":
             exec(compile(block.text, block.where, "exec"), names)
         elif block.language == "yaml":
@@ -73,11 +125,10 @@ def test_a_page_does_what_it_says(
             assert read_yaml(tmp_path / title[1]).data["format"] == 1
 
 
-def _run_shell(block: Block, folder: Path) -> None:
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+def _run_shell(block: Block, folder: Path, environment: dict[str, str]) -> None:
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", block.text],
-        cwd=folder, env={**os.environ, "PATH": path},
+        cwd=folder, env=environment,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, f"{block.where}\n{block.text}\n{done.stdout}\n{done.stderr}"

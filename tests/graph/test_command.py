@@ -115,6 +115,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2(
         (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
         (("run", "paper", "capture"), "'capture': write values as name=value"),
         (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),
+        (("run", "paper", "zzz=x"), "paper has no parameter 'zzz' (it takes: capture, "),
         (("run", "paper", "capture=a", "capture=b"), "capture is given twice"),
         (("run", "paper", "capture="), "capture=: a path is needed"),
         (("run", "paper"), "paper needs "),
@@ -189,7 +190,28 @@ def test_what_has_nothing_to_time_is_done(
     tactograph: Command, tmp_path: Path, height_file: str
 ) -> None:
     words = (f"height={height_file}", "pixel_size_mm=0.1", f"out={tmp_path / 'exported'}")
-    assert tactograph("run", "export", *words) == Outcome(0, "1: done\n", "")
+    done = tactograph("run", "export", *words)
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines()[0] == "1: done"
+
+
+def test_after_success_it_says_what_range_the_height_has_and_where_it_is(
+    tactograph: Command, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "height.npy", np.float32([[-0.25, 0], [0.5, 1.5]]))
+    words = f"height={tmp_path / 'height.npy'}", "pixel_size_mm=0.1", f"out={tmp_path / 'out.ply'}"
+    lines = tactograph("run", "export", *words).out.splitlines()
+    assert lines[1:] == ["  height  -0.25 to 1.5 mm", f"written to {tmp_path / 'out.ply'}"]
+
+
+def test_a_warning_is_counted_at_the_end(
+    toys: list[str], tactograph: Command, write: Write
+) -> None:
+    text = STREAM.replace("  save:   {op: noted,", "  warned: {op: warns_once,")
+    graph = write(text.replace("outputs: {light: light,", "outputs: {light: warned,"))
+    done = tactograph("run", graph, "--backend", "numpy")
+    assert "warning: two" in done.err
+    assert done.out.endswith("\n1 warning, see above\n")
 
 
 def test_quiet_is_quiet(toys: list[str], tactograph: Command, write: Write) -> None:
@@ -390,10 +412,15 @@ def test_check_verifies_a_graph_that_is_bound_to_a_device(
 def test_explain_says_why_each_step_runs_where_it_does(
     tactograph: Command, write: Write, height_file: str
 ) -> None:
-    done = tactograph("explain", write(SLOPES))
+    graph = write(SLOPES)
+    done = tactograph("explain", graph)
     assert done.code == 0, done.err
-    for words in ("preferred", "has no OpenCL kernel", "shared by all readers", "upload", "once"):
+    for words in ("preferred", "has no OpenCL kernel", "once", "transfers between host and device"):
         assert words in done.out
+    assert "shared by all readers" not in done.out
+    every = tactograph("explain", graph, "--transfers").out
+    assert "upload" in every
+    assert "shared by all readers" in every
 
 
 def test_explain_prints_brackets_as_they_are(
@@ -413,34 +440,14 @@ def test_explain_says_what_was_taken_out(
     assert "cal: not run; nothing reads it" in out
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart LR")])
+@pytest.mark.parametrize(
+    ("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart LR"), (".svg", "<svg ")]
+)
 def test_draw_writes_a_file(tactograph: Command, tmp_path: Path, suffix: str, start: str) -> None:
     file = tmp_path / f"plan{suffix}"
     done = tactograph("draw", "paper", "--out", file)
     assert (done.code, done.out) == (0, ""), done.err
     assert file.read_text().startswith(start)
-
-
-def test_draw_writes_svg_where_graphviz_is(
-    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    programs = tmp_path / "bin"
-    programs.mkdir()
-    dot = programs / "dot"
-    dot.write_text("#!/bin/sh\n/bin/cat > /dev/null\necho '<svg/>'\n")
-    dot.chmod(0o755)
-    monkeypatch.setenv("PATH", str(programs))
-    assert tactograph("draw", "paper", "--out", tmp_path / "plan.svg").code == 0
-    assert (tmp_path / "plan.svg").read_text() == "<svg/>\n"
-
-
-def test_draw_says_so_where_graphviz_is_not(
-    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    said = one_line(tactograph("draw", "paper", "--out", tmp_path / "plan.svg"))
-    assert "SVG needs graphviz" in said
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -> None:

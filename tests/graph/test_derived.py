@@ -8,7 +8,7 @@ import pytest
 from tactograph.graph import EVERYTHING, InputError, Parts, node
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write
 

@@ -181,3 +181,17 @@ def test_a_stream_that_a_sink_ended_can_run_again(toys: list[str], write: Write)
     text = STREAM.replace("  save:", "  enough: {op: enough, in: {image: frames.image}}\n  save:")
     pipeline = opened(write(text))
     assert [len(list(pipeline.items())) for _ in range(2)] == [2, 2]
+
+
+def test_an_inserted_node_is_recalled_by_those_who_recalled_the_one_before_it(
+    toys: list[str], write: Write
+) -> None:
+    write(SUMMED.replace("before: previous.sum", "before: previous.light"), "base.yaml")
+    patch = """
+format: 1
+extends: base.yaml
+patch:
+  - {insert: twice, op: doubled, in: {image: light}, after: light}
+"""
+    results = opened(write(patch, "variant.yaml")).items()
+    assert [float(result["sum"].mean()) for result in results] == [2, 6, 10]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+import pyopencl as cl
 from annotated_types import Interval
 from numpy.typing import NDArray
 
@@ -213,6 +215,105 @@ def kept(image: Light, *, session: Session) -> None:
 
 
 @node
+def opens_once(*, session: Session) -> int:
+    """Runs once, and keeps something open."""
+    session.keep(_Diary)
+    CALLS.append("opens_once")
+    return 1
+
+
+@node
+def leaned(image: Light, table: Annotated[F4, Port("M", "1")] | None = None) -> Light:
+    """The image, and all of a table on top; see leaned.cl."""
+    return image if table is None else image + table.sum()
+
+
+leaned.opencl(grid="K H W")
+
+
+class Gate:
+    """Where `gated` waits for the test."""
+
+    _reached, _open = threading.Event(), threading.Event()
+
+    @classmethod
+    def close(cls) -> None:
+        cls._reached.clear()
+        cls._open.clear()
+
+    @classmethod
+    def wait_until_reached(cls) -> None:
+        assert cls._reached.wait(10)
+
+    @classmethod
+    def open(cls) -> None:
+        cls._open.set()
+
+    @classmethod
+    def pass_through(cls) -> None:
+        cls._reached.set()
+        assert cls._open.wait(10)
+
+
+@node
+def gated(image: Light) -> Light:
+    """The image, once the gate is open."""
+    Gate.pass_through()
+    return image
+
+
+@node
+def passed_on(image: Light) -> Light:
+    """The very image that came in."""
+    return image
+
+
+@node
+def scribbling(image: Light) -> Light:
+    """Writes into its input."""
+    image[...] = 100
+    return image
+
+
+@node
+def scribbled(figures: Metrics) -> Metrics:
+    """Writes into figures that others read, too."""
+    figures["mean"] = 100.0
+    return figures
+
+
+@node
+def remembered(figures: Metrics, before: Metrics | None = None) -> Metrics:
+    """The figures of the item before."""
+    return {"before": -1.0 if before is None else before["mean"], "now": figures["mean"]}
+
+
+@node
+def refilled_touches(*, count: int = 3) -> Iterator[Touch]:
+    """A stream out of one buffer, a part of which is each item."""
+    buffer = np.empty((4, 4, 5), np.float32)
+    for number in range(1, count + 1):
+        buffer[...] = number
+        yield Touch(buffer[:3])
+
+
+@node
+def struck(image: Light, *, at: float = 2.0) -> Light:
+    """The image; the device fails at one of them, and tells only when it is waited for."""
+    return image
+
+
+@struck.opencl()
+def _launch_struck(run: Launch) -> None:
+    image = run.inputs["image"]
+    fails = run.download(image)[0, 0, 0] == run.settings["at"]
+    gate = cl.UserEvent(run.queue.context)
+    cl.enqueue_copy(run.queue, run.outputs["struck"].buffer, image.buffer, wait_for=[gate])
+    assert run.timer  # of an event behind the gate
+    gate.set_status(cl.status_code.OUT_OF_RESOURCES if fails else 0)
+
+
+@node
 def filed(image: Light, *, folder: Path) -> None:
     """A sink that writes a file."""
     folder.mkdir(parents=True)
@@ -319,5 +420,6 @@ TOYS = (
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
-    "labelled", "bits", "byte_touches", "glared",
+    "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
+    "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck",
 )  # fmt: skip

@@ -95,7 +95,10 @@ MUTANTS = {
         "no grain": ("grain = film_grain * shown[k]", "grain = 0.0f * shown[k]"),
         "noise of the whole light": (" * scale[k], sigma_", ", sigma_"),
         "shadows not black": ("shown[k] * scale[k] - share", "shown[k] * scale[k]"),
-        "always matt": ("affine = film_index == 1.0f", "affine = 1 || film_index == 1.0f"),
+        "always matt": (
+            "affine = film_refraction == 1.0f",
+            "affine = 1 || film_refraction == 1.0f",
+        ),
         "height as seen": ("seen / (1.0f + film_camera * seen)", "seen"),
         "beside the ray": ("{u * nearer, v * nearer, z, u, v}", "{u, v, z, u, v}"),
         "the slope's sign": ("unit(-p, -q,", "unit(p, q,"),

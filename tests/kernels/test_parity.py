@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.backends.kernel_source import kernel_source
+from tactograph.graph.backends.kernel_source import (
+    expected_arguments,
+    kernel_signatures,
+    kernel_source,
+)
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parity import Case, cases, compare
+from tactograph.nodes import F4, Light
+from tests.graph.toys import halves, leaned
 
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]
@@ -64,7 +72,12 @@ def test_a_large_frame_is_looked_up_in_many_cells(device: OpenCL) -> None:
 
 @pytest.mark.parametrize("name", KERNEL_NODES)
 def test_a_kernels_signature_matches_the_declaration(name: str) -> None:
-    assert f"void {name}(" in kernel_source(find_node(name)) or find_node(name).launch
+    node = find_node(name)
+    found = kernel_signatures(kernel_source(node))
+    if node.launch is None:
+        assert found[name] == [(kind, word.rstrip("_")) for kind, word in expected_arguments(node)]
+    else:
+        assert found
 
 
 def test_every_pixel_node_of_the_paper_has_a_kernel() -> None:
@@ -79,3 +92,25 @@ def test_every_pixel_node_of_the_paper_has_a_kernel() -> None:
         "integrate_frankot_chellappa",
         "rest_at_border",
     } <= set(KERNEL_NODES)
+
+
+def test_inputs_are_left_out_and_a_part_of_the_outputs_wanted() -> None:
+    assert {case.left_out for case in cases(leaned)} == {(), ("table",)}
+    assert {case.wanted for case in cases(halves)} == {None, ("low",), ("high",)}
+
+
+@pytest.mark.parametrize("node", [leaned, halves], ids=lambda node: node.name)
+def test_what_is_absent_is_the_same_on_both_back_ends(device: OpenCL, node: Node) -> None:
+    chosen = [case for case in cases(node) if case.left_out or case.wanted]
+    assert [compare(node, device, case) for case in chosen] == [None] * len(chosen)
+
+
+def test_a_kernel_that_needs_what_may_be_left_out_is_found_out(
+    device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def always(image: Light, table: F4 | None = None) -> Light:
+        return image + np.float32(1)
+
+    monkeypatch.setattr(leaned, "function", always)
+    (without,) = (case for case in cases(leaned) if case.left_out)
+    assert compare(leaned, device, without) is not None

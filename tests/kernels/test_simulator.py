@@ -15,12 +15,22 @@ from tactograph.graph.declare.find_node import builtin_names, find_node
 SCRIPT = """
 import ast
 import sys
-from tactograph.graph.backends import opencl
+from tactograph.graph.backends import launch, opencl
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, compare
+from tactograph.nodes.height import _height_solver
 
 name, lanes, shape, before, after = sys.argv[1:6]
+# A work-item takes a simulator as long as a pixel: fewer of them race as many do.
+launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
+_height_solver.PARTS, _height_solver.GROUP = 64, 32
+text = opencl.kernel_source
+opencl.kernel_source = lambda node: (
+    text(node)
+    .replace("#define GROUP 128", "#define GROUP 16")
+    .replace("#define PARTS 1024", "#define PARTS 64")
+)
 device = opencl.OpenCL(choose_device("oclgrind")[0], lanes=int(lanes))
 if before:
     source = opencl.kernel_source

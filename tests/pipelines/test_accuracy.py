@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,26 +10,8 @@ import pytest
 
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline, with_changes
-from tactograph.graph.run.pipeline import Result
-
-PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
-
-
-@cache
-def calibration(rig: Path) -> Path:
-    """One ball and the flat frame; the ball is found by itself."""
-    import tempfile
-
-    file = Path(tempfile.mkdtemp()) / f"{rig.name}.npz"
-    run(
-        "calibrate",
-        file,
-        capture=rig / "calibration",
-        flat=rig / "flat",
-        ball_radius_mm=7.0,
-        pixel_size_mm=PIXEL_MM[rig.name],
-    )
-    return file
+from tactograph.graph.run.result import Result
+from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
 
 
 def run(
@@ -46,16 +28,26 @@ def run(
     return result
 
 
-def reconstruct(graph: str, rig: Path, shape: str, tmp_path: Path, backend: str | None = None):
-    return run(graph, tmp_path, backend, capture=rig / shape, calibration=calibration(rig))
+Reconstruct = Callable[..., Result]
+
+
+@pytest.fixture
+def reconstruct(raytraced: Raytraced, calibration: Calibration, tmp_path: Path) -> Reconstruct:
+    """Run a graph on a capture of a ray-traced rig, with that rig's calibration."""
+
+    def run_it(graph: str, rig: str, shape: str, backend: str | None = None) -> Result:
+        capture = raytraced / rig / shape
+        return run(graph, tmp_path, backend, capture=capture, calibration=calibration(rig))
+
+    return run_it
 
 
 @pytest.mark.parametrize(("rig", "scale"), [("far28", 1), ("far28_vga16", 2)])
 def test_shadow_handling_on_the_papers_hard_case(
-    raytraced: Path, tmp_path: Path, rig: str, scale: int
+    reconstruct: Reconstruct, rig: str, scale: int
 ) -> None:
     found = {
-        graph: reconstruct(graph, raytraced / rig, "sphere", tmp_path)["metrics"]
+        graph: reconstruct(graph, rig, "sphere")["metrics"]
         for graph in ("paper", "paper_no_shadow")
     }
     assert found["paper"]["peak_px"] == pytest.approx(70 * scale, abs=0.1)
@@ -78,35 +70,34 @@ FILMS = {
 
 
 @pytest.mark.parametrize(("rig", "shape"), FILMS)
-def test_soft_presses(raytraced: Path, tmp_path: Path, rig: str, shape: str) -> None:
-    found = reconstruct("reconstruct", raytraced / rig, shape, tmp_path)["metrics"]
+def test_soft_presses(reconstruct: Reconstruct, rig: str, shape: str) -> None:
+    found = reconstruct("reconstruct", rig, shape)["metrics"]
     assert found["rmse_px"] <= FILMS[rig, shape]
 
 
-def test_the_height_fed_back_is_what_near_lights_need(raytraced: Path, tmp_path: Path) -> None:
-    without = reconstruct("reconstruct_far", raytraced / "near33", "sphere_film", tmp_path)
+def test_the_height_fed_back_is_what_near_lights_need(reconstruct: Reconstruct) -> None:
+    without = reconstruct("reconstruct_far", "near33", "sphere_film")
     assert without["metrics"]["rmse_px"] > 50 * FILMS["near33", "sphere_film"]
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_where_light_comes_from_needs_no_full_resolution(
-    raytraced: Path, tmp_path: Path, shape: str
+    reconstruct: Reconstruct, shape: str
 ) -> None:
     coarse, full = (
-        reconstruct(graph, raytraced / "near33", shape, tmp_path / graph)
-        for graph in ("reconstruct", "reconstruct_full")
+        reconstruct(graph, "near33", shape) for graph in ("reconstruct", "reconstruct_full")
     )
-    apart = np.abs(coarse["height"] - full["height"]) / PIXEL_MM["near33"]
+    apart = np.abs(coarse["height"] - full["height"]) / RIG_PIXEL_MM["near33"]
     assert np.sqrt(np.mean(apart**2)) < 0.005
     assert apart.max() < 0.1
 
 
-def test_labels_are_what_shadows_need(raytraced: Path, tmp_path: Path) -> None:
-    without = reconstruct("reconstruct_no_shadow", raytraced / "near33", "cat_film", tmp_path)
+def test_labels_are_what_shadows_need(reconstruct: Reconstruct) -> None:
+    without = reconstruct("reconstruct_no_shadow", "near33", "cat_film")
     assert without["metrics"]["rmse_px"] > 2 * FILMS["near33", "cat_film"]
 
 
-def test_three_lights_are_enough(raytraced: Path, tmp_path: Path) -> None:
+def test_three_lights_are_enough(raytraced: Raytraced, tmp_path: Path) -> None:
     rig = raytraced / "near33"
     three = {"frames.leds": [1, 2, 3]}
     calibrated = tmp_path / "three.npz"
@@ -117,14 +108,14 @@ def test_three_lights_are_enough(raytraced: Path, tmp_path: Path) -> None:
         capture=rig / "calibration",
         flat=rig / "flat",
         ball_radius_mm=7.0,
-        pixel_size_mm=PIXEL_MM["near33"],
+        pixel_size_mm=RIG_PIXEL_MM["near33"],
     )
     given = {"capture": rig / "sphere_film", "calibration": calibrated}
     found = run("reconstruct", tmp_path, changes=three, **given)["metrics"]
     assert found["rmse_px"] < 0.3
 
 
-def test_the_ball_alone_calibrates(raytraced: Path, tmp_path: Path) -> None:
+def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None:
     """Without a flat frame the fall-off is modelled; vignetting and dirt stay."""
     rig = raytraced / "near33"
     calibrated = tmp_path / "ball.npz"
@@ -133,7 +124,7 @@ def test_the_ball_alone_calibrates(raytraced: Path, tmp_path: Path) -> None:
         calibrated,
         capture=rig / "calibration",
         ball_radius_mm=7.0,
-        pixel_size_mm=PIXEL_MM["near33"],
+        pixel_size_mm=RIG_PIXEL_MM["near33"],
     )
     given = {"capture": rig / "sphere_film", "calibration": calibrated}
     assert run("reconstruct", tmp_path, **given)["metrics"]["rmse_px"] < 1.0
@@ -142,19 +133,21 @@ def test_the_ball_alone_calibrates(raytraced: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("graph", ["paper", "paper_no_shadow", "reconstruct"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_both_back_ends_find_the_same_height(
-    raytraced: Path, tmp_path: Path, rig: str, graph: str
+    reconstruct: Reconstruct, rig: str, graph: str
 ) -> None:
-    host = reconstruct(graph, raytraced / rig, "cat_film", tmp_path / "a", "numpy")
-    device = reconstruct(graph, raytraced / rig, "cat_film", tmp_path / "b", "opencl")
+    host = reconstruct(graph, rig, "cat_film", "numpy")
+    device = reconstruct(graph, rig, "cat_film", "opencl")
     assert not device.plan.fallbacks
-    apart = np.abs(host["height"] - device["height"]) / PIXEL_MM[rig]
+    apart = np.abs(host["height"] - device["height"]) / RIG_PIXEL_MM[rig]
     flipped = np.abs(host["slope"] - device["slope"]).max(axis=0) > 1e-3
     assert flipped.mean() < 1e-3
     assert apart[~flipped].max() < 0.01
 
 
-def test_a_touch_leaves_every_file_of_the_contract(raytraced: Path, tmp_path: Path) -> None:
-    result = reconstruct("paper", raytraced / "far28", "sphere", tmp_path)
+def test_a_touch_leaves_every_file_of_the_contract(
+    reconstruct: Reconstruct, tmp_path: Path
+) -> None:
+    result = reconstruct("paper", "far28", "sphere")
     names = {file.name for file in tmp_path.iterdir()}
     assert {
         "height.npy",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from functools import cache
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,41 +11,35 @@ import pytest
 
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
-
-PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
-
-
-@pytest.fixture(scope="module")
-def calibrations(raytraced: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """One ball press and the flat frame per rig; where the LEDs are is found."""
-    folder = tmp_path_factory.mktemp("calibrations")
-    return {rig: calibrate(raytraced / rig, folder / f"{rig}.npz") for rig in PIXEL_MM}
-
-
-def calibrate(rig: Path, file: Path) -> str:
-    given = {
-        "capture": str(rig / "calibration"),
-        "flat": str(rig / "flat"),
-        "ball_radius_mm": 7.0,
-        "pixel_size_mm": PIXEL_MM[rig.name],
-        "out": str(file),
-    }
-    list(open_pipeline(read_graph("calibrate"), given).items())
-    return str(file)
-
-
-@cache
-def metrics(graph: str, capture: Path, calibration: str) -> dict[str, float]:
-    """The figures of a graph on a capture, measured once for all tests."""
-    return dict(run(graph, capture, calibration)["metrics"])
+from tests.conftest import Calibration, MadeOnce, Raytraced
 
 
 def run(graph: str, capture: Path, calibration: str, **more: str) -> Result:
     given = {"capture": str(capture), "calibration": calibration, **more}
     (result,) = open_pipeline(read_graph(graph), given, sinks="out" in more).items()
     return result
+
+
+Figures = Callable[[str, str, str], dict[str, float]]
+
+
+@pytest.fixture(scope="session")
+def metrics(raytraced: Raytraced, calibration: Calibration, made_once: MadeOnce) -> Figures:
+    """The figures of a graph on a rig's capture, measured once for all tests of all workers."""
+
+    def measure(graph: str, rig: str, shape: str) -> dict[str, float]:
+        def write(file: Path) -> None:
+            found = run(graph, raytraced / rig / shape, calibration(rig))["metrics"]
+            file.write_text(json.dumps({name: float(value) for name, value in found.items()}))
+
+        measured: dict[str, float] = json.loads(
+            made_once(f"{graph}_{rig}_{shape}.json", write).read_text()
+        )
+        return measured
+
+    return measure
 
 
 # rig, shape, RMSE, largest error (both in px), per cent of the area over a tenth of the height
@@ -64,61 +58,53 @@ REACHED = [
 
 @pytest.mark.parametrize(("rig", "shape", "rmse", "largest", "over"), REACHED)
 def test_heights(
-    raytraced: Path,
-    calibrations: dict[str, str],
+    metrics: Figures,
     rig: str,
     shape: str,
     rmse: float,
     largest: float,
     over: float,
 ) -> None:
-    found = metrics("precise", raytraced / rig / shape, calibrations[rig])
+    found = metrics("precise", rig, shape)
     assert found["rmse_px"] <= rmse
     assert found["max_error_px"] <= largest
     assert found["over_10_percent"] <= over
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_shadows_measure_what_no_slope_shows(
-    raytraced: Path, calibrations: dict[str, str], rig: str
-) -> None:
-    capture, calibration = raytraced / rig / "sphere", calibrations[rig]
-    with_shadows = metrics("precise", capture, calibration)["rmse_px"]
-    without = metrics("precise_no_constraints", capture, calibration)["rmse_px"]
+def test_shadows_measure_what_no_slope_shows(metrics: Figures, rig: str) -> None:
+    with_shadows = metrics("precise", rig, "sphere")["rmse_px"]
+    without = metrics("precise_no_constraints", rig, "sphere")["rmse_px"]
     assert with_shadows < 0.2 * without
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
-def test_the_truth_lies_in_the_band(
-    raytraced: Path, calibrations: dict[str, str], shape: str
-) -> None:
-    found = metrics("precise", raytraced / "near33" / shape, calibrations["near33"])
+def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
+    found = metrics("precise", "near33", shape)
     assert found["in_90_percent_band"] == pytest.approx(90, abs=5)
 
 
 @pytest.mark.parametrize("shape", ["sphere", "cat"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_the_band_is_honest_behind_steep_rims(
-    raytraced: Path, calibrations: dict[str, str], rig: str, shape: str
-) -> None:
-    found = metrics("precise", raytraced / rig / shape, calibrations[rig])
+def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape: str) -> None:
+    found = metrics("precise", rig, shape)
     assert found["in_90_percent_band"] > 85
 
 
 def test_the_error_is_written_beside_the_height(
-    raytraced: Path, calibrations: dict[str, str], tmp_path: Path
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
 ) -> None:
     capture = raytraced / "near33" / "sphere_film"
-    run("precise", capture, calibrations["near33"], out=str(tmp_path))
+    run("precise", capture, calibration("near33"), out=str(tmp_path))
     there = {file.name for file in tmp_path.iterdir()}
     assert {"height.npy", "error.npy", "error.png", "confidence.npy", "confidence.png"} <= there
 
 
 def test_labels_are_as_often_right_as_their_confidence_says(
-    raytraced: Path, calibrations: dict[str, str]
+    raytraced: Raytraced, calibration: Calibration
 ) -> None:
     capture = raytraced / "near33" / "cat"
-    result = run("precise", capture, calibrations["near33"])
+    result = run("precise", capture, calibration("near33"))
     leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
     truth = np.load(capture / "truth_height_mm.npy").astype(np.float32)
     right = result["shadow"] == cast_shadows(truth, np.array(leds, np.float32), 1 / 14)
@@ -128,16 +114,16 @@ def test_labels_are_as_often_right_as_their_confidence_says(
 
 
 def test_a_stream_finds_what_single_captures_give(
-    raytraced: Path, calibrations: dict[str, str], tmp_path: Path
+    raytraced: Raytraced, calibration: Calibration, metrics: Figures, tmp_path: Path
 ) -> None:
     """The same touch twice, then another: from the height before, or not."""
     for name, shape in (("1", "cat_film"), ("2", "cat_film"), ("3", "sphere_film")):
         (tmp_path / name).symlink_to(raytraced / "near33" / shape)
-    given = {"capture": str(tmp_path), "calibration": calibrations["near33"]}
+    given = {"capture": str(tmp_path), "calibration": calibration("near33")}
     stream = open_pipeline(read_graph("precise_stream"), given, sinks=False)
     found = [result["metrics"]["rmse_px"] for result in stream.items()]
     alone = [
-        metrics("precise", raytraced / "near33" / shape, calibrations["near33"])["rmse_px"]
+        metrics("precise", "near33", shape)["rmse_px"]
         for shape in ("cat_film", "cat_film", "sphere_film")
     ]
     assert found == pytest.approx(alone, abs=0.002)

@@ -17,11 +17,13 @@ from pathlib import Path
 import cv2
 import fsspec
 import numpy as np
+import pyopencl as cl
 import pytest
 import zarr
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.batch import work
 from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import find_captures
@@ -555,3 +557,30 @@ def test_results_that_were_removed_are_made_again(
     code, err = batch(tactograph, graph, over, place)
     assert (code, "1 captures" in err) == (0, True)
     assert (removed / "image.npy").is_file()
+
+
+def test_a_device_that_fails_late_costs_one_capture_and_is_opened_again(
+    toys: list[str],
+    write: Write,
+    captures: list[Path],
+    over: str,
+    tmp_path: Path,
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text = LIT.replace("prefer: [numpy]", "prefer: [opencl]")
+    finish, opened_pipelines = OpenCL.finish, []
+
+    def fail_at_the_third(self: OpenCL) -> None:
+        opened_pipelines.append(self)
+        if len(opened_pipelines) == 3:
+            raise cl.RuntimeError("clFinish failed: OUT_OF_RESOURCES")
+        finish(self)
+
+    monkeypatch.setattr(OpenCL, "finish", fail_at_the_third)
+    code, err = batch(tactograph, write(text, "lit.yaml"), over, tmp_path / "out.zarr")
+    assert code == 1
+    assert "OUT_OF_RESOURCES" in err
+    store = opened(tmp_path / "out.zarr")
+    assert sorted(store.statuses) == [DONE] * 6 + [FAILED]
+    assert len({id(each) for each in opened_pipelines}) == 2

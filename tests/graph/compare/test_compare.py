@@ -75,6 +75,18 @@ def test_every_variant_runs_on_every_capture_on_every_back_end(
     assert [float(line["mean"]) for line in lines] == [row["figures"]["mean"] for row in rows]
 
 
+def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(
+    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+) -> None:
+    (captures[0].parent / "c").mkdir()
+    done = tactograph(
+        "compare", graphs[0], "--over", captures[0].parent, "--out", tmp_path / "report"
+    )
+    assert done.code == 0, done.err
+    assert [row["capture"] for row in table(tmp_path / "report")] == ["a", "b", "c"]
+    assert "mean of 3 captures" in done.out
+
+
 def test_what_was_finished_is_not_run_again(
     graphs: list[str], captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command
 ) -> None:

@@ -99,7 +99,19 @@ def test_insert_takes_no_name_that_is_taken(write: Write) -> None:
 
 def test_insert_after_what_nobody_reads_is_an_error(write: Write) -> None:
     said = refusal(write, "{insert: rest, op: rest_at_border, after: slope.nothing}")
-    assert "insert: nothing reads 'slope.nothing'" in said
+    assert "insert: after: nothing reads 'slope.nothing'; of this node 'slope.slope'" in said
+
+
+@pytest.mark.parametrize(
+    ("after", "message"),
+    [
+        ("slope", "nothing reads 'slope'; of this node 'slope.slope', 'slope.mask' can be named"),
+        ("slop", "there is no node 'slop'; did you mean 'slope'?"),
+        ("hieght.read_height", "there is no node 'hieght'; did you mean 'height'?"),
+    ],
+)
+def test_insert_after_says_what_can_be_named(write: Write, after: str, message: str) -> None:
+    assert message in refusal(write, f"{{insert: rest, op: rest_at_border, after: {after}}}")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Pictures of a plan: DOT, Mermaid, and SVG where graphviz is there."""
+"""Pictures of a plan: DOT, Mermaid and SVG."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.read import read_graph, shipped_names
 from tactograph.graph.plan.draw import edges, to_dot, to_mermaid
+from tactograph.graph.plan.draw_svg import to_svg
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.open import placeholders
@@ -68,3 +70,19 @@ def test_graphviz_takes_the_dot_file(write: Write, device: OpenCL, tmp_path: Pat
     dot = to_dot(planned("paper", device))
     done = subprocess.run(["dot", "-Tsvg"], input=dot, capture_output=True, text=True, check=True)
     assert "<svg" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["precise", "reconstruct_follow_drift"])
+def test_boxes_of_the_svg_stand_apart_and_every_edge_goes_right(name: str, device: OpenCL) -> None:
+    plan = planned(name, device)
+    svg = to_svg(plan)
+    corners = re.findall(r'<g><rect x="(\d+)" y="(\d+)"', svg)
+    assert len(set(corners)) == len(corners) == len(plan.steps)
+    solid = re.findall(r'<path d="M(\d+) \S+C.* (\d+) \S+" fill="none" stroke="#777" m', svg)
+    assert len(solid) == len(edges(plan))
+    assert all(int(start) < int(end) for start, end in solid)
+
+
+def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
+    svg = to_svg(planned(write(SLOPES, "a<b&c.yaml"), None))
+    assert ElementTree.fromstring(svg)[0].text == "a<b&c"

@@ -60,6 +60,10 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("{mm: 0.1}", "{mm: 0}",
              "nodes.pixel.with.mm: input should be greater than or equal to 0.000001, not 0"),
         ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
+        (", with: {file: $file}", "",
+         "nodes.height.with.file: node 'read_height' needs the parameter"),
+
+
         (", with: {file: $file}", "", "with.file: node 'read_height' needs the parameter"),
         ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
         ("height: again", "height: agian",
@@ -211,6 +215,8 @@ def test_a_record_is_read_from_a_node_that_gives_one(write: Write) -> None:
         "format: 1\nextends: paper\npatch:\n"
         "  - {replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}"
     )
+    assert "'index' takes a node that gives all of a LutIndex" in refusal(file)
+
     said = refusal(file)
     assert said.startswith(f"{file}:4:")
     assert "'index' takes a node that gives all of a LutIndex (entries, " in said

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -126,7 +129,7 @@ def test_a_change_of_what_is_not_there_is_refused(
     ("change", "message"),
     [
         ({"cal.levle": 1}, "--set: cal.levle: node 'at_rest' has no parameter 'levle'; did you"),
-        ({"cal.level": "x"}, "--set: cal.level: input should be a valid number"),
+        ({"cal.level": "x"}, "--set: cal.level: a number is needed"),
     ],
 )
 def test_a_change_that_is_wrong_is_blamed_on_the_change(
@@ -135,3 +138,54 @@ def test_a_change_that_is_wrong_is_blamed_on_the_change(
     with pytest.raises(GraphError) as caught:
         load(write(WAITING), backend="numpy", changes=change)
     assert str(caught.value).startswith(message)
+
+
+OWN_NAMES = """
+format: 1
+params:
+  name: {kind: number}
+  device: {kind: number}
+  outputs: {kind: number, default: 1}
+  self: {kind: number, default: 1}
+nodes:
+  one: {op: choosy, with: {way: left, level: $name}}
+  two: {op: choosy, with: {way: left, level: $device}}
+outputs: {one: one, two: two}
+"""
+
+
+def test_a_graph_may_be_named_by_a_path(toys: list[str], write: Write) -> None:
+    pipeline = load(Path(write(WAITING)), backend="numpy")
+    assert pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max() == 1
+
+
+def test_params_of_any_name_can_be_given(toys: list[str], write: Write) -> None:
+    pipeline = load(write(OWN_NAMES), {"device": 3, "outputs": 1, "self": 1}, name=2)
+    with pipeline:
+        (result,) = pipeline.items()
+    assert (result["one"].max(), result["two"].max()) == (2, 3)
+    with pytest.raises(InputError, match="name is given twice"):
+        load(write(OWN_NAMES), {"device": 3, "name": 1}, name=2)
+
+
+@pytest.mark.parametrize("make", [np.float32, np.float64, np.int64, np.array])
+def test_numbers_of_numpy_are_numbers(toys: list[str], write: Write, make: Any) -> None:
+    pipeline = load(write(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)})
+    (result,) = pipeline.items()
+    assert (result["one"].max(), result["two"].max()) == (2, 4)
+    changed = load(write(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()})
+    assert pipeline.plan.graph.hash == changed.plan.graph.hash
+
+
+def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
+    """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
+    script = (
+        "import sys;"
+        "from tactograph.graph.files.read import read_graph;"
+        "from tactograph.graph.run.open import open_pipeline, placeholders;"
+        "graph = read_graph('reconstruct');"
+        "open_pipeline(graph, placeholders(graph));"
+        "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

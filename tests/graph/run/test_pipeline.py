@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import threading
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 from tactograph.graph import InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.errors import DeviceError
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
@@ -364,21 +366,15 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another(
     toys: list[str], write: Write
 ) -> None:
     file = write(WAITING)
-    wrong: list[float] = []
 
-    def work(level: float) -> None:
+    def work(level: float) -> bool:
         pipeline = load(file, backend="opencl")
         stack = np.full((3, 4, 5), level, np.float32)
-        for _ in range(20):
-            found = pipeline(frames=stack)["light"]
-            wrong.extend(found[found != np.float32(level)])
+        found = [pipeline(frames=stack)["light"] for _ in range(20)]
+        return all(np.array_equal(each, stack) for each in found)
 
-    threads = [threading.Thread(target=work, args=(level,)) for level in (0.25, 0.5, 0.75)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert wrong == []
+    with ThreadPoolExecutor(3) as threads:
+        assert list(threads.map(work, (0.25, 0.5, 0.75))) == [True] * 3
 
 
 def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
@@ -440,3 +436,54 @@ def test_labels_of_three_axes_are_no_fractions_of_full_scale(
     pipeline = load(write(text.replace("{light: light,", "{light: number,")), backend=backend)
     stack = np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5)
     np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack > 0.5)
+
+
+def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(
+    toys: list[str], write: Write
+) -> None:
+    text = WAITING.replace("  save:", "  hit: {op: struck, in: {image: light}}\n  save:")
+    pipeline = load(write(text.replace("{light: light", "{light: hit")), backend="opencl")
+    one, two = (np.full((3, 4, 5), level, np.float32) for level in (1, 2))
+    with pytest.raises(DeviceError, match=r"failed at 'hit' \(struck\)"):
+        pipeline(frames=two)
+    np.testing.assert_array_equal(pipeline(frames=one)["light"], one)
+
+
+def test_a_device_without_memory_is_named_with_the_transfer(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pipeline = load(write(WAITING), backend="opencl")
+
+    def full(self: OpenCL, array: Any) -> Any:
+        raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+
+    monkeypatch.setattr(OpenCL, "start_upload", full)
+    with pytest.raises(DeviceError, match=r"failed at 'upload cal.*MEM_OBJECT"):
+        pipeline(frames=np.ones((3, 4, 5), np.float32))
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_an_absent_input_with_a_size_of_its_own_is_nothing(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace("  save:", "  more: {op: leaned, in: {image: light}}\n  save:")
+    pipeline = load(write(text.replace("{light: light", "{light: more")), backend=backend)
+    stack = np.ones((3, 4, 5), np.float32)
+    np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack)
+
+
+@pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
+def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
+    toys: list[str], write: Write, maker: str, reader: str
+) -> None:
+    names = {"n": "numpy", "d": "opencl"}
+    nodes = f"""  found: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
+  more:
+    op: leaned
+    in: {{image: light, table: previous.found.light}}
+    backend: {names[reader]}
+  save:"""
+    text = STREAM.replace("  save:", nodes).replace("{light: light", "{light: more")
+    results = list(opened(write(text), None).items())
+    assert [float(result["light"].max()) for result in results] == [1, 2, 43]
+    assert [result.warnings for result in results] == [[], [], []]

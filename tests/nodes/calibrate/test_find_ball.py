@@ -1,7 +1,5 @@
 """The calibration ball is found where it is, and nothing else is taken for one."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -10,8 +8,8 @@ from hypothesis import strategies as st
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.find_ball import find_ball
+from tests.conftest import Raytraced, real_data
 
-DATA = Path(__file__).resolve().parents[3].parent / "shared/data"
 PIXEL = 0.1
 SIZE = (120, 160)
 SLANT = np.deg2rad(30)
@@ -45,10 +43,8 @@ def uneven(light):
     return np.float32(light * falls[: len(light)])
 
 
-def capture(*parts):
-    folder = DATA.joinpath("raytraced", *parts)
-    if not folder.is_dir():
-        pytest.skip(f"{folder.parent.name}/{folder.name}: the ray-traced captures are absent")
+def capture(rig, thing):
+    folder = Raytraced() / rig / thing
     images = [cv2.imread(str(folder / f"led{k}.png"), cv2.IMREAD_UNCHANGED) for k in range(1, 5)]
     return np.stack([i / np.float32(np.iinfo(i.dtype).max) for i in images])
 
@@ -119,7 +115,7 @@ def test_contact_larger_than_the_ball_is_refused():
 )
 def test_ray_traced_hemisphere_is_found_through_its_shadows(rig, scale, divided):
     light = normalized(rig, "calibration") if divided else capture(rig, "calibration")
-    height = np.load(DATA / "raytraced" / rig / "calibration" / "truth_height_mm.npy")
+    height = np.load(Raytraced() / rig / "calibration" / "truth_height_mm.npy")
     y, x = np.nonzero(height > 0.99 * height.max())
     found = find_ball(light, 1 / (14 * scale), radius_mm=7.0)
     np.testing.assert_allclose(found.center, (x.mean(), y.mean()), atol=0.2 * scale)
@@ -142,9 +138,7 @@ def test_other_objects_are_refused(thing):
 
 
 def test_real_presses_agree_with_their_labels():
-    folder = DATA / "real/gelsight_mini_balls"
-    if not folder.is_dir():
-        pytest.skip("gelsight_mini_balls: the real presses are absent")
+    folder = real_data("gelsight_mini_balls")
     flat = cv2.imread(str(folder / "background.png")) / np.float32(255)
     labels = np.genfromtxt(folder / "labels.csv", delimiter=",", skip_header=1, usecols=(2, 3, 4))
     # The left half: on the right, where the light is weak, the labels are off themselves.

@@ -66,7 +66,7 @@ def tried(found: FilmFit) -> set[str]:
 
 def test_a_matt_film_stays_matt() -> None:
     found = fitted(MATT, FOUR)
-    for name in ("diffuse", "harmonics", "gain", "index", "albedo", "camera"):
+    for name in ("diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
         assert np.array_equal(getattr(found, name), getattr(MATT, name)), name
     assert np.array_equal(found.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
 
@@ -77,7 +77,7 @@ def test_the_share_that_the_gel_diffuses_is_found() -> None:
     assert found.diffuse == pytest.approx(shares, abs=0.02)
     assert found.gain == pytest.approx(1.06, abs=0.01)
     assert found.lights == pytest.approx(LEDS, abs=2)
-    assert (found.index, found.albedo, found.camera) == (1, 0, 0)
+    assert (found.refraction, found.albedo, found.camera) == (1, 0, 0)
     assert found.quality["diffuse_percent"] == pytest.approx(100 * shares.mean(), abs=2)
     errors = found.quality
     assert errors["film_heldout_deg/diffuse"] < 0.3 * errors["film_heldout_deg/matt"]
@@ -92,17 +92,17 @@ def test_a_single_ball_tells_diffuse_light() -> None:
 
 
 def test_a_glossy_coat_is_found() -> None:
-    coat = MATT._replace(base=0.6, roughness=0.25, index=1.45)
+    coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
     found = fitted(coat, FOUR)
     assert found.roughness == pytest.approx(0.25, abs=0.03)
-    assert found.index > 1
+    assert found.refraction > 1
     assert found.quality["film_heldout_deg"] < 0.3
 
 
 def test_light_that_bounces_is_found() -> None:
     found = fitted(MATT._replace(albedo=0.7), FOUR)
     assert found.albedo == pytest.approx(0.7, abs=0.1)
-    assert found.index == 1
+    assert found.refraction == 1
     assert found.quality["film_heldout_deg"] < 0.3
 
 

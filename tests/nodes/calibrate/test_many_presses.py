@@ -11,7 +11,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.files.read import read_graph
 from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.pipeline import Result
+from tactograph.graph.run.result import Result
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.advise_press import advise_press
 from tactograph.nodes.calibrate.ball_slopes import ball_slopes

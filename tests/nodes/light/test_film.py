@@ -42,7 +42,7 @@ def test_only_a_matt_film_is_a_linear_function_of_the_normal(name: str) -> None:
 
 
 def test_a_coat_that_does_not_refract_is_none() -> None:
-    nearly = MATT._replace(base=0.6, roughness=0.3, index=1 + 1e-4)
+    nearly = MATT._replace(base=0.6, roughness=0.3, refraction=1 + 1e-4)
     assert predict(nearly, N, X, Y, Z) == pytest.approx(predict(MATT, N, X, Y, Z), abs=1e-5)
 
 
@@ -72,7 +72,7 @@ def test_microfacets_hide_one_another_at_grazing_angles_only(roughness: float) -
 @pytest.mark.parametrize("slant", [0, 30, 60])
 def test_a_coat_reflects_no_more_than_it_receives(slant: float) -> None:
     """Light from one direction, summed over all directions to the camera."""
-    film, far = MATT._replace(base=1.0, roughness=0.3, index=1.5), 1e5
+    film, far = MATT._replace(base=1.0, roughness=0.3, refraction=1.5), 1e5
     angle = np.radians(slant)
     light = np.array([np.sin(angle), 0, np.cos(angle)])
     cosine, turn = (g.ravel() for g in np.meshgrid(MIDDLES, 2 * np.pi * MIDDLES))

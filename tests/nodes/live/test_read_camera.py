@@ -384,3 +384,27 @@ def test_a_camera_of_another_size_is_refused_at_the_start() -> None:
     other = np.ones((4, 60, 80), np.float32)
     with pytest.raises(InputError, match="160 x 120 pixels"):
         open_sensor(SCENE, "none", other, other[0] * 0, Wanted(80, 60, RATE)).close()
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, InputError])
+@pytest.mark.parametrize(
+    "where", ["_camera.Camera.check", "_sensor.ControlledLamps._start", "_sensor.make_film",
+              "_led_controller.LedController._restore"],
+)  # fmt: skip
+def test_nothing_stays_open_when_opening_is_broken_off(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, where: str, stop: type[BaseException]
+) -> None:
+    def broken_off(*_: object) -> None:
+        raise stop("stopped")
+
+    folder = tmp_path / "link"
+    monkeypatch.setattr("tactograph.nodes.live._sensor.mkdtemp", lambda: folder.mkdir() or folder)
+    monkeypatch.setattr(f"tactograph.nodes.live.{where}", broken_off)
+    before = set(threading.enumerate())
+    with pytest.raises(stop):
+        open_sensor(SCENE, "simulated", FLAT, DARK, WANTED)
+    assert not folder.exists()
+    left = [thread for thread in threading.enumerate() if thread not in before]
+    for thread in left:
+        thread.join(2)
+    assert [thread.name for thread in left if thread.is_alive()] == []

@@ -1,7 +1,6 @@
 """Light and shadow on simple surfaces, as geometry has it."""
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,8 +18,8 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
 from tactograph.nodes.simulate.view import view
 from tactograph.nodes.slope.height_slopes import height_slopes
+from tests.conftest import Raytraced
 
-RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1
 
 
@@ -279,7 +278,7 @@ def test_inputs_are_left_alone_and_the_result_is_the_same_again():
 
 def capture(rig, scene):
     """The ray tracer's images 0 to 1, height, lights and pixel size."""
-    folder = RAYTRACED / rig / scene
+    folder = Raytraced() / rig / scene
     images = [cv2.imread(str(folder / f"led{k}.png"), cv2.IMREAD_UNCHANGED) for k in range(1, 5)]
     facts = json.loads((folder / "scene.json").read_text())
     stack = np.stack(images).astype(np.float32) / np.iinfo(images[0].dtype).max
@@ -295,7 +294,6 @@ def away_from_shadow_edges(labels, steep):
     return np.stack([(cv2.dilate(s, window) == cv2.erode(s, window)) & calm for s in shadows])
 
 
-@pytest.mark.skipif(not RAYTRACED.is_dir(), reason=f"no ray-traced captures in {RAYTRACED}")
 @pytest.mark.parametrize(
     ("rig", "scene"),
     [
@@ -360,7 +358,6 @@ def in_the_hand(facts, height, pixel, lights, level):
     return blur(found.light, deviation_px=facts.get("blur_px") or 0.0), found.labels, found.height
 
 
-@pytest.mark.skipif(not RAYTRACED.is_dir(), reason=f"no ray-traced captures in {RAYTRACED}")
 @pytest.mark.parametrize(
     ("rig", "scene", "more"),
     [
@@ -375,7 +372,7 @@ def in_the_hand(facts, height, pixel, lights, level):
 )
 def test_agrees_with_an_independent_ray_tracer_in_the_hand(rig, scene, more):
     flat, _, pixel, lights = capture(rig, "flat")
-    facts = json.loads((RAYTRACED / rig / scene / "scene.json").read_text())
+    facts = json.loads((Raytraced() / rig / scene / "scene.json").read_text())
     at_rest = {**facts, "bounces": 0}  # a flat film lights itself nowhere
     none = np.zeros(flat.shape[1:], np.float32)
     plain, _, _ = in_the_hand(at_rest, none, pixel, lights, 1.0)

@@ -23,8 +23,8 @@ from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.slope._reflectance_map import SHADES, TERMS, ball_shape, shades, terms
 from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
+from tests.conftest import real_data
 
-SHARED = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real"
 SHAPE = (72, 96)
 PIXEL, RADIUS_MM = 0.1, 2.5
 PX = 0.0634
@@ -260,9 +260,7 @@ def test_a_missing_file_names_the_graph_that_makes_one(tmp_path: Path) -> None:
 
 
 def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path: Path) -> None:
-    data = SHARED / "gelsight_mini_balls"
-    if not data.is_dir():
-        pytest.skip("the real presses (../shared/data/real/gelsight_mini_balls) are not here")
+    data = real_data("gelsight_mini_balls")
     # Around the press that is held out: a map of few presses holds where they are.
     around = (13, 14, 15, 18, 19, 20, 21, 24, 25, 26, 39, 42)
     held_out = 19

@@ -1,0 +1,46 @@
+"""``tactograph demo``: from no sensor at all to a height, by the commands that a user types."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import click
+
+STEPS = """
+# What computes here.
+tactograph devices
+# A sensor made of software: a ball of 7 mm radius to calibrate with, the film at rest, and a touch.
+tactograph run simulate radius_mm=7 seed=1 out=OUT/ball --quiet
+tactograph run simulate_flat seed=2 out=OUT/flat --quiet
+tactograph run simulate radius_mm=5 seed=3 out=OUT/touch --quiet
+# Calibrate.
+tactograph run calibrate capture=OUT/ball flat=OUT/flat ball_radius_mm=7 \
+pixel_size_mm=0.07142857 out=OUT/cal.npz
+# Reconstruct the touch, half a ball of 5 mm radius; then compare with and without shadow handling.
+tactograph run reconstruct capture=OUT/touch calibration=OUT/cal.npz out=OUT/result
+tactograph compare paper paper_no_shadow reconstruct precise --over OUT/touch \
+calibration=OUT/cal.npz --out OUT/report
+"""
+
+
+@click.command("demo", short_help="Simulate a sensor, calibrate it, reconstruct a touch.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default="demo",
+    show_default=True,
+    help="The folder to write to.",
+)
+def command(out: Path) -> None:
+    """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""
+    from tactograph.graph.command import run_command
+
+    for line in STEPS.strip().splitlines():
+        if line.startswith("#"):
+            click.secho(f"\n{line}", bold=True)
+            continue
+        line = line.replace("OUT", shlex.quote(str(out)))
+        click.echo(f"$ {line}")
+        run_command(shlex.split(line)[1:])
+    click.echo(f"\nLook at {out}/cal.png, {out}/result/height.png and {out}/report/report.html")

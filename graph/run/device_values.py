@@ -1,0 +1,134 @@
+"""Values on the device: transfers, launches, and what the device's clock says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tactograph.graph.backends.events import Timer, has_failed, milliseconds
+from tactograph.graph.backends.launch import DeviceArray
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.plan.plan import Plan, Step, Task, Value
+from tactograph.graph.plan.sizes import Shapes
+from tactograph.graph.run.host_values import HostValues, constant
+from tactograph.graph.run.node_errors import Blaming
+from tactograph.graph.run.recall import recall, recalled_values
+from tactograph.graph.run.stand_ins import read_whole
+
+
+class DeviceValues:
+    """What lies on the device: buffers by value, those of the item before, launches."""
+
+    def __init__(self, plan: Plan, device: OpenCL, host: HostValues) -> None:
+        self._plan, self._device, self._host = plan, device, host
+        self._values: dict[Value, DeviceArray] = {}
+        self._before: dict[Value, DeviceArray] = {}
+        self._launches: dict[str, Prepared] = {}
+        self._timers: dict[str, Timer] = {}
+        self._recalled = recalled_values(plan)
+        self._read_whole = read_whole(plan)
+        self._wanted = {name: plan.wanted(name) for name in plan.tasks}
+        self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
+        for task in plan.tasks.values():
+            if plan.placements[task.id].on_device and not task.filled:
+                device.compile(task.node)
+
+    def begin(self) -> None:
+        """Time what is enqueued from now on."""
+        self._timers = {}
+
+    def transfer(self, step: Step) -> None:
+        """Begin a transfer; whoever reads on the host waits, the device keeps its own order."""
+        (value,) = step.reads
+        if step.kind == "download":
+            array, timer = self._device.start_download(self._values[value])
+            self._host.receive(value, array, timer[1])
+        elif (array := self._host[value]) is not None:
+            port = self._plan.tasks[value.node].node.outputs[value.port]
+            as_float = array.dtype != port.dtype and value not in self._read_whole
+            device = self._device
+            start = device.start_upload_of_fraction if as_float else device.start_upload
+            self._values[value], timer = start(array)
+        else:
+            # One may be left there by an item that failed.
+            self._values.pop(value, None)
+            return
+        self._timers[step.name] = timer
+
+    def fill(self, task: Task, sizes: Mapping[str, int]) -> None:
+        """Make the constant that stands in for a node."""
+        port, shape, dtype, neutral = constant(task, sizes)
+        self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
+
+    def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
+        """Enqueue a node; return the shapes of what it makes."""
+        inputs = {
+            name: self._values.get(value) if is_array else self._host[value]
+            for name, value, is_array in self._sent[task.id]
+        }
+        for name in task.recalls:
+            port = task.node.inputs[name]
+            if port.kind == "array":
+                found = inputs[name] = recall(task, name, self._before, sizes)
+            else:
+                found = inputs[name] = self._host.recall(task, name, sizes)
+            if isinstance(found, DeviceArray):
+                # A size that only the data tell is that of the item before.
+                before = zip(port.dims, found.shape, strict=True)
+                sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
+        launch = self._launches.get(task.id)
+        with Blaming(task):
+            if launch is None or launch.sizes != sizes:
+                wanted = self._wanted[task.id]
+                launch = self._device.prepare(task.node, task.settings, sizes, wanted)
+                self._launches[task.id] = launch
+            outputs, self._timers[task.id] = launch.launch(inputs)
+        for value in step.writes:
+            if value.port in outputs:
+                self._values[value] = outputs[value.port]
+        if launch.shapes is not None:
+            return launch.shapes
+        return {name: array.shape for name, array in outputs.items()}
+
+    def release(self, step: Step) -> None:
+        """Give back the buffers that are read for the last time."""
+        for value in step.release:
+            self._values.pop(value, None)
+
+    def finish(self) -> dict[str, float]:
+        """Wait for all that was begun; return its milliseconds by step."""
+        if self._timers:
+            self._device.finish()
+        return {name: milliseconds(timer) for name, timer in self._timers.items()}
+
+    def failed(self) -> list[str]:
+        """The steps that failed: a device tells of them long after they began."""
+        return [name for name, timer in self._timers.items() if has_failed(timer)]
+
+    @property
+    def begun(self) -> list[str]:
+        """The steps that are timed."""
+        return list(self._timers)
+
+    def drop_launches(self) -> None:
+        """Forget how nodes are launched: settings changed."""
+        self._launches = {}
+
+    def remember(self) -> None:
+        """Keep what the next item recalls."""
+        taken = {v: self._values.pop(v, None) for v in self._recalled}
+        self._before = {v: array for v, array in taken.items() if array is not None}
+
+    def forget(self) -> None:
+        """Let the next item be a first one."""
+        self._before = {}
+
+
+def _sent(task: Task) -> list[tuple[str, Value, bool]]:
+    """What a device is handed of this item: name, value, and whether that is an array."""
+    ports = task.node.inputs
+    return [
+        (name, task.reads[name], port.kind == "array")
+        for name, port in ports.items()
+        if name in task.reads and port.kind != "object"
+    ]

@@ -1,0 +1,188 @@
+"""Values on the host, and the nodes that make them there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.backends.events import Event
+from tactograph.graph.declare.ports import PortType
+from tactograph.graph.declare.session import Session
+from tactograph.graph.errors import NodeError
+from tactograph.graph.plan.plan import Plan, Step, Task, Value
+from tactograph.graph.plan.sizes import Shapes
+from tactograph.graph.run.node_errors import Blaming
+from tactograph.graph.run.ownership import lent, own
+from tactograph.graph.run.recall import recall, recalled_values
+from tactograph.graph.run.stand_ins import is_whole
+
+
+class HostValues:
+    """What lies on the host: values by node and port, those of the item before, sessions.
+
+    Every array is read-only: its readers share it, and the next item may yet read it.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self._values: dict[Value, Any] = {}
+        self._arriving: dict[Value, Event] = {}
+        self._before: dict[Value, Any] = {}
+        self._sessions: dict[str, Session] = {}
+        self._recalled = recalled_values(plan)
+        self._wanted = {name: plan.wanted(name) for name in plan.tasks}
+        self._objects = {task.id: _containers(task) for task in plan.tasks.values()}
+
+    def __getitem__(self, value: Value) -> Any:
+        return self._values[value]
+
+    def lent(self, value: Value) -> Any:
+        """A value for the caller: of lists and mappings a copy."""
+        return lent(self._values[value])
+
+    def recall(self, task: Task, name: str, sizes: Mapping[str, int]) -> Any:
+        """The value of an input at the item before, or None; see `recall`."""
+        return recall(task, name, self._before, sizes)
+
+    def receive(self, value: Value, array: NDArray[Any], arrived: Event) -> None:
+        """Enter an array that is complete only after an event; readers here wait for that."""
+        array.flags.writeable = False
+        self._values[value] = array
+        self._arriving[value] = arrived
+
+    def all_arrived(self) -> None:
+        """Forget the events of transfers: nothing is under way."""
+        self._arriving.clear()
+
+    def fill(self, task: Task, sizes: Mapping[str, int]) -> None:
+        """Make the constant that stands in for a node."""
+        port, shape, dtype, neutral = constant(task, sizes)
+        array = self._values[Value(task.id, port)] = np.full(shape, neutral, dtype)
+        array.flags.writeable = False
+
+    def run(
+        self, task: Task, step: Step, sizes: Mapping[str, int], keywords: Mapping[str, Any]
+    ) -> tuple[Any, float]:
+        """Call a node's function; return what it made, and the milliseconds that took.
+
+        `keywords` are those that the caller has to say, besides settings, session and wanted
+        outputs.
+        """
+        node = task.node
+        keywords = {**task.settings, **self.session(task), **keywords}
+        if node.wanted is not None:
+            keywords[node.wanted] = self._wanted[task.id]
+        recalled = {name: self.recall(task, name, sizes) for name in task.recalls}
+        for value in step.reads if self._arriving else ():
+            if value in self._arriving:
+                self._arriving.pop(value).wait()
+        start = time.perf_counter()
+        with Blaming(task):
+            arguments = _positional(task, self._values, recalled, self._objects[task.id])
+            made = node(*arguments, **keywords)
+        return made, 1e3 * (time.perf_counter() - start)
+
+    def enter(self, task: Task, step: Step, made: Any) -> Shapes:
+        """Take over what a node made, or a caller in its place; return the arrays' shapes."""
+        shapes: Shapes = {}
+        for value, result in zip(step.writes, _results(task, made), strict=True):
+            port = task.node.outputs[value.port]
+            if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
+                if not (task.stand_in and is_whole(result)):
+                    result = _as_declared(task, port, result)
+                result.flags.writeable = False
+                shapes[value.port] = result.shape
+            self._values[value] = result
+        return shapes
+
+    def session(self, task: Task) -> dict[str, Session]:
+        """The keyword argument by which a node gets at what it keeps, if it asks for it."""
+        if task.node.session is None:
+            return {}
+        return {task.node.session: self._sessions.setdefault(task.id, Session())}
+
+    def remember(self) -> None:
+        """Keep what the next item recalls."""
+        values = self._values
+        self._before = {v: own(values[v]) for v in self._recalled if v in values}
+
+    def forget(self) -> None:
+        """Let the next item be a first one."""
+        self._before = {}
+
+    @property
+    def sessions(self) -> list[str]:
+        """The nodes that keep something."""
+        return list(self._sessions)
+
+    def close(self) -> None:
+        """Close what the nodes keep."""
+        sessions, self._sessions = self._sessions, {}
+        with ExitStack() as stack:
+            for session in sessions.values():
+                stack.callback(session.close)
+
+    def _may_lack(self, task: Task, port: PortType) -> bool:
+        """Whether a node need not make an output."""
+        unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
+        return port.optional or unread
+
+
+def constant(
+    task: Task, sizes: Mapping[str, int]
+) -> tuple[str, tuple[int, ...], np.dtype[Any], float]:
+    """Port, shape, type and value of the constant that stands in for a node."""
+    (port,) = task.node.outputs
+    dtype, neutral = task.node.outputs[port].dtype, task.node.neutral
+    assert dtype is not None
+    assert isinstance(neutral, int | float)
+    return port, task.node.output_shape(port, sizes), dtype, neutral
+
+
+def _containers(task: Task) -> list[str]:
+    """The inputs that may be lists or mappings, which any reader could change."""
+    ports = task.node.inputs.items()
+    return [name for name, port in ports if port.kind == "object" and port.python is not str]
+
+
+def _positional(
+    task: Task,
+    host: Mapping[Value, Any],
+    recalled: Mapping[str, Any],
+    containers: Sequence[str],
+) -> list[Any]:
+    """The node's positional arguments, of this item and of the one before."""
+    reads = task.reads
+    inputs = {n: host[reads[n]] if n in reads else recalled.get(n) for n in task.node.inputs}
+    for name in containers:
+        inputs[name] = lent(inputs[name])
+    return task.node.in_order(inputs)
+
+
+def _results(task: Task, made: Any) -> tuple[Any, ...]:
+    """What a node made, in the order of its outputs."""
+    if task.node.sink:
+        return ()
+    return made if task.node.output_record is not None else (made,)
+
+
+def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:
+    name = port.name
+    if not isinstance(array, np.ndarray):
+        raise NodeError(
+            f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
+            f"but made a {type(array).__name__}"
+        )
+    if array.dtype != port.dtype or array.ndim != len(port.dims):
+        raise NodeError(
+            f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
+            f"but made {array.dtype} of shape {array.shape}"
+        )
+    for dim, size in zip(port.dims, array.shape, strict=True):
+        if isinstance(dim, int) and dim != size:
+            raise NodeError(f"node '{task.id}' declares {port} but made shape {array.shape}")
+    return np.ascontiguousarray(array)

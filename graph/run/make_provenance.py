@@ -1,0 +1,40 @@
+"""What a sink is told of the run so far."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tactograph.graph.declare.provenance import Provenance, versions
+from tactograph.graph.plan.plan import Plan, Step
+from tactograph.graph.plan.sizes import Known
+
+
+def make_provenance(
+    plan: Plan, times: Mapping[str, float], known: Known, warnings: list[str]
+) -> Provenance:
+    """What is known at this moment of the run, for a sink that writes it down."""
+    sizes: dict[str, int] = {}
+    for (_, symbol), bound in known.items():
+        sizes.setdefault(symbol, bound.size)
+    return Provenance(
+        graph={"name": plan.graph.name, "title": plan.graph.title, "hash": plan.graph.hash},
+        device=plan.device,
+        nodes=[_timed(plan, step, times) for step in plan.steps if step.name in times],
+        sizes=sizes,
+        versions=versions(),
+        warnings=list(warnings),
+        fallbacks=plan.fallbacks,
+    )
+
+
+def _timed(plan: Plan, step: Step, times: Mapping[str, float]) -> dict[str, Any]:
+    task = plan.tasks.get(step.name)
+    return {
+        "node": step.name,
+        "op": task.node.name if task else step.kind,
+        "backend": step.backend,
+        "once": not step.stream,
+        "ms": round(times[step.name], 4),
+        "why": step.why,
+    }

@@ -1,0 +1,37 @@
+"""What one item of a run gave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tactograph.graph.plan.plan import Plan, Value
+
+
+@dataclass(eq=False)
+class Result(Mapping[str, Any]):
+    """What one item gave: the graph's outputs by name, and how long each step took.
+
+    Arrays are read-only: the pipeline may still hold them, for the next item or for all.
+    `times` is in milliseconds, by step.  `item` is what the stream's source yielded; `total`
+    the milliseconds from there to the last output, as a clock on the wall sees them.
+    """
+
+    outputs: dict[str, Any]
+    times: dict[str, float]
+    plan: Plan
+    warnings: list[str] = field(default_factory=list)
+    item: dict[Value, Any] = field(default_factory=dict)
+    total: float = 0.0
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.outputs:
+            raise KeyError(f"no output {name!r}; there are {', '.join(self.outputs) or 'none'}")
+        return self.outputs[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.outputs)
+
+    def __len__(self) -> int:
+        return len(self.outputs)

@@ -1,0 +1,99 @@
+"""Arrays that a caller hands in, in place of the items of source nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.errors import InputError
+from tactograph.graph.plan.plan import Plan, Task, Value
+from tactograph.graph.run.recall import recalled_values
+
+
+class StandIns:
+    """The source nodes that a caller stands in for, and how each one's images travel."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        waiting = [task for task in plan.tasks.values() if task.stand_in]
+        self._stay_whole = {task.id: _goes_up(plan, task) for task in waiting}
+
+    @property
+    def names(self) -> list[str]:
+        """The nodes that wait for an array, by name."""
+        return sorted(self._stay_whole)
+
+    def check(self, arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+        """The caller's arrays as stacks of images: views of them wherever that is possible.
+
+        Raises
+        ------
+        InputError
+            If one is missing, is not waited for, or is no stack of images.
+        """
+        if self._stay_whole.keys() != arrays.keys():
+            raise InputError(
+                f"{self._plan.graph.name}: arrays are needed for {self.names}, "
+                f"and were given for {sorted(arrays)}"
+            )
+        return {name: _checked_stack(array).view() for name, array in arrays.items()}
+
+    def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+        """What the nodes would have yielded; integers stay as they are for the device alone."""
+        return {name: self._yielded(name, stack) for name, stack in stacks.items()}
+
+    def _yielded(self, name: str, stack: NDArray[Any]) -> Any:
+        record = self._plan.tasks[name].node.output_record
+        if stack.dtype.kind == "u" and not self._stay_whole[name]:
+            stack = np.asarray(stack / np.float32(np.iinfo(stack.dtype).max), np.float32)
+        return stack if record is None else record(stack)
+
+
+def read_whole(plan: Plan) -> set[Value]:
+    """The values that callers hand in of which every reader's kernel takes a camera's integers."""
+    tasks = plan.tasks.values()
+    made = {Value(task.id, port) for task in tasks if task.stand_in for port in task.node.outputs}
+    return {value for value in made if _is_read_whole(plan, value)}
+
+
+def _goes_up(plan: Plan, task: Task) -> bool:
+    """Whether the device alone reads a source's images, so that they go there as they came."""
+    value = Value(task.id, next(iter(task.node.outputs)))
+    readers = [step for step in plan.steps if value in step.reads]
+    host = value in plan.outputs.values() or value in recalled_values(plan)
+    return not host and bool(readers) and all(step.on_device for step in readers)
+
+
+def _is_read_whole(plan: Plan, value: Value) -> bool:
+    return all(
+        task.node.whole == name
+        for task in plan.tasks.values()
+        for name, found in task.edges.items()
+        if found == value and not task.filled
+    )
+
+
+def is_whole(array: Any) -> bool:
+    """Whether light that was handed in is still the camera's unsigned integers."""
+    return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
+
+
+def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
+    """K x H x W: 8 or 16 bits as they came, everything else as float32."""
+    found = np.asarray(array)
+    if found.ndim != 3:
+        raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
+    if not found.size:
+        raise InputError(f"a stack of images of shape {found.shape} holds no pixel")
+    if found.dtype in (np.uint8, np.uint16):
+        return found
+    if found.dtype.kind == "u":
+        return np.asarray(found / np.float32(np.iinfo(found.dtype).max), np.float32)
+    if found.dtype.kind != "f":
+        raise InputError(f"a stack of images is of unsigned integers or floats, not {found.dtype}")
+    if not np.isfinite(found).all():
+        raise InputError("the stack of images holds NaN or infinite values")
+    return np.asarray(found, np.float32)

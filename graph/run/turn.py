@@ -1,0 +1,44 @@
+"""One thread at a time: who may use a pipeline now."""
+
+from __future__ import annotations
+
+import threading
+
+from tactograph.graph.errors import InputError
+
+
+class Turn:
+    """Lets one thread at a time into a pipeline, and nobody once it is closed.
+
+    A lock that is never waited for: it costs less than a microsecond an item.
+    """
+
+    __slots__ = ("_closed", "_lock", "_name")
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def __enter__(self) -> None:
+        self._take()
+        if self._closed:
+            self._lock.release()
+            raise InputError(f"{self._name}: the pipeline was closed; load the graph again")
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+    def end(self) -> bool:
+        """Let nobody in any more; return whether that is new."""
+        self._take()
+        was_open, self._closed = not self._closed, True
+        self._lock.release()
+        return was_open
+
+    def _take(self) -> None:
+        if not self._lock.acquire(blocking=False):
+            raise InputError(
+                f"{self._name}: the pipeline is at work already; it belongs to one thread, so "
+                "load one for each"
+            )

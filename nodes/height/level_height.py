@@ -1,0 +1,128 @@
+"""Make the film at rest level where slopes err smoothly over the frame."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, CoarseLight, Grain, Height
+
+WINDOW = 5
+"""Side in cells over which calm light is averaged."""
+FEWEST, PLENTY = 0.1, 0.3
+"""Shares of the frame at rest: below the first nothing is done, below the second a plane is."""
+ROUNDS = 5
+"""Of robust least squares; film that drapes around a touch looks calm, and counts little."""
+TERMS_OF = (1, 3, 6, 10)
+"""Terms of a polynomial in x and y, by its degree."""
+
+
+@node(
+    neutral="height",
+    tolerance=Flips(2e-3, 1e-3, why="a threshold on calm light, sums in float32"),
+    sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
+)
+def level_height(
+    height: Height,
+    light: CoarseLight,
+    grain: Grain,
+    *,
+    degree: Annotated[int, Interval(ge=0, le=3)] = 3,
+) -> Height:
+    """Subtract the smooth surface on which the film at rest lies.
+
+    A tenth of a per cent of light that no model explains tilts the film by a micrometre per
+    millimetre.  Where the film is at rest its height is 0: a polynomial through the heights
+    there, by robust least squares (Cauchy), is that error.  A film without grain has none, and
+    keeps its height.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    light
+        K x h x w, relative to the film at rest, on cells; film is at rest where the light of
+        all LEDs is 1 within the grain.
+    grain
+        Of the film.
+    degree
+        Of the polynomial in x and y.
+
+    Returns
+    -------
+    ndarray
+        H x W in mm.
+    """
+    cell = max(1, -(-height.shape[0] // light.shape[1]))
+    sampled = height[cell // 2 :: cell, cell // 2 :: cell]
+    found = _surface(sampled, light, grain, degree)
+    u, v = _axes(height.shape)
+    for c, (i, j) in zip(found, _powers(), strict=True):
+        if c:
+            height = height - np.float32(c) * u**i * v**j
+    return height
+
+
+def _powers() -> list[tuple[int, int]]:
+    """Exponents of u and v, by growing degree."""
+    return [(d - j, j) for d in range(4) for j in range(d + 1)]
+
+
+def _axes(shape: tuple[int, ...]) -> tuple[F4, F4]:
+    """x and y from the middle, divided by half the width: 1 x W and H x 1."""
+    rows, columns = shape
+    scale = np.float32(2 / columns)
+    u = (np.arange(columns, dtype=np.float32) - np.float32(0.5 * (columns - 1))) * scale
+    v = (np.arange(rows, dtype=np.float32) - np.float32(0.5 * (rows - 1))) * scale
+    return u[None, :], v[:, None]
+
+
+def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
+    """Ten coefficients of the surface through the film at rest, from a height per cell."""
+    none = np.zeros(len(_powers()), np.float32)
+    if not grain > 0:
+        return none
+    rows, columns = sampled.shape
+    window = (WINDOW, WINDOW)
+    mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
+    calm = (np.abs(np.stack(mean) - 1) < grain).all(axis=0)[:rows, :columns]
+    calm &= np.isfinite(sampled)
+    if calm.mean() < FEWEST:
+        return none
+    used = TERMS_OF[degree if calm.mean() >= PLENTY else min(degree, 1)]
+    u, v = _axes(sampled.shape)
+    terms = [np.broadcast_to(u**i * v**j, sampled.shape)[calm] for i, j in _powers()[:used]]
+    basis, z = np.stack(terms, axis=1).astype(np.float64), sampled[calm].astype(np.float64)
+    weight, found = np.ones(z.size), np.zeros(used)
+    for _ in range(ROUNDS):
+        sure = basis * weight[:, None]
+        held = 1e-9 * np.trace(sure.T @ basis) * np.eye(used)
+        found = np.linalg.solve(sure.T @ basis + held, sure.T @ z)
+        left = z - basis @ found
+        spread = 1.4826 * np.median(np.abs(left)) + 1e-9
+        weight = 1 / (1 + (left / spread) ** 2)
+    none[:used] = found
+    return none
+
+
+@level_height.opencl()
+def _launch(run: Launch) -> None:
+    """The heights of cells and their light come down, ten coefficients go up."""
+    height, light, out = run.inputs["height"], run.inputs["light"], run.outputs["level_height"]
+    rows, columns = run.sizes["H"], run.sizes["W"]
+    cell = max(1, -(-rows // run.sizes["h"]))
+    size = len(range(cell // 2, rows, cell)), len(range(cell // 2, columns, cell))
+    found = np.zeros(len(_powers()), np.float32)
+    grain = float(run.inputs["grain"])
+    if grain > 0:
+        sampled = run.scratch(size)
+        run.kernel("sample_cells", size, height, sampled, columns, *size, cell)
+        settings = grain, int(run.settings["degree"])
+        found = _surface(run.download(sampled), run.download(light), *settings)
+    lanes = run.in_lanes(rows, columns)
+    run.kernel("take_off", lanes, height, out, rows, columns, *map(float, found))

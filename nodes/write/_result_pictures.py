@@ -1,0 +1,90 @@
+"""The pictures of a result, for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+
+from tactograph.nodes import F4, Confidence, Height, HeightError, Labels, Light
+from tactograph.nodes.calibrate._led_colours import LED_COLOURS
+
+BAND = 1.645
+"""Half of the 90 % band, in standard deviations."""
+
+
+def draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
+    """The height map in mm, and the cross-section through its highest point with its error."""
+    rows, columns = height.shape
+    top = int(np.unravel_index(int(np.nanargmax(height)), height.shape)[0])
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    extent = (0, columns * pixel, rows * pixel, 0)
+    picture = left.imshow(height, cmap="viridis", extent=extent)
+    left.axhline((top + 0.5) * pixel, color="white", linewidth=0.7, linestyle="--")
+    left.set(xlabel="x / mm", ylabel="y / mm", title="height above the film at rest")
+    figure.colorbar(picture, ax=left, label="mm")
+    across = (np.arange(columns) + 0.5) * pixel
+    right.plot(across, height[top], linewidth=1)
+    if error is not None:
+        half = BAND * error[top]
+        right.fill_between(across, height[top] - half, height[top] + half, alpha=0.35, label="90 %")
+        right.legend(loc="upper right")
+    right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {top * pixel:.2f} mm")
+    right.grid(alpha=0.3)
+    figure.savefig(file, dpi=110)
+
+
+def draw_error(error: HeightError, pixel: float, file: Path) -> None:
+    """The height's standard deviation in micrometres."""
+    _draw_plane(1e3 * error, pixel, "standard deviation of the height", "µm", "magma", file)
+
+
+def draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
+    """The probability that the shadow labels are right."""
+    _draw_plane(confidence, pixel, "shadow labels: probability of all", "", "gray", file)
+
+
+def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, file: Path) -> None:
+    rows, columns = plane.shape
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    extent = (0, columns * pixel, rows * pixel, 0)
+    picture = axes.imshow(plane, cmap=colours, extent=extent)
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=title)
+    figure.colorbar(picture, ax=axes, label=unit)
+    figure.savefig(file, dpi=110)
+
+
+def draw_shadow(shadow: Labels, image: Light, file: Path) -> None:
+    """The labels over the mean image: a colour per shadowed LED, white for several."""
+    count = image.shape[0]
+    numbers = _label_numbers(shadow, count)
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.imshow(image.mean(axis=0), cmap="gray", vmin=0)
+    colours = ListedColormap([*LED_COLOURS[:count], "#ffffff"])
+    norm = BoundaryNorm(np.arange(0.5, count + 2), colours.N)
+    drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
+    bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))
+    bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(count)), "several"])
+    axes.set(
+        title=f"in shadow: {(numbers > 0).mean():.1%} of the pixels",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
+    figure.savefig(file, dpi=110)
+
+
+def _label_numbers(shadow: Labels, count: int) -> F4:
+    """0 for lit, k where LED k alone is dark, count + 1 where several are."""
+    bits = np.stack([(shadow >> k) & 1 for k in range(count)]).astype(np.int64)
+    dark = bits.sum(axis=0)
+    single = (bits * np.arange(1, count + 1)[:, None, None]).sum(axis=0)
+    return np.where(dark > 1, count + 1, single).astype(np.float32)

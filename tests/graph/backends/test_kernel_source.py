@@ -1,0 +1,92 @@
+"""Kernel sources: where a compiler's message points, headers of headers, attributes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import NodeError, node
+from tactograph.graph.backends.kernel_source import kernel_source
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.node import Node
+from tactograph.nodes import Light
+
+KERNEL = """#include "outer.clh"
+// a comment
+__kernel __attribute__((vec_type_hint(float))) void twice(
+    __global const float *restrict light,
+    __global float *restrict out,
+    const int K, const int H, const int W)
+{
+    GRID_3(k, y, x, K, H, W)
+    const int i = (k * H + y) * W + x;
+    out[i] = TWO * light[i];
+}
+"""
+OUTER = '#include "common.clh"\n#include "inner.clh"\n#include "inner.clh"  // once is enough\n'
+INNER = "enum { TWO = 2 };\n"
+
+
+@pytest.fixture
+def twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Node:
+    """A node whose kernel includes a header that includes others."""
+
+    @node
+    def twice(light: Light) -> Light:
+        return light * np.float32(2)
+
+    folder = tmp_path / "acme_twice"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    for name, text in {"twice.cl": KERNEL, "outer.clh": OUTER, "inner.clh": INNER}.items():
+        (folder / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "acme_twice", raising=False)
+    twice.opencl(grid="K H W")
+    twice.kernel_package = "acme_twice"
+    return twice
+
+
+def write(tmp_path: Path, file: str, before: str, after: str) -> None:
+    path = tmp_path / "acme_twice" / file
+    path.write_text(path.read_text().replace(before, after))
+
+
+def test_headers_include_headers_each_once(device: OpenCL, twice: Node) -> None:
+    light = np.arange(12, dtype=np.float32).reshape(1, 3, 4)
+    prepared = device.prepare(twice, {}, {"K": 1, "H": 3, "W": 4})
+    outputs, _ = prepared.launch({"light": device.upload(light)})
+    np.testing.assert_array_equal(device.download(outputs["twice"]), 2 * light)
+    assert kernel_source(twice).count("TWO = 2") == 1
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "where"),
+    [
+        ("twice.cl", "TWO * light[i]", "lihgt[i]", "acme_twice/twice.cl:10:"),
+        ("inner.clh", "};", "}; int f(void) { return g; }", "acme_twice/inner.clh:1:"),
+    ],
+)
+def test_a_compilers_error_names_file_and_line(
+    device: OpenCL, twice: Node, tmp_path: Path, file: str, before: str, after: str, where: str
+) -> None:
+    write(tmp_path, file, before, after)
+    with pytest.raises(NodeError, match=where):
+        device.compile(twice)
+
+
+def test_the_signature_of_a_kernel_with_an_attribute_is_compared(
+    device: OpenCL, twice: Node, tmp_path: Path
+) -> None:
+    write(tmp_path, "twice.cl", "const int K, const int H", "const int H, const int K")
+    with pytest.raises(NodeError, match="argument 3 is 'int H', but the declaration says 'int K'"):
+        device.compile(twice)
+
+
+def test_a_header_that_is_not_there_is_named(twice: Node, tmp_path: Path) -> None:
+    write(tmp_path, "outer.clh", "inner.clh", "iner.clh")
+    with pytest.raises(NodeError, match=r"there is no iner\.clh in acme_twice"):
+        kernel_source(twice)

@@ -1,0 +1,52 @@
+"""Threads are as many as the cores that a process may use."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tactograph.graph.run.cores import cores, shared_among
+
+TOLD = "from tactograph.graph.run.cores import cores; print(cores())"
+
+
+def told() -> int:
+    return int(subprocess.run([sys.executable, "-c", TOLD], capture_output=True, check=True).stdout)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be bound here")
+def test_a_process_bound_to_one_core_starts_one_thread() -> None:
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    try:
+        assert cores() == 1
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert cores() == len(allowed)
+
+
+def test_processes_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tactograph.graph.run.cores._bound_to", lambda: 8)
+    before = dict(os.environ)
+    with shared_among(4):
+        assert os.environ["TACTOGRAPH_CORES"] == "2"
+        assert os.environ["POCL_MAX_PTHREAD_COUNT"] == "2"
+        with shared_among(16):
+            assert cores() == 1
+    assert dict(os.environ) == before
+
+
+def test_a_process_started_there_starts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    with shared_among(1000):
+        assert told() == 1
+
+
+@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "POCL_MAX_PTHREAD_COUNT"])
+def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setenv(name, "7")
+    with shared_among(2):
+        assert os.environ[name] == "7"
+    assert os.environ[name] == "7"

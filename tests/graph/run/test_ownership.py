@@ -1,0 +1,129 @@
+"""Memory has an owner: nobody can change what the engine, a node or the caller still reads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.graph import NodeError, load
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tests.graph.conftest import STREAM, Write
+
+BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
+WAITING = STREAM.replace(", default: 3}", "}")
+SUMMED = WAITING.replace(
+    "  score:", "  sum: {op: summed, in: {image: light, before: previous.sum}}\n  score:"
+).replace("{light: light,", "{light: light, sum: sum, flat: cal.flat,")
+
+
+def opened(graph: str, backend: str = "numpy") -> Pipeline:
+    return open_pipeline(read_graph(graph), {}, backend=backend)
+
+
+def level(value: float) -> NDArray[np.float32]:
+    return np.full((3, 4, 5), value, np.float32)
+
+
+@BOTH
+@pytest.mark.parametrize("output", ["light", "sum", "flat"])
+def test_the_arrays_of_a_result_are_read_only(
+    toys: list[str], write: Write, backend: str, output: str
+) -> None:
+    result = load(write(SUMMED), backend=backend)(frames=level(1))
+    with pytest.raises(ValueError, match="read-only"):
+        result[output][...] = 100
+
+
+def test_a_neutral_constant_is_read_only(write: Write, height_file: str) -> None:
+    text = """
+format: 1
+nodes:
+  frames: {op: shrinking_touches}
+  shadow: {op: shadow_linear, neutral: true, in: {light: frames.image}}
+outputs: {shadow: shadow}
+"""
+    shape = text.replace("shrinking_touches", f"read_height, with: {{file: {height_file}}}")
+    text = shape.replace("shadow_linear", "rest_at_border").replace(
+        "light: frames.image", "height: frames"
+    )
+    (result,) = opened(write(text)).items()
+    assert not result["shadow"].flags.writeable
+
+
+@BOTH
+def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = WAITING.replace(
+        "  score:",
+        "  sum: {op: summed, in: {image: light, before: previous.frames.image}}\n"
+        "  same: {op: passed_on, in: {image: frames.image}}\n  score:",
+    ).replace("{light: light,", "{sum: sum, same: same,")
+    with load(write(text), backend=backend) as pipeline:
+        buffer = level(1)
+        first = pipeline(frames=buffer)
+        buffer[...] = 10
+        second = pipeline(frames=buffer)
+    assert first["same"].max() == 1
+    assert not first["same"].flags.writeable
+    assert second["sum"].max() == 11
+    buffer[...] = 0  # and it is still the caller's own to write to
+
+
+@pytest.mark.parametrize("make", [np.asarray, np.ndarray.tolist, memoryview])
+def test_whatever_the_caller_hands_in_is_not_what_comes_out(
+    toys: list[str], write: Write, make: Any
+) -> None:
+    text = WAITING.replace(
+        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
+        "op: passed_on, in: {image: frames.image}",
+    )
+    buffer = level(1)
+    result = load(write(text), backend="numpy")(frames=make(buffer))
+    buffer[...] = 2
+    assert result["light"].max() == 1
+
+
+def test_a_node_that_writes_into_its_input_is_named(toys: list[str], write: Write) -> None:
+    text = (
+        WAITING.replace("op: noted", "op: scribbling")
+        .replace("score: score}", "score: score, save: save}")
+        .replace("{image: light}", "{image: frames.image}")
+    )
+    stack = level(1)
+    with pytest.raises(NodeError, match=r"'save' \(scribbling\).*read-only"):
+        load(write(text), backend="numpy")(frames=stack)
+    assert stack.max() == 1
+
+
+def test_figures_that_one_reader_changes_are_whole_for_the_others(
+    toys: list[str], write: Write
+) -> None:
+    text = STREAM.replace(
+        "  save:",
+        "  changed: {op: scribbled, in: {figures: score}}\n"
+        "  last: {op: remembered, in: {figures: score, before: previous.score}}\n  save:",
+    ).replace("score: score}", "changed: changed, last: last, score: score}")
+    found = []
+    for result in opened(write(text)).items():
+        found.append((result["last"]["before"], result["last"]["now"], result["score"]["mean"]))
+        result["score"]["mean"] = 100.0
+    assert found == [(-1, 1, 1), (1, 2, 2), (2, 3, 3)]
+
+
+def test_a_source_may_refill_its_own_buffer(toys: list[str], write: Write) -> None:
+    text = (
+        STREAM.replace("op: touches", "op: refilled_touches")
+        .replace(
+            "  score:",
+            "  sum: {op: summed, in: {image: light, before: previous.frames.image}}\n  score:",
+        )
+        .replace("{light: light,", "{light: light, sum: sum,")
+    )
+    results = [float(result["sum"].mean()) for result in opened(write(text)).items()]
+    assert results == [1, 3, 5]

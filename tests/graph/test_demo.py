@@ -1,0 +1,35 @@
+"""``tactograph demo`` runs commands that work, in order, in the folder asked for."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.commands.demo import STEPS
+from tactograph.graph.files.read import read_graph
+from tests.graph.conftest import Command
+
+LINES = [shlex.split(line) for line in STEPS.splitlines() if line.startswith("tactograph")]
+
+
+def test_each_command_is_shown_and_run(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[list[str]] = []
+    monkeypatch.setattr("tactograph.graph.command.run_command", ran.append)
+    folder = tmp_path / "my demo"
+    done = tactograph("demo", "--out", folder)
+    assert done.code == 0
+    shown = [line[2:] for line in done.out.splitlines() if line.startswith("$ ")]
+    assert [shlex.split(line)[1:] for line in shown] == ran
+    assert f"out={folder}/result" in ran[-2]
+
+
+@pytest.mark.parametrize("words", [line for line in LINES if line[1] == "run"], ids=shlex.join)
+def test_what_it_gives_is_what_the_graphs_take(words: list[str]) -> None:
+    graph = read_graph(words[2])
+    given = {word.partition("=")[0] for word in words if "=" in word}
+    needed = {name for name, param in graph.params.items() if param.required}
+    assert needed <= given <= set(graph.params)
