@@ -48,6 +48,7 @@ def fitted(film: Film, centres: list[tuple[float, float]], **more: object) -> Fi
         flat,
         circle,
         np.full(len(centres), RADIUS, np.float32),
+        np.arange(len(centres), dtype=np.int32),
         np.ones(len(centres), np.uint8),
         lights,
         np.ones(len(LEDS), np.float32),

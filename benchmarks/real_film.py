@@ -1,0 +1,231 @@
+"""Print, as Markdown, how true heights are on a real film and on rigs as they are in the hand.
+
+    python benchmarks/real_film.py                  # the real grid of balls, and the rigs
+    python benchmarks/real_film.py --ablations      # reconstruct without each part of the film
+    python benchmarks/real_film.py --only rigs      # or: real
+
+The real sensor (GelSight bench sensor, six LEDs, grids of steel balls; gelsightinc/sdkdemo, MIT)
+is calibrated with one scan and measured on the other, at full resolution.  Each rig is calibrated
+with both ball presses, the grid on its film and the height of its pupil, if it has one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from tactograph.graph.files.read import read_graph
+from tactograph.graph.run.open import open_pipeline, with_changes
+
+ROOT = Path(__file__).resolve().parents[1]
+PIXEL_MM, RADIUS_MM, PITCH_MM = 0.003404, 0.2475, 1.0
+LEDS = {6: [1, 2, 3, 4, 5, 6], 4: [2, 3, 5, 6]}
+CENTER_PX, CONTACT_PX = [1014.46, 1023.27], 65.0
+"""The single ball that calibrates."""
+SMOOTH_PX, INNER = 1.5, 0.85
+BESIDE = 1.5
+"""Film counts as such from so many radii from any ball."""
+RIG_PIXEL_MM = 1 / 14
+RIGS = (
+    "hand_ideal",
+    "hand_perspective",
+    "hand_lens",
+    "hand_discs",
+    "hand_bounce",
+    "hand_gloss",
+    "hand",
+)
+SHAPES = ("sphere_film", "corner_film", "teapot_film", "cat_film")
+GRAPHS = ("paper", "reconstruct", "precise")
+ABLATIONS = (
+    "reconstruct",
+    "reconstruct_no_diffuse",
+    "reconstruct_no_bounce",
+    "reconstruct_no_lobe",
+    "reconstruct_no_harmonics",
+    "reconstruct_orthographic",
+)
+
+
+class Grid(NamedTuple):
+    """Means over the marked balls, and over the film between all balls."""
+
+    normal_deg: float
+    cap_um: float
+    film_um: float
+    top_um: float
+    """Standard deviation of the balls' tops."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data")
+    parser.add_argument("--only", choices=("real", "rigs"), help="a part of the tables")
+    parser.add_argument("--leds", type=int, nargs="+", default=list(LEDS), choices=list(LEDS))
+    parser.add_argument("--rigs", nargs="+", default=list(RIGS), choices=RIGS)
+    parser.add_argument("--graphs", nargs="+", default=None)
+    parser.add_argument("--ablations", action="store_true", help="without each part of the film")
+    given = parser.parse_args()
+    graphs = given.graphs or (ABLATIONS if given.ablations else GRAPHS)
+    with tempfile.TemporaryDirectory() as folder:
+        if given.only != "rigs":
+            real(given.data / "real/gelsight_six_led", given.leds, graphs, Path(folder))
+        if given.only != "real":
+            rigs(given.data / "raytraced", given.rigs, graphs, Path(folder))
+
+
+def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any:
+    """Run a shipped graph on one capture."""
+    given = {name: str(v) if isinstance(v, Path) else v for name, v in values.items()}
+    changed = with_changes(read_graph(graph), changes or {})
+    (result,) = open_pipeline(changed, given, sinks="out" in given).items()
+    return result
+
+
+def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path) -> None:
+    """The grid of balls, calibrated with one ball and with a whole scan."""
+    if not data.is_dir():
+        raise SystemExit(f"there are no captures in {data}")
+    row(
+        "LEDs",
+        "calibrated with",
+        "graph",
+        "normals / deg",
+        "cap RMS / um",
+        "film / um",
+        "tops / um",
+    )
+    row(*["---"] * 7)
+    for count in counts:
+        leds = LEDS[count]
+        one = {"ball_center_px": CENTER_PX, "ball_contact_px": CONTACT_PX}
+        for title, how in (("one ball", one), ("a scan", {"ball_pitch_mm": PITCH_MM})):
+            file = folder / f"real{count}{len(how)}.npz"
+            made = run(
+                "calibrate",
+                {"taken.leds": leds, "rest_taken.leds": leds},
+                capture=data / "balls_1",
+                flat=data / "flat",
+                ball_radius_mm=RADIUS_MM,
+                pixel_size_mm=PIXEL_MM,
+                out=file,
+                **how,
+            )
+            chosen = f"{made['quality']['film_heldout_deg']:.2f}"
+            for graph in graphs:
+                given = {"capture": data / "balls_2", "calibration": file}
+                height = run(graph, {"frames.leds": leds}, **given)["height"]
+                found = measure(height, data / "balls_2.csv")
+                row(str(count), f"{title} ({chosen})", graph, *(f"{v:.2f}" for v in found))
+
+
+def measure(height: NDArray[np.float32], marks: Path) -> Grid:
+    """Compare a height map with the balls of a grid; their centres follow from the normals."""
+    with marks.open() as file:
+        table = [[float(v) for v in line.values()] for line in csv.DictReader(file)]
+    numbers, centres = np.array(table)[:, :2], np.array(table)[:, 2:]
+    smooth = gaussian_filter(height.astype(np.float64), SMOOTH_PX)
+    reach, found = RADIUS_MM / PIXEL_MM, []
+    for centre in centres:
+        corner = np.maximum(centre.astype(int) - int(1.3 * reach), 0)
+        window = tuple(slice(a, a + int(2.6 * reach)) for a in corner[::-1])
+        found.append(_judge_ball(height[window], smooth[window], centre - corner, reach))
+    degrees, caps, tops = np.array(found).T
+    between = _between(height.shape, numbers, centres, reach)
+    film = 1e3 * float(height[between].std())
+    return Grid(float(degrees.mean()), float(caps.mean()), film, float(tops.std()))
+
+
+def _judge_ball(
+    height: NDArray[Any], smooth: NDArray[Any], centre: NDArray[Any], radius: float
+) -> tuple[float, float, float]:
+    """Mean angle between normals in degrees; RMS of the cap in um, its mean taken out; top in um.
+
+    Marks err by about a pixel, so the centre is where the normals meet.
+    """
+    q, p = np.gradient(smooth, PIXEL_MM)
+    n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    yy, xx = np.mgrid[: height.shape[0], : height.shape[1]]
+    x, y = centre
+    for _ in range(3):
+        inside = np.hypot(xx - x, yy - y) < INNER * radius
+        x, y = (np.median((a - c * radius)[inside]) for a, c in ((xx, n[0]), (yy, n[1])))
+    if np.hypot(x - centre[0], y - centre[1]) > 6:
+        x, y = centre
+    u, v = (xx - x) / radius, (yy - y) / radius
+    inside = np.hypot(u, v) < INNER
+    truth = np.stack([u, v, np.sqrt(np.maximum(1 - u * u - v * v, 1e-4))])
+    angle = np.degrees(np.arccos(np.clip((n * truth).sum(0), -1, 1)))[inside].mean()
+    apart = (height - truth[2] * RADIUS_MM)[inside]
+    return float(angle), 1e3 * float(apart.std()), 1e3 * float(height[inside].max())
+
+
+def _between(
+    size: tuple[int, ...], numbers: NDArray[Any], centres: NDArray[Any], reach: float
+) -> NDArray[np.bool_]:
+    """The film beside every ball of the lattice, those without a mark too."""
+    known = np.column_stack([numbers, np.ones(len(numbers))])
+    lattice, *_ = np.linalg.lstsq(known, centres, rcond=None)
+    y, x = np.mgrid[: size[0], : size[1]]
+    inverse = np.linalg.inv(lattice[:2])
+    at = (np.stack([x, y], axis=-1) - lattice[2]) @ inverse
+    away = (at - np.round(at)) @ lattice[:2]
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]) > BESIDE * reach)
+
+
+def rigs(data: Path, names: list[str], graphs: tuple[str, ...], folder: Path) -> None:
+    """Root mean square errors of soft presses in um; share within the 90 % band."""
+    row("rig", "graph", *SHAPES)
+    row(*["---"] * (2 + len(SHAPES)))
+    for name in names:
+        rig, calibration = data / name, calibrate_rig(data / name, folder)
+        for graph in graphs:
+            found = [
+                run(graph, capture=rig / shape, calibration=calibration)["metrics"]
+                for shape in SHAPES
+            ]
+            row(name, graph, *(_error(metrics) for metrics in found))
+
+
+def calibrate_rig(rig: Path, folder: Path) -> Path:
+    """Calibrate with both presses, the lens from the grid, the pupil where there is one."""
+    scene = json.loads((rig / "calibration/scene.json").read_text())
+    camera, file = folder / f"{rig.name}_camera.npz", folder / f"{rig.name}.npz"
+    run("calibrate_camera", image=rig / "grid.png", pitch_mm=1.5, out=camera)
+    presses = folder / f"{rig.name}_presses"
+    presses.mkdir()
+    for press in ("calibration", "calibration_off"):
+        (presses / press).symlink_to(rig / press)
+    more = {"camera_mm": scene["camera_mm"]} if scene["camera_mm"] else {}
+    run(
+        "calibrate",
+        capture=presses,
+        flat=rig / "flat",
+        ball_radius_mm=scene["sphere_radius_mm"],
+        lens=camera,
+        out=file,
+        **more,
+    )
+    return file
+
+
+def _error(metrics: dict[str, float]) -> str:
+    band = metrics.get("in_90_percent_band")
+    microns = 1e3 * RIG_PIXEL_MM * metrics["rmse_px"]
+    return f"{microns:.1f}" + ("" if band is None else f", {band:.0f} %")
+
+
+def row(*cells: str) -> None:
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""True on films that are not matt, under cameras that are near: rigs in the hand, a real sensor."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tests.conftest import SHARED
+from tests.pipelines.test_accuracy import run
+
+RIGS = {"hand_perspective": 5.0, "hand_lens": 5.0, "hand_bounce": 15.0, "hand_gloss": 15.0}
+"""Root mean square error in um of a ball that is pressed in softly by 2.2 mm."""
+SHAPE = "sphere_film"
+
+
+@cache
+def calibration(rig: Path) -> Path:
+    """Both presses; the lens from the grid on the film, the pupil's height as it is built."""
+    import tempfile
+
+    folder = Path(tempfile.mkdtemp())
+    scene = json.loads((rig / "calibration/scene.json").read_text())
+    presses, camera, file = (folder / name for name in ("presses", "camera.npz", "cal.npz"))
+    presses.mkdir()
+    for press in ("calibration", "calibration_off"):
+        (presses / press).symlink_to(rig / press)
+    run("calibrate_camera", camera, image=rig / "grid.png", pitch_mm=1.5)
+    more = {"camera_mm": scene["camera_mm"]} if scene["camera_mm"] else {}
+    radius = scene["sphere_radius_mm"]
+    given = {"capture": presses, "flat": rig / "flat", "ball_radius_mm": radius, "lens": camera}
+    run("calibrate", file, **given, **more)
+    return file
+
+
+def microns(rig: Path, tmp_path: Path, graph: str = "reconstruct") -> float:
+    found = run(graph, tmp_path, capture=rig / SHAPE, calibration=calibration(rig))
+    true = np.load(rig / SHAPE / "truth_height_mm.npy")
+    return 1e3 * float(np.sqrt(np.square(found["height"] - true).mean()))
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_soft_press_on_a_rig_in_the_hand(raytraced: Path, tmp_path: Path, name: str) -> None:
+    rig = raytraced / name
+    if not rig.is_dir():
+        pytest.skip(f"the rig {name} (../shared/data/raytraced) is not here")
+    assert microns(rig, tmp_path) <= RIGS[name]
+
+
+PARTS = {
+    "hand_perspective": "reconstruct_orthographic",
+    "hand_bounce": "reconstruct_no_bounce",
+    "hand_gloss": "reconstruct_no_lobe",
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_rig_needs_the_part_of_the_film_that_describes_it(
+    raytraced: Path, tmp_path: Path, name: str
+) -> None:
+    rig = raytraced / name
+    if not rig.is_dir():
+        pytest.skip(f"the rig {name} (../shared/data/raytraced) is not here")
+    assert microns(rig, tmp_path / "a", PARTS[name]) > 2 * microns(rig, tmp_path / "b")
+
+
+SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475
+BALL_PX = RADIUS_MM / PIXEL_MM
+
+
+class Sensor(NamedTuple):
+    """The real sensor at a quarter of its scale, calibrated with one ball of its first scan."""
+
+    scan: Path
+    calibration: Path
+    centres: F4
+
+
+@pytest.fixture(scope="module")
+def sensor(tmp_path_factory: pytest.TempPathFactory) -> Sensor:
+    data = SHARED / "real" / "gelsight_six_led"
+    if not data.is_dir():
+        pytest.skip("the real captures (../shared/data/real) are not here")
+    folder = tmp_path_factory.mktemp("gelsight")
+    for name in ("flat", "balls_1", "balls_2"):
+        (folder / name).mkdir()
+        for image in sorted((data / name).glob("led*.png")):
+            fine = cv2.imread(str(image), cv2.IMREAD_UNCHANGED).astype(np.float32)
+            size = fine.shape[1] // SCALE, fine.shape[0] // SCALE
+            small = cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
+            cv2.imwrite(str(folder / name / image.name), np.round(small * 257).astype(np.uint16))
+    run(
+        "calibrate",
+        folder / "cal.npz",
+        capture=folder / "balls_1",
+        flat=folder / "flat",
+        ball_radius_mm=RADIUS_MM,
+        pixel_size_mm=PIXEL_MM,
+        ball_center_px=[253.2, 255.4],
+        ball_contact_px=65 / SCALE,
+    )
+    with (data / "balls_2.csv").open() as file:
+        marks = [(float(m["x_px"]), float(m["y_px"])) for m in csv.DictReader(file)]
+    centres = ((np.array(marks) + 0.5) / SCALE - 0.5).astype(np.float32)
+    return Sensor(folder / "balls_2", folder / "cal.npz", centres)
+
+
+def degrees(height: F4, centres: F4) -> float:
+    """Mean angle between the normals of a height and those of balls, whose places they tell."""
+    q, p = np.gradient(height.astype(np.float64), PIXEL_MM)
+    n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    yy, xx = np.mgrid[: height.shape[0], : height.shape[1]]
+    found = []
+    for x, y in centres:
+        for _ in range(3):
+            inside = np.hypot(xx - x, yy - y) < 0.85 * BALL_PX
+            x, y = (np.median(a[inside] - BALL_PX * c[inside]) for a, c in ((xx, n[0]), (yy, n[1])))
+        u, v = (xx[inside] - x) / BALL_PX, (yy[inside] - y) / BALL_PX
+        truth = np.stack([u, v, np.sqrt(np.maximum(1 - u * u - v * v, 1e-4))])
+        found.append(np.degrees(np.arccos(np.clip((n[:, inside] * truth).sum(0), -1, 1))).mean())
+    return float(np.mean(found))
+
+
+def test_one_ball_calibrates_a_real_sensor(sensor: Sensor, tmp_path: Path) -> None:
+    """Against all balls of another scan; and the paper's flow is never better."""
+    found = {
+        graph: degrees(
+            run(graph, tmp_path / graph, capture=sensor.scan, calibration=sensor.calibration)[
+                "height"
+            ],
+            sensor.centres,
+        )
+        for graph in ("reconstruct", "paper")
+    }
+    assert found["reconstruct"] < 2.3
+    assert found["paper"] > found["reconstruct"]
