@@ -96,7 +96,7 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     for name, stored in kept.items():
         _check_array(file, kind, name, arrays.get(name), stored, sizes)
     found = {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
-    for k, plane in enumerate(arrays["flat"], start=1):
+    for k, plane in enumerate(arrays["flat"] if "flat" in kept else (), start=1):
         if float(np.percentile(plane, 99)) < DARKEST:
             raise InputError(f"{file}: 'flat' is dark under LED {k}; calibrate again")
     return found
