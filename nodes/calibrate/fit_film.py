@@ -285,7 +285,10 @@ def _misfit(best: _Model, matt: _Model, balls: Balls) -> F4:
 
 
 def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, _Model, Metrics]:
-    """Take one part after another into the model, as long as that pays: the matt film's, the best."""
+    """Take one part after another into the model, as long as that pays.
+
+    Returns the matt film's model and the best.
+    """
     matt = best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
     while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
