@@ -117,8 +117,8 @@ def fit_film(
     The LEDs placed for a matt film are where it starts.  Then one part after another is tried:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film; the one that explains the presses best is taken if it lowers
-    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in the place
-    that lowers it further.  With a single ball slices of it are held out instead,
+    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in
+    the place that lowers it further.  With a single ball slices of it are held out instead,
     and a part has to lower their error by 30 per cent.
 
     Parameters
@@ -145,9 +145,11 @@ def fit_film(
     Returns
     -------
     FilmFit
-        The fields of a `Film`; other places of the LEDs that the fit allows; the root mean
-        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...`` for each model tried,
-        ``film_heldout_deg`` of the one chosen, in degrees between normals.
+        The fields of a `Film`; other places of the LEDs that the fit allows; what share of a
+        matt film's errors the model leaves on what is held out, and its width in mm; the root
+        mean square that is left of each LED's light, K; and the figures:
+        ``film_heldout_deg/...`` for each model tried, ``film_heldout_deg`` of the one chosen,
+        in degrees between normals.
     """
     balls = _sample(light, flat, circle, radius, kept, lights, pixel, steepest)
     width = pixel * flat.shape[2]

@@ -98,7 +98,7 @@ def height_error(
     flat_noise: Annotated[float, Ge(0)] = 1.0,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
-    bounce: Annotated[float, Interval(ge=0, le=1)] = 0.12,
+    bounce: Annotated[float, Interval(ge=0, le=1)] = 0.25,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
