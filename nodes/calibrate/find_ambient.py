@@ -33,6 +33,8 @@ FINE = 0.002
 """To which it is found, relative to the film at rest."""
 DARKEST = 0.1
 """Per cent of the pixels that may be darker than the ambient light: dead ones, and noise."""
+EXPLAINED = 0.5
+"""Share of the misfit that ambient light leaves at most, where it is the reason."""
 BEYOND = 1.5
 """Times the light of the darkest pixels: ambient light cannot be so much."""
 CALM = 5
@@ -117,9 +119,10 @@ def find_ambient(
     stop = {"xatol": FINE * film}
     minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
     ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
-    if misfit(BEYOND * most) < misfit(ambient):
-        # More would explain more, but the darkest pixels are darker: light diffused in the gel,
-        # or thrown from film to film, looks alike.  `fit_film` knows both.
+    left = misfit(ambient)
+    if left > EXPLAINED * misfit(0.0) or misfit(BEYOND * most) < left:
+        # Light diffused in the gel, or thrown from film to film, looks alike, but not quite.
+        # `fit_film` knows both.
         return nothing
     percent = 100 * ambient
     warn(

@@ -18,6 +18,7 @@ from tactograph.nodes import (
     LightPlaces,
     LightPositions,
     Metrics,
+    Misfit,
     Noise,
     PixelSize,
     Vergence,
@@ -68,6 +69,8 @@ PARALLAX = 0.02
 """Height of a ball, relative to the film's width, from which it tells how high the pupil is."""
 RINGS, SECTORS = 3, 8
 """Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
+WIDE = 0.15
+"""Width of the model's errors relative to a contact's radius; so on real balls, and on others."""
 DEGREES = {0: 2, 1: 4, 2: 10}
 """Balls that the harmonics need for each degree in the place."""
 
@@ -89,6 +92,7 @@ class FilmFit(NamedTuple):
     albedo: Albedo
     camera: Vergence
     grain: Grain
+    misfit: Misfit
     residual: Annotated[F4, Port("K", "1")]
     quality: Metrics
 
@@ -147,9 +151,11 @@ def fit_film(
     Returns
     -------
     FilmFit
-        The fields of a `Film`; other places of the LEDs that the fit allows; the root mean
-        square that is left of each LED's light, K; and the figures: ``film_heldout_deg/...``
-        for each model tried, ``film_heldout_deg`` of the one chosen, in degrees between normals.
+        The fields of a `Film`; other places of the LEDs that the fit allows; what share of a
+        matt film's errors the model leaves on what is held out, and its width in mm; the root
+        mean square that is left of each LED's light, K; and the figures:
+        ``film_heldout_deg/...`` for each model tried, ``film_heldout_deg`` of the one chosen,
+        in degrees between normals.
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
@@ -163,7 +169,7 @@ def fit_film(
     closed = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
         closed.add("camera")
-    best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
+    matt, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
     best, balls = _without_bad(trial, best)
@@ -176,6 +182,7 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
+    typed["misfit"] = _misfit(best, matt, balls)
     typed["grain"] = _grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
@@ -210,6 +217,8 @@ class _Model(NamedTuple):
     degree: int | None
     fitted: Fitted
     error: float
+    left: float
+    """Mean square in degrees of what neighbours have in common of it."""
 
     def __str__(self) -> str:
         parts = [part for part in PARTS if part in self.parts] or ["matt"]
@@ -220,7 +229,7 @@ def _judge(
     trial: _Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None
 ) -> _Model:
     """Fit to all but a part of the samples, and measure the normals of that part."""
-    errors, weights = [], []
+    errors, left, weights = [], [], []
     for held in trial.folds():
         train, test = trial.balls.only(~held), trial.balls.only(held)
         found = trial.fit(parts, fitted, train)
@@ -229,8 +238,10 @@ def _judge(
         if len(trial.balls.centre) > 1:
             found = place_balls(test, found, trial.shift_mm)
         errors.append(_normal_error(test, found))
+        left.append(_left(test, found))
         weights.append(held.sum())
-    return _Model(parts, degree, fitted, float(np.average(errors, weights=weights)))
+    error, square = (float(np.average(e, weights=weights)) for e in (errors, left))
+    return _Model(parts, degree, fitted, error, square)
 
 
 def _normal_error(balls: Balls, fitted: Fitted) -> float:
@@ -238,23 +249,58 @@ def _normal_error(balls: Balls, fitted: Fitted) -> float:
 
     Noise is averaged out over parts of each ball, since heights are sums of slopes.
     """
+    truth, found = _normals(balls, fitted)
+    part = _parts(balls, truth)
+    number = np.maximum(np.bincount(part), 1)
+    mean = np.stack([np.bincount(part, e) / number for e in found - truth])
+    seen = np.bincount(part) > 0
+    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
+
+
+def _left(balls: Balls, fitted: Fitted) -> float:
+    """Mean square of the angle by which light misleads neighbours alike.
+
+    From products of different pixels of a part: their noise is independent and drops out.
+    """
+    truth, found = _normals(balls, fitted)
+    part = _parts(balls, truth)
+    number = np.bincount(part)
+    pairs = number * (number - 1.0)
+    products = [np.bincount(part, e) ** 2 - np.bincount(part, e * e) for e in found - truth]
+    many = pairs > 0
+    return float(np.mean(np.sum(products, axis=0)[many] / pairs[many]))
+
+
+def _normals(balls: Balls, fitted: Fitted) -> tuple[F8, F8]:
+    """The balls' normals and those that the light says, 3 x N."""
     truth, x, y, z = balls.seen(fitted.shifts, fitted.film.camera)
     direct, n = balls.light - fitted.film.albedo * balls.bounced, truth
     z = np.maximum(z, fitted.film.contact)
     for _ in range(STEPS):
         n = turned(fitted.film, direct, n, (x, y, z))
-    ring = np.minimum((RINGS * (1 - truth[2] ** 2)).astype(int), RINGS - 1)
-    turn = (np.arctan2(truth[1], truth[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
-    part = (balls.ball * RINGS + ring) * SECTORS + turn
-    number = np.maximum(np.bincount(part), 1)
-    mean = np.stack([np.bincount(part, e) / number for e in n - truth])
-    seen = np.bincount(part) > 0
-    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
+    return truth, n
 
 
-def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metrics]:
-    """Take one part after another into the model, as long as that pays."""
-    best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
+def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
+    """The number of the part of a ball in which each sample lies."""
+    ring = np.minimum((RINGS * (1 - normal[2] ** 2)).astype(int), RINGS - 1)
+    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
+    return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)
+
+
+def _misfit(best: _Model, matt: _Model, balls: Balls) -> F4:
+    """What share of the errors of a matt film the model leaves, and their width in mm."""
+    simplest = not best.parts and best.degree is None
+    share = 0 if simplest else np.sqrt(np.clip(best.left / matt.left, 0, 1))
+    return np.asarray([share, WIDE * np.median(balls.rim)], np.float32)
+
+
+def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, _Model, Metrics]:
+    """Take one part after another into the model, as long as that pays.
+
+    Returns the matt film's model and the best.
+    """
+    matt = best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
     while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in left]
@@ -266,7 +312,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metri
         if not _pays(better.error, best.error, trial):
             break
         best = better
-    return best, errors | {"film_heldout_deg": best.error}
+    return matt, best, errors | {"film_heldout_deg": best.error}
 
 
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:

@@ -20,6 +20,7 @@ from tactograph.nodes import (
     LutLight,
     LutLit,
     LutSlope,
+    Misfit,
     Noise,
     NullVector,
     PixelSize,
@@ -28,7 +29,7 @@ from tactograph.nodes import (
     Vergence,
 )
 from tactograph.nodes.calibrate._calibration_file import read_arrays
-from tactograph.nodes.calibrate.write_calibration import CALIBRATION
+from tactograph.nodes.calibrate.write_calibration import CALIBRATION, NO_MISFIT
 from tactograph.nodes.light._film import matt_film
 
 NEAREST = 1e-3
@@ -64,6 +65,7 @@ class Calibration(NamedTuple):
     camera: Vergence
     grain: Grain
     lens: Lens
+    misfit: Misfit
 
 
 @node
@@ -96,4 +98,5 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
             )
     # A file from before the film was described is that of a matt film.
     found.setdefault("lens", np.zeros(8, np.float32))
+    found.setdefault("misfit", NO_MISFIT)
     return Calibration(**{**matt_film(found["lights"])._asdict(), **found})

@@ -18,6 +18,7 @@ from tactograph.nodes import (
     LutLit,
     LutSlope,
     Metrics,
+    Misfit,
     Noise,
     NullVector,
     PixelSize,
@@ -104,6 +105,13 @@ CALIBRATION = FileKind(
             low=0,
             high=1,
         ),
+        "misfit": Stored(
+            "2",
+            "share of what the film's model corrects that is wrong, and over how many mm alike",
+            required=False,
+            low=0,
+            high=1e6,
+        ),
         "lens": Stored(
             "8",
             "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
@@ -113,6 +121,9 @@ CALIBRATION = FileKind(
         ),
     },
 )
+
+NO_MISFIT = np.float32([0, 1])
+"""Of a model that leaves noise only."""
 
 
 @node
@@ -131,6 +142,7 @@ def write_calibration(
     noise: Noise,
     lens: Lens,
     quality: Metrics,
+    misfit: Misfit | None = None,
     *,
     file: Path,
     provenance: Provenance,
@@ -157,6 +169,8 @@ def write_calibration(
         Of length 8, as `read_lens` gives it.
     quality
         How good the calibration is, for people and for ``result.json``.
+    misfit
+        (share, width in mm), the error of what the film's model corrects; none without it.
     file
         Where to; replaced as a whole.
 
@@ -179,5 +193,6 @@ def write_calibration(
         **film._asdict(),
         "noise": noise,
         "lens": lens,
+        "misfit": NO_MISFIT if misfit is None else misfit,
     }
     write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})

@@ -6,6 +6,7 @@ goes through the solver, not noise.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
@@ -22,6 +23,7 @@ from tactograph.nodes import (
     LightPlaces,
     LightPositions,
     Mask,
+    Misfit,
     PixelSize,
     ShadowRises,
     Slope,
@@ -47,6 +49,13 @@ SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 SHARE = np.float32(1 / ERRORS)
+WAVES = 6.0, 12.0
+"""Lengths of the waves, relative to the width of the model's errors: the correlation of the
+first has fallen to a half where it says."""
+SIGNS = 1, -1, -1, 1, -1, 1, 1, -1
+"""Of an error that is whole in each, so that it hardly adds to another that is."""
+NARROWEST = np.float32(1e-3)
+"""mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
 ENOUGH = 1e-6
@@ -82,6 +91,9 @@ def height_error(
     others: LightPlaces,
     pixel: PixelSize,
     mask: Mask | None = None,
+    misfit: Misfit | None = None,
+    seen: Light | None = None,
+    bounced: Light | None = None,
     *,
     robust: Annotated[float, Gt(0)] = 2.5,
     bend: Annotated[float, Ge(0)] = 0.25,
@@ -90,6 +102,7 @@ def height_error(
     flat_noise: Annotated[float, Ge(0)] = 1.0,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
+    bounce: Annotated[float, Interval(ge=0, le=1)] = 0.25,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
@@ -104,6 +117,10 @@ def height_error(
     - an error of the calibration, common to all pixels: by how much the film's light would
       differ from the one found if the LEDs were where the calibration allows them to be too
       (on the film at rest it would not, by the flat frame);
+    - an error of the film's model: a share of what it has taken from the light is wrong, over
+      some width alike.  Waves of two lengths in four directions, twice each, a quarter of a
+      wave apart, so that their squares add up to the same everywhere;
+    - an error of the light that the film throws on itself: so much of it is wrong all over;
     - what two or four slopes leave of a step, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
     - and one that all steep steps have in common: where the slope turns within a pixel, at
@@ -128,6 +145,12 @@ def height_error(
         K x 3 in mm.
     others
         8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
+    misfit
+        (share, width in mm) of the error of what the film's model takes from the light.
+    seen
+        K x H x W, the light before the model; without it, or `misfit`, the model is exact.
+    bounced
+        K x H x W, the light that the film throws on itself, which `light` is without.
     flat_noise
         Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
         it is the mean of n.
@@ -135,6 +158,8 @@ def height_error(
         Error of a step, in px, per difference of the slopes at its ends.
     kink
         Common error of all steps, in px, where that difference is 1.
+    bounce
+        Share of the bounced light that is wrong: its cells are coarse and hide nothing.
     steps
         Conjugate gradients per error.
     seed
@@ -176,10 +201,16 @@ def height_error(
         return conjugate_gradients(levels, force, level, steps, enough)
 
     total = np.zeros_like(level)
+    x, y = _places(window, height.shape, pixel)
+    thrown = np.float32(0) if bounced is None else window.of(bounced)
+    taken = None if seen is None or misfit is None else inside - window.of(seen) + thrown
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
         keys = _keys(seed, number)
         common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
+        if misfit is not None and taken is not None:
+            common += taken * _wave_at(misfit, number, x, y)
+        common += np.float32(SIGNS[number] * bounce) * thrown
         p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
         across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
         right = (p[:, 1:] + p[:, :-1]) * half
@@ -196,6 +227,29 @@ def height_error(
     out = np.zeros(rest.shape, np.float32)
     out[window.rows, window.columns] = _smooth_deviation(total, free.astype(np.float32))
     return out
+
+
+class _Wave(NamedTuple):
+    """A wave of the model's errors: its direction, its phase, and its length by their width."""
+
+    across: np.float32
+    down: np.float32
+    phase: np.float32
+    length: np.float32
+
+
+def _wave(number: int) -> _Wave:
+    angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
+    numbers = math.cos(angle), math.sin(angle), phase, WAVES[number // 2 % 2]
+    return _Wave(*map(np.float32, numbers))
+
+
+def _wave_at(misfit: Misfit, number: int, x: F4, y: F4) -> F4:
+    """The share of the model's correction that is wrong."""
+    wave = _wave(number)
+    per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
+    turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
+    return np.asarray(np.float32(math.sqrt(2)) * misfit[0] * np.cos(turn), np.float32)
 
 
 class _Keys(NamedTuple):
@@ -261,11 +315,16 @@ def _response(
     )
 
 
+def _places(window: Window, size: tuple[int, ...], pixel: float) -> tuple[F4, F4]:
+    """The x and y inside the window, 1 x w and h x 1."""
+    rows, columns = size
+    x = places(columns, np.float32(pixel))[None, window.columns]
+    return x, places(rows, np.float32(pixel))[window.rows, None]
+
+
 def _vectors(window: Window, height: Height, lights: LightPositions, pixel: float) -> F4:
     """The light vectors inside the window, K x 3 x h x w."""
-    rows, columns = height.shape
-    x = places(columns, np.float32(pixel))[None, window.columns]
-    y = places(rows, np.float32(pixel))[window.rows, None]
+    x, y = _places(window, height.shape, pixel)
     return vectors_at(lights, x, y, window.of(height))
 
 
@@ -322,6 +381,8 @@ def _launch(run: Launch) -> None:
         solver.solve(wants, moved, settings["steps"], enough)
         run.kernel("add_square", (size,), moved, total, size, share)
 
+    misfit, seen = run.inputs.get("misfit"), run.inputs.get("seen")
+
     def err_rises(error: float, key: int) -> None:
         if ties:
             run.kernel("err_rises", (ties,), wants.rise, ties, error, np.uint32(key))
@@ -338,6 +399,8 @@ def _launch(run: Launch) -> None:
             "err_slopes", shape, of["light"], of["sigma"], of["height"], of["slope"],
             of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
             pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            misfit, seen, run.inputs.get("bounced"), SIGNS[number] * settings["bounce"],
+            *_wave(number),
         )  # fmt: skip
         run.kernel(
             "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,

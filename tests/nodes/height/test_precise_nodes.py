@@ -341,6 +341,42 @@ def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest()
     assert not any(error[~inside].any() for error in found)
 
 
+def test_what_a_film_model_corrects_leaves_an_error_in_proportion() -> None:
+    z, slope = dome()
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    before = light.copy()
+    before[0] += np.float32(0.1)
+    nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
+    surroundings = (at_rest(z), NO_RISES, light, 1e-6 * light, used, lights, exact(lights), PIXEL)
+    none, some, more = (
+        height_error(
+            z, slope, variance_of(1e-4), *surroundings, misfit=np.float32([share, 0.5]),
+            seen=before, **nothing,
+        )
+        for share in (0.0, 0.1, 0.2)
+    )  # fmt: skip
+    inside = at_rest(z) == 0
+    assert some[inside].min() > 10 * none[inside].max()
+    assert np.allclose(more[inside], 2 * some[inside], rtol=0.05)
+
+
+def test_bounced_light_leaves_an_error_only_where_there_is_some() -> None:
+    z, slope = dome()
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    thrown = np.zeros_like(light)
+    surroundings = (at_rest(z), NO_RISES, light, 0.001 * light, used, lights, exact(lights), PIXEL)
+    without, with_none = (
+        height_error(z, slope, variance_of(1e-4), *surroundings, bounced=bounced)
+        for bounced in (None, thrown)
+    )
+    assert np.array_equal(without, with_none)
+    thrown[0] = 0.2
+    with_some = height_error(z, slope, variance_of(1e-4), *surroundings, bounced=thrown)
+    assert with_some.max() > 1.5 * without.max()
+
+
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """A table: no slope on its top errs, but all of it stands on the steps of its rim."""
     z = np.zeros(SHAPE, np.float32)
