@@ -122,7 +122,7 @@ CALIBRATION = FileKind(
     },
 )
 
-NO_MISFIT = np.float32([0, 1])
+NO_MISFIT = np.array([0, 1], np.float32)
 """Of a model that leaves noise only."""
 
 
