@@ -135,10 +135,10 @@ def graph_file(name: str, beside: Path | None = None) -> Path:
             return Path(str(resources.files("tactograph.pipelines") / name))
         raise InputError(f"{path}: there is no such graph file")
     if name not in shipped_names():
+        hint = did_you_mean(name, shipped_names())
+        there = f" (the shipped ones are: {', '.join(shipped_names())})"
         raise InputError(
-            f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships"
-            f"{did_you_mean(name, shipped_names())} (the shipped ones are: "
-            f"{', '.join(shipped_names())})"
+            f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint or there}"
         )
     return Path(str(resources.files("tactograph.pipelines") / f"{name}.yaml"))
 
