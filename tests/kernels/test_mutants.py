@@ -127,6 +127,10 @@ MUTANTS = {
         "of the place as seen": ("along * nearer", "along"),
         "q as it was": ("q *= by;", ""),
     },
+    "level_height": {
+        "surface of another degree": ("v * (cv + v", "v * (cv - v"),
+        "heights of other cells": ("cell + cell / 2) * W", "cell) * W"),
+    },
     "undo_perspective": {
         "the other way": ("1.0f + camera * seen", "1.0f - camera * seen"),
         "not at all": ("seen / (1.0f + camera * seen)", "seen"),
