@@ -12,6 +12,7 @@ from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.write_calibration import write_calibration
+from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift, terms
 from tactograph.nodes.light.flat_field import flat_field
@@ -160,9 +161,9 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         nothing[:, 0],
         nothing[:, 0],
         0.004,
-        LIGHTS,
+        matt_film(LIGHTS),
         np.array([0, SIGMA**2 / 4], np.float32),
-        np.repeat(LIGHTS[None], 8, axis=0),
+        np.zeros(8, np.float32),
         {},
         file=file,
         provenance=Provenance({}, None, [], {}, {}, [], []),

@@ -109,7 +109,7 @@ def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
     v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]
     du, dv = seen_offset(lens, u, v)
     back = ideal_offset(lens, u + du, v + dv)
-    assert np.abs(np.array(back) + np.array([du, dv])).max() < 1e-5
+    assert np.abs(np.array(back) + np.array([du, dv])).max() < 1e-4
 
 
 def test_a_corner_is_one_half_diagonal_away() -> None:

@@ -234,7 +234,7 @@ def test_a_fresh_film_stands_for_the_one_inside(file: Path, tmp_path: Path) -> N
         ({"reflectance": None}, "'reflectance' is missing"),
         ({"reflectance": np.zeros((3, 9, 10), np.float32)}, r"shape \(3, 9, 10\)"),
         ({"flat": np.full_like(FLAT, np.nan)}, "'flat' holds NaN"),
-        ({"pixel_size": np.float32(-1)}, "is not positive"),
+        ({"pixel_size": np.float32(-1)}, "'pixel_size' holds -1, which no sensor has"),
         ({"flat": FLAT.astype(np.float64)}, "'flat' is float64"),
         ({"about": np.array("{}")}, "not a press calibration"),
         ({"about": np.array(json.dumps({"kind": "x", "format": 1}))}, "is a x, not a press"),
