@@ -6,10 +6,11 @@
 __kernel void sample_cells(
     __global const float *restrict height,
     __global float *restrict sampled,
-    const int W, const int rows, const int columns, const int cell)
+    const int H, const int W, const int rows, const int columns, const int cell)
 {
     GRID_2(y, x, rows, columns)
-    sampled[y * columns + x] = height[(y * cell + cell / 2) * W + x * cell + cell / 2];
+    const int row = min(y * cell + cell / 2, H - 1), column = min(x * cell + cell / 2, W - 1);
+    sampled[y * columns + x] = height[row * W + column];
 }
 
 // The height less a surface of degree 3 in u and v.

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Flips, Parts, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, CoarseLight, Grain, Height
 
@@ -26,12 +26,14 @@ TERMS_OF = (1, 3, 6, 10)
     neutral="height",
     tolerance=Flips(2e-3, 1e-3, why="a threshold on calm light, sums in float32"),
     sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
+    derived={"h": Parts("H", by="cell"), "w": Parts("W", by="cell")},
 )
 def level_height(
     height: Height,
     light: CoarseLight,
     grain: Grain,
     *,
+    cell: Annotated[int, Interval(ge=1, le=64)] = 4,
     degree: Annotated[int, Interval(ge=0, le=3)] = 3,
 ) -> Height:
     """Subtract the smooth surface on which the film at rest lies.
@@ -50,6 +52,8 @@ def level_height(
         all LEDs is 1 within the grain.
     grain
         Of the film.
+    cell
+        Side of a cell in pixels.
     degree
         Of the polynomial in x and y.
 
@@ -58,8 +62,11 @@ def level_height(
     ndarray
         H x W in mm.
     """
-    cell = max(1, -(-height.shape[0] // light.shape[1]))
-    sampled = height[cell // 2 :: cell, cell // 2 :: cell]
+    rows, columns = (
+        np.minimum(np.arange(cells) * cell + cell // 2, size - 1)
+        for cells, size in zip(light.shape[1:], height.shape, strict=True)
+    )
+    sampled = height[rows[:, None], columns]
     found = _surface(sampled, light, grain, degree)
     u, v = _axes(height.shape)
     for c, (i, j) in zip(found, _powers(), strict=True):
@@ -87,10 +94,9 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     none = np.zeros(len(_powers()), np.float32)
     if not grain > 0:
         return none
-    rows, columns = sampled.shape
     window = (WINDOW, WINDOW)
     mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
-    calm = (np.abs(np.stack(mean) - 1) < grain).all(axis=0)[:rows, :columns]
+    calm = (np.abs(np.stack(mean) - 1) < grain).all(axis=0)
     calm &= np.isfinite(sampled)
     if calm.mean() < FEWEST:
         return none
@@ -115,14 +121,29 @@ def _launch(run: Launch) -> None:
     """The heights of cells and their light come down, ten coefficients go up."""
     height, light, out = run.inputs["height"], run.inputs["light"], run.outputs["level_height"]
     rows, columns = run.sizes["H"], run.sizes["W"]
-    cell = max(1, -(-rows // run.sizes["h"]))
-    size = len(range(cell // 2, rows, cell)), len(range(cell // 2, columns, cell))
+    cell = int(run.settings["cell"])
+    cells = run.sizes["h"], run.sizes["w"]
     found = np.zeros(len(_powers()), np.float32)
     grain = float(run.inputs["grain"])
     if grain > 0:
-        sampled = run.scratch(size)
-        run.kernel("sample_cells", size, height, sampled, columns, *size, cell)
+        sampled = run.scratch(cells)
+        run.kernel("sample_cells", cells, height, sampled, rows, columns, *cells, cell)
         settings = grain, int(run.settings["degree"])
         found = _surface(run.download(sampled), run.download(light), *settings)
     lanes = run.in_lanes(rows, columns)
     run.kernel("take_off", lanes, height, out, rows, columns, *map(float, found))
+
+
+@level_height.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, h: int, w: int) -> dict[str, Any]:
+    """A film at rest that lies on a smooth surface, touched at one side."""
+    u, v = _axes((H, W))
+    height = sum(rng.uniform(-0.05, 0.05) * u**i * v**j for i, j in _powers())
+    touched = np.broadcast_to(u > 0.5, (H, W))
+    light = np.ones((K, h, w), np.float32)
+    light[:, :, 3 * w // 4 :] = 1.3
+    return {
+        "height": np.asarray(height + 0.5 * touched, np.float32),
+        "light": light,
+        "grain": 0.02,
+    }

@@ -129,7 +129,7 @@ MUTANTS = {
     },
     "level_height": {
         "surface of another degree": ("v * (cv + v", "v * (cv - v"),
-        "heights of other cells": ("cell + cell / 2) * W", "cell) * W"),
+        "heights of other cells": ("row = min(y * cell + cell / 2", "row = min(y * cell / 2"),
     },
     "undo_perspective": {
         "the other way": ("1.0f + camera * seen", "1.0f - camera * seen"),
