@@ -172,7 +172,7 @@ MUTANTS = {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),
         "variance instead": ("sqrt(variance)", "variance"),
         "of the image as captured": ("/ MORE_OF(rest, low)", ""),
-        "integers no fractions": ("over_full(TO_FLOATS(value))", "TO_FLOATS(value)"),
+        "integers no fractions": ("_OF_FLOATS(value) over_full(value)", "_OF_FLOATS(value) value"),
     },
     "lut_nearest": {
         "boxes too small to reach": (
