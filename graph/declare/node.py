@@ -169,8 +169,7 @@ class Node:
         self,
         *,
         grid: str,
-        lanes: Lanes | bool = False,
-        row_lanes: bool = False,
+        lanes: Lanes | None = None,
         whole: str | None = None,
     ) -> Node: ...
 
@@ -187,8 +186,7 @@ class Node:
         self,
         *,
         grid: str | None = None,
-        lanes: Lanes | bool = False,
-        row_lanes: bool = False,
+        lanes: Lanes | None = None,
         whole: str | None = None,
         requires: tuple[str, str] | None = None,
         own_lanes: bool = False,
@@ -206,9 +204,7 @@ class Node:
         lanes
             "grid" if a work-item does LANES consecutive elements of the grid, which is then
             counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.  "rows"
-            if none goes on into the next row of the grid's last axis.  True is "grid".
-        row_lanes
-            True is ``lanes="rows"``.
+            if none goes on into the next row of the grid's last axis.
         whole
             An input, images as fractions of full scale, that the kernel also reads as the
             unsigned integers which they were; see ``pixels.clh``.
@@ -220,9 +216,8 @@ class Node:
             Why the NumPy function is the better one if the device is a CPU: it is then
             taken wherever numpy is among the graph's preferences.
         """
-        along: Lanes | None = "rows" if row_lanes else "grid" if lanes is True else lanes or None
         if grid is not None:
-            self.implementations["opencl"] = Kernels(tuple(grid.split()), along, whole)
+            self.implementations["opencl"] = Kernels(tuple(grid.split()), lanes, whole)
             return self
         kernels = Kernels(requires=requires, own_lanes=own_lanes, on_cpu=on_cpu)
 

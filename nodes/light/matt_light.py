@@ -86,7 +86,7 @@ def matt_light(
     return MattLight(*(plane.reshape(light.shape) for plane in made))
 
 
-matt_light.opencl(grid="H W", lanes=True)
+matt_light.opencl(grid="H W", lanes="grid")
 
 
 @matt_light.example

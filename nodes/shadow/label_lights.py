@@ -204,7 +204,7 @@ def label_lights(
     return Labelled(*planes)
 
 
-label_lights.opencl(grid="H W", lanes=True)
+label_lights.opencl(grid="H W", lanes="grid")
 
 
 @label_lights.example
