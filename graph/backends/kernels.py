@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 LaunchFunction = Callable[[Any], None]
 """What is handed a `Launch`, for nodes of several launches."""
@@ -23,6 +22,30 @@ class DeviceTraits(Protocol):
     def is_cpu(self) -> bool: ...
 
 
+class Obstacle(NamedTuple):
+    """Why a node's kernels do not run on a device.
+
+    Attributes
+    ----------
+    missing
+        What they need and is not there, with the remedy; None if they could run.
+    slower
+        Why the NumPy function is the faster one beside this device; None if it is not.  The
+        graph runs the node on NumPy then if it prefers numpy at all.
+    """
+
+    missing: str | None = None
+    slower: str | None = None
+
+
+CanRun = Callable[[DeviceTraits], Obstacle | None]
+
+
+def can_run_anywhere(device: DeviceTraits) -> Obstacle | None:
+    """No device is an obstacle."""
+    return None
+
+
 @dataclass(frozen=True)
 class Kernels:
     """What ``kernels/<name>.cl`` holds for a node; see `Node.opencl` for the fields."""
@@ -31,23 +54,4 @@ class Kernels:
     lanes: Lanes | None = None
     whole: str | None = None
     launch: LaunchFunction | None = None
-    requires: tuple[str, str] | None = None
-    own_lanes: bool = False
-    on_cpu: str | None = None
-
-    def uses_library(self, lanes: int) -> bool:
-        """Whether the launch function needs its library on a device of so many lanes."""
-        return self.requires is not None and not (self.own_lanes and lanes > 1)
-
-    def can_run(self, device: DeviceTraits) -> str | None:
-        """Why the kernels cannot run on a device, or None."""
-        if self.requires is None or not self.uses_library(device.lanes):
-            return None
-        module, remedy = self.requires
-        if importlib.util.find_spec(module) is None:
-            return f"{module} is not installed ({remedy})"
-        return None
-
-    def better_on_host(self, device: DeviceTraits) -> str | None:
-        """Why the NumPy function is the better one beside a device, or None."""
-        return self.on_cpu if device.is_cpu else None
+    can_run: CanRun = can_run_anywhere

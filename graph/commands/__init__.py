@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tactograph.graph.backends import BACKENDS
 from tactograph.graph.errors import printable
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ _RUN_OPTIONS = (
         help="Change a parameter of a node.",
     ),
     click.option(
-        "--backend", type=click.Choice(["numpy", "opencl"]),
+        "--backend", type=click.Choice(BACKENDS),
         help="Run on this back end instead of the graph's preference.",
     ),
     click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),

@@ -89,10 +89,10 @@ def _read_study(
     seed: str | None,
     repeats: int,
 ) -> Study:
+    from tactograph.graph.backends import BACKENDS
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.model import BACKENDS
     from tactograph.graph.files.read import read_graph
     from tactograph.graph.run.typed_values import read_words
 

@@ -31,5 +31,5 @@ def command(name: str | None) -> None:
         except TactographError as error:
             say(f"  {each:<{width}}  --  {error}")
             continue
-        kernel = "cl" if "opencl" in found.backends else "  "
-        say(f"  {each:<{width}}  {kernel}  {found.summary}")
+        kernels = " ".join(found.implementations)
+        say(f"  {each:<{width}}  {kernels:<6}  {found.summary}")

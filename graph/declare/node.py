@@ -12,11 +12,17 @@ import collections.abc
 import inspect
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from tactograph.graph.backends.kernels import Kernels, Lanes, LaunchFunction
+from tactograph.graph.backends.kernels import (
+    CanRun,
+    Kernels,
+    Lanes,
+    LaunchFunction,
+    can_run_anywhere,
+)
 from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
@@ -124,6 +130,11 @@ class Node:
         """The back ends that it is written for."""
         return frozenset({"numpy", *self.implementations})
 
+    def reads_integers(self, name: str, backend: str) -> bool:
+        """Whether a back end's kernel takes an input's images as the camera's integers."""
+        found = self.implementations.get(backend)
+        return found is not None and found.whole == name
+
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Inputs by port as positional arguments, records put together; None for those left out."""
         if not self.input_records:
@@ -177,9 +188,7 @@ class Node:
     def opencl(
         self,
         *,
-        requires: tuple[str, str] | None = None,
-        own_lanes: bool = False,
-        on_cpu: str | None = None,
+        can_run: CanRun = can_run_anywhere,
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(
@@ -188,9 +197,7 @@ class Node:
         grid: str | None = None,
         lanes: Lanes | None = None,
         whole: str | None = None,
-        requires: tuple[str, str] | None = None,
-        own_lanes: bool = False,
-        on_cpu: str | None = None,
+        can_run: CanRun = can_run_anywhere,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
 
@@ -208,21 +215,16 @@ class Node:
         whole
             An input, images as fractions of full scale, that the kernel also reads as the
             unsigned integers which they were; see ``pixels.clh``.
-        requires
-            A module that the launch function needs, and what to install to get it.
-        own_lanes
-            Whether it does without that module on devices that do several lanes.
-        on_cpu
-            Why the NumPy function is the better one if the device is a CPU: it is then
-            taken wherever numpy is among the graph's preferences.
+        can_run
+            From a device's traits to an `Obstacle`: what the launch function needs and is
+            missing, or why the NumPy function is faster there.  None: it can run.
         """
         if grid is not None:
             self.implementations["opencl"] = Kernels(tuple(grid.split()), lanes, whole)
             return self
-        kernels = Kernels(requires=requires, own_lanes=own_lanes, on_cpu=on_cpu)
 
         def take(launch: LaunchFunction) -> LaunchFunction:
-            self.implementations["opencl"] = replace(kernels, launch=launch)
+            self.implementations["opencl"] = Kernels(launch=launch, can_run=can_run)
             return launch
 
         return take

@@ -22,7 +22,7 @@ class Placement:
 
     @property
     def on_device(self) -> bool:
-        return self.backend == "opencl"
+        return self.backend != "numpy"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Step:
 
     @property
     def on_device(self) -> bool:
-        return self.backend == "opencl"
+        return self.backend != "numpy"
 
 
 @dataclass

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.events import Event
+from tactograph.graph.backends.device_backend import Event
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.session import Session
 from tactograph.graph.errors import NodeError

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from statistics import median
 from typing import Any
 
-from tactograph.graph.backends.events import DEVICE_ERROR
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
@@ -34,10 +33,12 @@ class Items:
         Whether a sink wanted no further item.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self._plan = plan
         self.host = HostValues(plan)
         self._device = None if device is None else DeviceValues(plan, device, self.host)
+        library = () if device is None else (device.error,)
+        self._device_errors: tuple[type[Exception], ...] = (DeviceError, *library)
         self.times: dict[str, float] = {}
         self.notes: list[str] = []
         self.ended = False
@@ -130,7 +131,7 @@ class Items:
             if device is not None:
                 doing = ""
                 self.times.update(device.finish())
-        except (DEVICE_ERROR, DeviceError) as error:
+        except self._device_errors as error:
             raise self._device_error(error, doing) from error
         finally:
             self.host.all_arrived()

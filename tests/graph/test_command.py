@@ -227,7 +227,7 @@ def test_a_fallback_is_one_line_on_the_terminal(
     toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
     done = tactograph("run", write(STREAM))
@@ -249,7 +249,7 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
     file = write(WRITING)
@@ -415,7 +415,7 @@ def test_explain_says_why_each_step_runs_where_it_does(
     graph = write(SLOPES)
     done = tactograph("explain", graph)
     assert done.code == 0, done.err
-    for words in ("preferred", "has no OpenCL kernel", "once", "transfers between host and device"):
+    for words in ("preferred", "has no opencl kernel", "once", "transfers between host and device"):
         assert words in done.out
     assert "shared by all readers" not in done.out
     every = tactograph("explain", graph, "--transfers").out
@@ -427,7 +427,9 @@ def test_explain_prints_brackets_as_they_are(
     tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, why))
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, why)
+    )
     assert "tactograph[vkfft]" in " ".join(tactograph("explain", write(SLOPES)).out.split())
 
 

@@ -115,7 +115,9 @@ def test_what_runs_elsewhere_than_wanted_is_told_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, "none"))
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, "none")
+    )
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert code == 0

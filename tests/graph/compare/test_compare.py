@@ -173,7 +173,7 @@ def test_a_fallback_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
     graph = write(GRAPH.replace("prefer: [numpy]\n", ""), "first.yaml")

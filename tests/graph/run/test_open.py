@@ -22,7 +22,7 @@ WAITING = STREAM.replace(", default: 3}", "}")
 @pytest.fixture
 def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
 
@@ -100,7 +100,7 @@ def test_a_device_that_does_not_exist_is_refused(toys: list[str], write: Write) 
 def test_numpy_looks_for_no_device(
     toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", None)
+    monkeypatch.setattr("tactograph.graph.backends.opencl.choose_device", None)
     assert load(write(WAITING), backend="numpy").plan.device is None
 
 
