@@ -26,8 +26,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tactograph.graph import Provenance, Session
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4, U1
 from tactograph.nodes.live._frames import RawFrame
 from tactograph.nodes.live._live_picture import draw_touch, round_up

@@ -17,8 +17,8 @@ from tactograph.graph.backends.arrays import (
     in_row_lanes,
     local_size,
 )
-from tactograph.graph.backends.compiled import Compiled
-from tactograph.graph.backends.queue import Queue
+from tactograph.graph.backends.compiled_node import Compiled
+from tactograph.graph.backends.device_queue import Queue
 
 __all__ = ["DeviceArray", "Launch", "as_array", "global_size", "local_size"]
 

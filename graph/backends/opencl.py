@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from tactograph.graph.backends.compiled import Compiled
+from tactograph.graph.backends.compiled_node import Compiled
+from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
-from tactograph.graph.backends.prepared import Prepared
-from tactograph.graph.backends.queue import Queue
+from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 

@@ -11,8 +11,8 @@ from tactograph.graph.commands import say
 @click.argument("name", required=False)
 def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
-    from tactograph.graph.declare.describe import node_page
     from tactograph.graph.declare.find_node import builtin_rooms, find_node, node_names
+    from tactograph.graph.declare.node_page import node_page
     from tactograph.graph.errors import TactographError
 
     if name is not None:

@@ -19,7 +19,7 @@ from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
-from tactograph.graph.run.recall import recall, recalled_values
+from tactograph.graph.run.previous_values import recall, recalled_values
 from tactograph.graph.run.stand_ins import is_whole
 
 

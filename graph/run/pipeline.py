@@ -17,10 +17,10 @@ from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
+from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.stand_ins import StandIns
-from tactograph.graph.run.turn import Turn
 
 
 class Pipeline:

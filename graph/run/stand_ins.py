@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tactograph.graph.errors import InputError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.recall import recalled_values
+from tactograph.graph.run.previous_values import recalled_values
 
 
 class StandIns:

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from tactograph.graph import Close, node
-from tactograph.graph.backends.kernels import DeviceTraits, Obstacle
+from tactograph.graph.backends.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Height, PixelSize, Slope

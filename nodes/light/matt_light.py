@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._film import direct_share, is_affine, predict, touch_gain, turned
 from tactograph.nodes.light._near_light import places, vectors_at
 

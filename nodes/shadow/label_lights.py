@@ -20,7 +20,7 @@ from tactograph.nodes import (
     Slope,
     SlopeVariance,
 )
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._near_light import FLATTEST, places, vectors_at
 
 STEPS = 1

@@ -24,7 +24,7 @@ import pytest
 from markdown_it import MarkdownIt
 
 from tactograph.graph.command import COMMANDS
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.files.strict_yaml import read_yaml
 from tests.conftest import ROOT, MadeOnce
 

@@ -17,8 +17,8 @@ from ruamel.yaml import YAML
 
 from tactograph.graph import command
 from tactograph.graph.commands.run import _in_rows
-from tactograph.graph.files.read import read_graph, shipped_names
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
 
 WRITING = """
@@ -327,7 +327,7 @@ def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
         raise RuntimeError("two\nlines")
 
     monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
-    monkeypatch.setattr("tactograph.graph.files.read.read_graph", fail)
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
     said = one_line(tactograph("check", "paper"), code=1)
     assert "internal error: RuntimeError: two lines" in said
 
@@ -342,7 +342,7 @@ def test_an_end_from_outside_shows_no_traceback(
     def fail(*args: object, **keywords: object) -> None:
         raise error
 
-    monkeypatch.setattr("tactograph.graph.files.read.read_graph", fail)
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
     done = tactograph("check", "paper")
     assert done.code == code
     assert "Traceback" not in done.err
@@ -592,7 +592,7 @@ def test_ctrl_c_says_how_to_go_on(
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tactograph.graph.files.read.read_graph", stop)
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", stop)
     done = tactograph("check", write(SLOPES))
     assert done.code == 130
     assert done.err.strip() == command.STOPPED

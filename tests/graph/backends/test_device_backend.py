@@ -10,9 +10,9 @@ import pytest
 from tactograph.graph.backends import device_backend
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open import placeholders
+from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 GPU = SimpleNamespace(backend="cuda", name="a GPU", lanes=1, is_cpu=False)

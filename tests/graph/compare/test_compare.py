@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tactograph.graph.compare import compare
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import Command, Write
 
 GRAPH = """

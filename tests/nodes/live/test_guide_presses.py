@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import EndOfStream, InputError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.live.end_when_good import end_when_good

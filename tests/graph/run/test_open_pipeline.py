@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError, InputError, load
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 from tests.graph.conftest import STREAM, Write
 
 WAITING = STREAM.replace(", default: 3}", "}")
@@ -181,8 +181,8 @@ def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> No
     """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
     script = (
         "import sys;"
-        "from tactograph.graph.files.read import read_graph;"
-        "from tactograph.graph.run.open import open_pipeline, placeholders;"
+        "from tactograph.graph.files.read_graph import read_graph;"
+        "from tactograph.graph.run.open_pipeline import open_pipeline, placeholders;"
         "graph = read_graph('reconstruct');"
         "open_pipeline(graph, placeholders(graph));"
         "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"

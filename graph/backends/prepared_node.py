@@ -15,12 +15,12 @@ from tactograph.graph.backends.arrays import (
     in_row_lanes,
     local_size,
 )
-from tactograph.graph.backends.compiled import Compiled
+from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_backend import Timer
+from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
-from tactograph.graph.backends.kernels import LaunchFunction
+from tactograph.graph.backends.kernel_declaration import LaunchFunction
 from tactograph.graph.backends.launch import Launch
-from tactograph.graph.backends.queue import Queue
 from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import NodeError
 

@@ -18,8 +18,8 @@ from pydantic import (
 
 from tactograph.graph.backends import PREFERRED, Backend
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.model import FORMAT, Entry, Graph, Param
-from tactograph.graph.files.patch import apply_patch
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph, Param
 from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]

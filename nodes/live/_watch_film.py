@@ -15,7 +15,7 @@ from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._match_frames import FAINTEST, Film, cells
 from tactograph.nodes.live._sensor import Rig
-from tactograph.nodes.live._stream import SAYS, Stream
+from tactograph.nodes.live._touch_stream import SAYS, Stream
 
 SETTLE_S = 0.25
 """For so long a camera may deliver frames from before an LED was switched."""

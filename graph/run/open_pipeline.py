@@ -15,9 +15,9 @@ from tactograph.graph.backends import BACKENDS
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.model import NOT_GIVEN, Graph
-from tactograph.graph.files.patch import apply_patch
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.pipeline import Pipeline
