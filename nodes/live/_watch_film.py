@@ -13,7 +13,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._match_frames import FAINTEST, Film, cells
+from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
 from tactograph.nodes.live._sensor import Rig
 from tactograph.nodes.live._touch_stream import SAYS, Stream
 

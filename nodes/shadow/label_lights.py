@@ -1,4 +1,7 @@
-"""Tell for each pixel which LEDs light it, and find its slope from those."""
+"""Tell for each pixel which LEDs light it, and find its slope from those.
+
+Long because one node is one algorithm: each set of LEDs is solved, judged and compared.
+"""
 
 from __future__ import annotations
 
