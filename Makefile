@@ -29,7 +29,7 @@ $(VENV)/.tested: $(VENV)/.installed
 
 test: $(VENV)/.tested lint
 	$(BIN)/tactograph devices --require
-	$(BIN)/python -m pytest -n 2 -m 'not realtime'
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m 'not realtime'
 	$(BIN)/python -m pytest -m realtime
 
 # Type checkers cannot follow the folder mapping of an editable install: show them a tree of links.

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from statistics import median
 from typing import Any
 
+from threadpoolctl import ThreadpoolController
+
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
@@ -45,6 +47,7 @@ class Items:
         self._lasting = 0
         self._known: Known | None = None
         self._sized: dict[str, Sized] = {}
+        self._libraries = ThreadpoolController()
         self._once = _split(plan, stream=False)
         self._stream = _split(plan, stream=True)
 
@@ -103,7 +106,10 @@ class Items:
         known = before
         runs: list[dict[str, float]] = []
         totals: list[float] = []
-        with collect_warnings(self.notes):
+        # Nodes multiply small matrices, which OpenBLAS makes up to 50 times slower by sharing
+        # them among threads that wait for one another.
+        one_thread = self._libraries.limit(limits=1, user_api="blas")
+        with collect_warnings(self.notes), one_thread:
             for _ in range(repeats):
                 start = time.perf_counter()
                 known = self._compute(computing, before, given)
