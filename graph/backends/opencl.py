@@ -13,7 +13,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 
 
-def open_device(text: str | None) -> tuple[OpenCL | None, str]:
+def open_device(text: str | None = None) -> tuple[OpenCL | None, str]:
     """The device to use, or None and the reason; see `choose_device`."""
     device, reason = choose_device(text)
     return (OpenCL(device) if device is not None else None), reason
