@@ -91,13 +91,41 @@ def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
         assert not missing
 
 
-def test_a_script_is_checked_against_the_types_of_the_wheel(wheel: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def editable(tmp_path: Path) -> Path:
+    """The Python of an environment that the Makefile has shown the package's types."""
+    venv.create(tmp_path / "venv", with_pip=False)
+    subprocess.run(["make", "-s", "types", f"VENV={tmp_path / 'venv'}"], cwd=ROOT, check=True)
+    return tmp_path / "venv" / "bin" / "python"
+
+
+@pytest.mark.parametrize("install", ["wheel", "editable"])
+def test_a_users_script_is_type_checked(
+    install: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    python: Path = request.getfixturevalue(install)
     script = tmp_path / "script.py"
     script.write_text("from tactograph import load\nload('reconstruct', strict='yes')\n")
-    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(wheel), str(script)]
+    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(python), str(script)]
     done = subprocess.run(mypy, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert 'Argument "strict" to "load" has incompatible type' in done.stdout
     assert "Found 1 error" in done.stdout
+
+
+def test_the_links_for_type_checkers_are_not_what_python_imports(editable: Path) -> None:
+    site = next((editable.parents[1] / "lib").glob("python*/site-packages"))
+    (site / "__editable___tactograph_finder.py").write_text(
+        "import sys\n"
+        "class Finder:\n"
+        "    @staticmethod\n"
+        "    def find_spec(name, path=None, target=None):\n"
+        "        if name == 'tactograph': raise ImportError('the mapping was asked')\n"
+        "sys.meta_path.append(Finder)\n"
+    )
+    (site / "__editable__.tactograph.pth").write_text("import __editable___tactograph_finder\n")
+    ask = [str(editable), "-c", "import tactograph"]
+    done = subprocess.run(ask, cwd=editable.parent, capture_output=True, text=True, check=False)
+    assert "the mapping was asked" in done.stderr
 
 
 @pytest.mark.parametrize("page", RUNNABLE, ids=lambda page: page.name)
