@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
@@ -108,6 +107,8 @@ def on_even_grid(
 
 
 def _linear(plane: F4, x: Places, y: Places) -> Places:
+    from scipy.ndimage import map_coordinates  # 0.3 s, which a plain camera needs not wait for
+
     return np.asarray(map_coordinates(plane, (y, x), order=1, mode="nearest"))
 
 
