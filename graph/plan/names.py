@@ -211,7 +211,9 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
             if not task.stream:
                 raise GraphError(f"{where}: '{task.id}' runs once; there is no item before")
             if not tasks[value.node].stream:
-                raise GraphError(f"{where}: '{value}' is the same for all items; read it as it is")
+                raise GraphError(
+                    f"{where}: '{value}' is the same for all items; leave out 'previous.'"
+                )
 
 
 def _before(reads: Mapping[str, Mapping[str, Value]]) -> dict[str, list[str]]:

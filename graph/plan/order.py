@@ -12,7 +12,7 @@ from tactograph.graph.plan.plan import Step
 
 
 def order(steps: Mapping[str, Step], before: Edges, draft: Draft) -> list[Step]:
-    """Sort the steps: what runs once, then sources, so that sizes clash before work is done.
+    """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
     What the device does is enqueued before the host starts on something itself, so that both
     work; and first what the host will need soonest, that is what has most transfers still

@@ -45,7 +45,7 @@ def refine_taylor(
     slope
         2 x H x W, the coarse G_0.
     shadow
-        H x W; a pixel with any bit set is left as it is.
+        H x W; a pixel with any bit set keeps its slope.
     reflectance
         K x 9, as `fit_reflectance` gives it.
     steps

@@ -2,7 +2,7 @@
 
 A camera whose pupil is D above the film sees at the place (u, v) of the film at rest a point of
 height z that lies at (u, v) (1 - z / D).  Its lens shows that place elsewhere (`light._lens`).
-Both are told from the image's middle, and places here in pixels of the ideal image.
+Places are in pixels of the ideal image, from the image's middle.
 """
 
 from __future__ import annotations
