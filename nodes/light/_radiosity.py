@@ -127,25 +127,3 @@ def all_on_all(places: F4, areas: F4, sources: F4, targets: NDArray[np.intp]) ->
         return np.asarray((arriving * leaving / (square * square)) @ light)
 
     return np.concatenate(in_blocks(on, len(targets), len(x))).T
-
-
-def between_cells(planes: F4, size: tuple[int, ...], factor: int) -> F4:
-    """Bring the values of cells to pixels."""
-    if factor == 1:
-        return planes
-    above, below, down = _between(size[0], planes.shape[1], factor)
-    left, right, across = _between(size[1], planes.shape[2], factor)
-    wide = _mixed(planes[..., left], planes[..., right], across)
-    return _mixed(wide[:, above], wide[:, below], down[:, None])
-
-
-def _between(count: int, cells: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
-    """The cells whose middles a pixel lies between, and how far from the first."""
-    place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
-    place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))
-    first = place.astype(np.intp)
-    return first, np.minimum(first + 1, cells - 1), place - first.astype(np.float32)
-
-
-def _mixed(a: F4, b: F4, share: F4) -> F4:
-    return a + (b - a) * share
