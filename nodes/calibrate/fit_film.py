@@ -36,10 +36,14 @@ from tactograph.nodes.calibrate._film_fit import (
 )
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.light._film import turned
 from tactograph.nodes.light._near_light import F8, places
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.light.film_drift import drift_gain, film_drift
+from tactograph.nodes.light.light_noise import light_noise
 
 INNER = 0.95
 """Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
@@ -53,7 +57,7 @@ harmonics by the second; and by the third all where a single ball holds nothing 
 places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
-MOST_ALBEDO = 0.95
+USUAL_ALBEDO = 0.6
 """Of a film that a bounce is computed for."""
 MANY, BAD = 8, 2.0
 """Of so many balls, those whose residual is so many times the median are left out."""
@@ -159,7 +163,7 @@ def fit_film(
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
-    balls = _sample(light, flat, circle, radius, of, lights, pixel, steepest)
+    balls = _sample(light, flat, circle, radius, of, lights, noise, pixel, steepest)
     width = pixel * flat.shape[2]
     trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
     start = start_at(lights, strength, len(balls.centre))
@@ -402,6 +406,7 @@ def _sample(
     radius: F4,
     of: NDArray[np.int32],
     lights: F4,
+    noise: F4,
     pixel: float,
     steepest: float,
 ) -> Balls:
@@ -410,8 +415,9 @@ def _sample(
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
     most = max(ENOUGH, SAMPLES // len(circle))
     presses = cut(light, rows)
+    sigma = coarsen(light_noise(flat, flat, noise))
     thrown = {
-        i: _unit_bounce(presses[i], circle[of == i], radius[of == i], lights, pixel)
+        i: _unit_bounce(presses[i], sigma, circle[of == i], radius[of == i], lights, pixel)
         for i in np.unique(of)
     }
     found: list[tuple[NDArray[Any], ...]] = []
@@ -446,8 +452,11 @@ def _sample(
     )
 
 
-def _unit_bounce(press: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
-    """The light that balls in a film of albedo 1 throw on it and on the film around them."""
+def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
+    """The light that balls in a film of albedo 1 throw on it and on the film around them.
+
+    Less what `level_touches` has taken for drift: they brighten the film at rest, too.
+    """
     yy, xx = np.mgrid[: press.shape[1], : press.shape[2]]
     height = np.zeros(press.shape[1:], np.float32)
     for (x, y, contact), size in zip(circle, radius, strict=True):
@@ -455,4 +464,7 @@ def _unit_bounce(press: F4, circle: F4, radius: F4, lights: F4, pixel: float) ->
         rim = float(contact) * pixel
         depth = np.sqrt(np.maximum(size**2 - square, 0)) - np.sqrt(max(size**2 - rim**2, 0))
         height = np.where(square < rim**2, depth, height).astype(np.float32)
-    return film_bounce(press, height, lights, pixel, MOST_ALBEDO) / np.float32(MOST_ALBEDO)
+    thrown = film_bounce(press, height, lights, pixel, USUAL_ALBEDO)
+    drift = film_drift(coarsen(1 + thrown), sigma, degree=DEGREE, rough=ROUGH)
+    level = drift_gain(drift, height.shape) - 1
+    return (thrown - level * press) / np.float32(USUAL_ALBEDO)
