@@ -57,11 +57,16 @@ def framed(grid: Grid) -> NDArray[np.intp]:
     return numbers[inside].ravel()
 
 
-def cells_of(height: F4, lights: F4, pixel: np.float32, grid: Grid) -> tuple[F4, F4, F4]:
-    """Return N x 3 middles, N x 3 area vectors and K x N irradiances of the film at rest."""
+def cells_of(
+    height: F4, lights: F4, pixel: np.float32, grid: Grid, slope: F4 | None = None
+) -> tuple[F4, F4, F4]:
+    """Return N x 3 middles, N x 3 area vectors and K x N irradiances of the film at rest.
+
+    Without `slope` (2 x H x W) the height's own differences are the slopes.
+    """
     x, across = _sides(height.shape[1], pixel, grid)
     y, down = _sides(height.shape[0], pixel, grid)
-    z, p, q = (np.pad(part, grid.rim) for part in _tilts(height, pixel, grid.factor))
+    z, p, q = (np.pad(part, grid.rim) for part in _tilts(height, slope, pixel, grid.factor))
     area = down[:, None] * across
     places = np.stack([np.broadcast_to(x, z.shape), np.broadcast_to(y[:, None], z.shape), z], -1)
     areas = np.stack([-p * area, -q * area, area], -1)
@@ -88,9 +93,12 @@ def _sides(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
     )
 
 
-def _tilts(height: F4, pixel: np.float32, factor: int) -> F4:
+def _tilts(height: F4, slope: F4 | None, pixel: np.float32, factor: int) -> F4:
     """Return the cells' mean height and mean slopes p and q, 3 x rows x columns."""
-    p, q = _difference(height, 1) / pixel, _difference(height, 0) / pixel
+    if slope is None:
+        p, q = _difference(height, 1) / pixel, _difference(height, 0) / pixel
+    else:
+        p, q = slope
     return means(np.stack([height, p, q]), factor)
 
 

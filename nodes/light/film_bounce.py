@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Close, InputError, node
-from tactograph.nodes import Albedo, Height, Light, LightPositions, PixelSize
+from tactograph.nodes import Albedo, Height, Light, LightPositions, PixelSize, Slope
 from tactograph.nodes.light._radiosity import (
     BLOCK,
     between_cells,
@@ -38,6 +38,7 @@ def film_bounce(
     pixel: PixelSize,
     albedo: Albedo,
     before: Light | None = None,
+    slope: Slope | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
     near: Annotated[int, Interval(ge=0, le=8)] = 1,
@@ -72,6 +73,8 @@ def film_bounce(
         Share of the light that the film reflects, 0 to 0.95; with 0 the result is 0.
     before
         K x H x W, the result of the round before, where height and bounce are found in turns.
+    slope
+        2 x H x W, where it is known better than from the differences of a height on large pixels.
     cells
         Most cells.  They are squares of as many pixels as it takes, and the result is
         interpolated between them.
@@ -98,7 +101,7 @@ def film_bounce(
     if albedo == 0:
         return np.zeros_like(light)
     grid = cell_grid(height.shape, pixel, cells, rim_mm)
-    places, areas, rest = cells_of(height, lights, np.float32(pixel), grid)
+    places, areas, rest = cells_of(height, lights, np.float32(pixel), grid, slope)
     sources = rest.copy()
     inside = framed(grid)
     sources[:, inside] *= means(light, grid.factor).reshape(len(light), -1)
@@ -129,7 +132,8 @@ def _launch(run: Launch) -> None:
     bounced = run.scratch((count, grid.rows, grid.columns))
     shape = grid.rows, grid.columns, grid.rim
     local = (run.group,)
-    arguments = light, height, lights, pixel, table, *size, grid.factor, *shape, grid.rim_mm
+    slope = run.inputs.get("slope")
+    arguments = light, height, slope, lights, pixel, table, *size, grid.factor, *shape, grid.rim_mm
     run.kernel("lay_out", (math.prod(grid.whole),), *arguments, local=local, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)
     gain = float(np.float32(albedo) / np.float32(math.pi))
