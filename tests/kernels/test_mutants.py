@@ -359,6 +359,19 @@ MUTANTS = {
         "not clamped": ("LESS_OF(MORE_OF(u, none), right)", "MORE_OF(u, none)"),
         "no lens": ("!is_bent(lens)", "1"),
     },
+    "label_highlights": {
+        "the first LED left out": ("fit(&seen, K, k)", "fit(&seen, K, 0)"),
+        "darker too": ("bright & facing", "facing"),
+        "facing anything": ("bright & facing", "bright"),
+        "others that disagree": ("& (others.misfit < likely)", ""),
+        "all pixels doubted": ("marked = doubted ? marked : none;", ""),
+        "noise of the prediction forgotten": ("noise * noise + doubt", "noise * noise"),
+        "of any length": ("over = (length_ - 1.0f)", "over = 0.0f * (length_ - 1.0f)"),
+        "the film level": (
+            "light_vector(lights + 3 * k, x, y, z)",
+            "light_vector(lights + 3 * k, x, y, 0.0f)",
+        ),
+    },
     "cast_shadows": {
         "away from the LED": ("x + ux * t", "x - ux * t"),
         "LEDs counted from 1": ("label |= 1 << k", "label |= 2 << k"),
