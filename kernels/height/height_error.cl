@@ -2,6 +2,7 @@
 #include "lanes.clh"
 #include "near_light.clh"
 #include "expected_light.clh"
+#include "group.clh"
 #include "springs.clh"
 #include "height_system.clh"
 

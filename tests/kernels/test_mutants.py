@@ -250,10 +250,15 @@ MUTANTS = {
         "what is left out has a height": ("*= (float)mask[", "*= 1.0f + 0.0f * (float)mask["),
         "the height before ignored": ("total += log1p(r * r / square / right_variance[i])", ";"),
         "window off by one": ("z[y * W + x] : 0.0f", "z[y * W + max(x - 1, 0)] : 0.0f"),
-        "the coarsest level ignored": ("total += dense[", "total += 0.0f * dense["),
+        "rows of another length": ("z + first + row * S + x", "z + first + row * W + x"),
+        "springs beyond the frame": ("return filled(count) ? found : none;", "return found;"),
+        "the coarsest level ignored": (
+            "total += LOAD_LANES(dense",
+            "total += 0.0f * LOAD_LANES(dense",
+        ),
         "coarse springs half as stiff": (
-            "right[i] + right[i + W] : right[i]",
-            "right[i] : right[i]",
+            "east += PAIR_ENDS(",
+            "east += 0.0f * PAIR_ENDS(",
         ),
     },
     "shadow_constraints": {
