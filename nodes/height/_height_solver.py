@@ -358,12 +358,16 @@ def _row(columns: int) -> int:
 
 
 def _gaps(levels: Sequence[Level]) -> I4:
-    """Where the runs of numbers begin that are no level's, and the row behind the last."""
-    begins = [0, *(level.first + level.size for level in levels)]
-    ends = [*(level.first for level in levels), begins[-1] + levels[-1].stride]
-    # Lanes at a level's end look a run beyond the row behind it.
+    """Where the runs of numbers begin that are no level's, and the row behind the last.
+
+    The coarsest level is among them: only its pixels get heights, not what fills its rows.
+    """
+    *finer, last = levels
+    begins = [0, *(level.first + level.size for level in finer)]
+    # Lanes at the end of a level look a run beyond the row behind it.
+    ends = [*(level.first for level in finer), last.first + last.size + last.stride + GAP]
     runs = [np.arange(begin, end, GAP) for begin, end in zip(begins, ends, strict=True)]
-    return np.append(np.concatenate(runs), ends[-1]).astype(np.int32)
+    return np.concatenate(runs).astype(np.int32)
 
 
 def _steps(levels: int, at: int = 0) -> Iterator[Step]:
