@@ -273,6 +273,7 @@ MUTANTS = {
         "the slope at the end ignored": ("* tangent + to_end", "* tangent"),
         "a distant LED": ("- (height[i] + to_end)", "- 0.0f * height[i]"),
         "LEDs counted from 0": ("row / H + 1", "row / H"),
+        "shadows of the first LED alone": ("(labels & (1 << k)) != 0", "(labels & 1) != 0"),
         "no longest shadow": ("t <= longest", "t <= 1e9f"),
     },
     "height_error": {
@@ -280,7 +281,10 @@ MUTANTS = {
         "the flat frame without noise": ("1.0f + flat * flat", "1.0f"),
         "no common error": ("common + noise", "noise"),
         "an exact model": ("wave * taken", "0.0f * taken"),
-        "the bounced light not told from the model's": ("- seen[at] + thrown", "- seen[at]"),
+        "the bounced light not told from the model's": (
+            "- load_floats(seen + at, count) + thrown",
+            "- load_floats(seen + at, count)",
+        ),
         "an exact bounce": ("+ bounce * thrown", ""),
         "all LEDs used": ("(used & (1 << k)) != 0 ? sure", "(used & (1 << k)) != 999 ? sure"),
         "kinks squared": ("bend * bend * bend", "bend * bend"),
@@ -379,8 +383,9 @@ MUTANTS = {
     },
     "cast_shadows": {
         "away from the LED": ("x + ux * t", "x - ux * t"),
-        "LEDs counted from 1": ("label |= 1 << k", "label |= 2 << k"),
+        "LEDs counted from 1": ("labels[l] |= 1 << k", "labels[l] |= 2 << k"),
         "the image not asked": ("if (ask_image &&", "if (0 &&"),
+        "shadows of the first LED alone": ("(near & (1 << k)) != 0", "(near & 1) != 0"),
         "the reach forgotten": ("max(row - reach, 0)", "row"),
     },
     "shadow_confidence": {
