@@ -8,13 +8,13 @@ from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store, open_store
-from tactograph.graph.batch.work import Chunk, Tally, find_map_types, folder_name
+from tactograph.graph.batch.worker import Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.dump import dump_graph
-from tactograph.graph.files.model import NOT_GIVEN, Graph
+from tactograph.graph.files.dump_graph import dump_graph
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
-from tactograph.graph.run.origin import find_origin, named_files
+from tactograph.graph.run.result_origin import find_origin, named_files
 
 TRIES = 20
 """So many captures are tried to find out what maps look like."""

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
 DEATHS = 3

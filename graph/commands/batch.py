@@ -16,7 +16,7 @@ from tactograph.graph.commands import RunOptions, run_options, say
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
     from tactograph.graph.batch.store import Store
-    from tactograph.graph.batch.work import Tally
+    from tactograph.graph.batch.worker import Tally
 
 EVERY = 10.0
 """Seconds between two lines where no bar can be drawn."""
@@ -73,7 +73,7 @@ def command(
         store_place,
     )
     from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.batch.store import alone_in
+    from tactograph.graph.batch.store_lock import alone_in
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from tactograph.graph.declare.node import Node
-from tactograph.graph.files.model import Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph
 
 
 class Value(NamedTuple):

@@ -7,11 +7,17 @@ from typing import Any
 
 import networkx as nx
 
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.settings import check_settings
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.model import PREVIOUS, Entry, Graph, split_previous, split_reference
+from tactograph.graph.files.flat_graph import (
+    PREVIOUS,
+    Entry,
+    Graph,
+    split_previous,
+    split_reference,
+)
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
@@ -22,7 +22,7 @@ class Placement:
 
     @property
     def on_device(self) -> bool:
-        return self.backend == "opencl"
+        return self.backend != "numpy"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Step:
 
     @property
     def on_device(self) -> bool:
-        return self.backend == "opencl"
+        return self.backend != "numpy"
 
 
 @dataclass

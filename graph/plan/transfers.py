@@ -61,19 +61,20 @@ def _connect(
     """
     origin = value.node
     if on_device is not None and on_device != placements[value.node].on_device:
-        origin = _transfer(dag, draft.tasks[value.node], value, on_device)
+        device = next(each.backend for each in placements.values() if each.on_device)
+        origin = _transfer(dag, draft.tasks[value.node], value, on_device, device)
     if reader is not None:
         dag.add_edge(origin, reader)
 
 
-def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, up: bool) -> str:
+def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, up: bool, device: str) -> str:
     kind: Literal["upload", "download"] = "upload" if up else "download"
     name = f"{kind} {value}"
     if name not in dag:
         step = Step(
             kind=kind,
             name=name,
-            backend="opencl",
+            backend=device,
             reads=(value,),
             writes=(value,),
             stream=maker.stream,

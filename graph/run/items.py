@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from statistics import median
 from typing import Any
 
-from tactograph.graph.backends.events import DEVICE_ERROR
-from tactograph.graph.backends.opencl import OpenCL
+from threadpoolctl import ThreadpoolController
+
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
@@ -34,16 +35,19 @@ class Items:
         Whether a sink wanted no further item.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self._plan = plan
         self.host = HostValues(plan)
         self._device = None if device is None else DeviceValues(plan, device, self.host)
+        library = () if device is None else (device.error,)
+        self._device_errors: tuple[type[Exception], ...] = (DeviceError, *library)
         self.times: dict[str, float] = {}
         self.notes: list[str] = []
         self.ended = False
         self._lasting = 0
         self._known: Known | None = None
         self._sized: dict[str, Sized] = {}
+        self._libraries = ThreadpoolController()
         self._once = _split(plan, stream=False)
         self._stream = _split(plan, stream=True)
 
@@ -102,7 +106,10 @@ class Items:
         known = before
         runs: list[dict[str, float]] = []
         totals: list[float] = []
-        with collect_warnings(self.notes):
+        # Nodes multiply small matrices, which OpenBLAS makes up to 50 times slower by sharing
+        # them among threads that wait for one another.
+        one_thread = self._libraries.limit(limits=1, user_api="blas")
+        with collect_warnings(self.notes), one_thread:
             for _ in range(repeats):
                 start = time.perf_counter()
                 known = self._compute(computing, before, given)
@@ -130,7 +137,7 @@ class Items:
             if device is not None:
                 doing = ""
                 self.times.update(device.finish())
-        except (DEVICE_ERROR, DeviceError) as error:
+        except self._device_errors as error:
             raise self._device_error(error, doing) from error
         finally:
             self.host.all_arrived()

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import InputError, collect_warnings
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
+from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.stand_ins import StandIns
-from tactograph.graph.run.turn import Turn
 
 
 class Pipeline:
@@ -31,7 +31,7 @@ class Pipeline:
     what its nodes keep; after that it is of no more use.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self.plan = plan
         self._device = device
         self._turn = Turn(plan.graph.name)

@@ -31,4 +31,4 @@ def as_seen(height: Height, lens: Lens) -> Height:
     return between_pixels(height, *ideal_places(lens, height.shape))
 
 
-as_seen.opencl(grid="H W", row_lanes=True)
+as_seen.opencl(grid="H W", lanes="rows")

@@ -2,6 +2,8 @@
 
 Slopes at rims understate the climb together, so the errors that all rims share are one load that
 goes through the solver, not noise.
+
+Long because one node is one algorithm: every source of error goes through the same solver.
 """
 
 from __future__ import annotations

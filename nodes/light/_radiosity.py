@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 
 MOST_RIM_CELLS = 4
 """The film beyond the frame is far from most cells: this many cells across say enough."""

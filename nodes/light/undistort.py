@@ -35,4 +35,4 @@ def undistort(image: Light, lens: Lens) -> Light:
     return np.stack([between_pixels(plane, x, y) for plane in image])
 
 
-undistort.opencl(grid="H W", row_lanes=True, whole="image")
+undistort.opencl(grid="H W", lanes="rows", whole="image")

@@ -21,9 +21,9 @@ from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.live._camera import Plane, Wanted
-from tactograph.nodes.live._guide import Guide, film_at_rest, tell
 from tactograph.nodes.live._sensor import open_rig
-from tactograph.nodes.live._stream import Stream
+from tactograph.nodes.live._touch_stream import Stream
+from tactograph.nodes.live._watch_film import Guide, film_at_rest, tell
 
 FULL, MOST_FULL = 0.998, 0.01
 """Light that counts as saturated, and the share of pixels that may be."""

@@ -14,7 +14,7 @@ from tactograph.nodes.live._assemble import Refresh
 from tactograph.nodes.live._camera import Wanted
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._sensor import open_sensor
-from tactograph.nodes.live._stream import Stream
+from tactograph.nodes.live._touch_stream import Stream
 
 
 @node(endless=True)

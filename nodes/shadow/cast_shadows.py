@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
-from tactograph.nodes.simulate._sample import bilinear
+from tactograph.nodes.simulate._interpolate import bilinear
 
 GROUP = 64
 STEP = np.float32(0.5)

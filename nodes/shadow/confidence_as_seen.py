@@ -29,4 +29,4 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     return confidence[nearest_ideal(lens, confidence.shape)]
 
 
-confidence_as_seen.opencl(grid="H W", row_lanes=True)
+confidence_as_seen.opencl(grid="H W", lanes="rows")

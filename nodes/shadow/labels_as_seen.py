@@ -29,4 +29,4 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     return labels[nearest_ideal(lens, labels.shape)]
 
 
-labels_as_seen.opencl(grid="H W", row_lanes=True)
+labels_as_seen.opencl(grid="H W", lanes="rows")

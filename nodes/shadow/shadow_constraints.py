@@ -21,7 +21,7 @@ from tactograph.nodes import (
     Slope,
 )
 from tactograph.nodes.light._near_light import light_vectors
-from tactograph.nodes.simulate._sample import bilinear
+from tactograph.nodes.simulate._interpolate import bilinear
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch

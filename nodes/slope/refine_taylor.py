@@ -104,4 +104,4 @@ def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
     return value, gradient
 
 
-refine_taylor.opencl(grid="H W", lanes=True)
+refine_taylor.opencl(grid="H W", lanes="grid")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tactograph.graph.backends import compiled
+from tactograph.graph.backends import compiled_node
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.backends.opencl import OpenCL
@@ -409,7 +409,7 @@ def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -
         assert before in source, "the mutant no longer fits the kernel"
         return source.replace(before, after)
 
-    monkeypatch.setattr(compiled, "kernel_source", mutated)
+    monkeypatch.setattr(compiled_node, "kernel_source", mutated)
     found, _ = choose_device()
     assert found is not None
     device, node = OpenCL(found), find_node(name)

@@ -24,8 +24,6 @@ from tests.graph.toys import halves, leaned
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(name))]
 """Nodes whose work-items do several elements side by side."""
-LIBRARIES = [name for name in KERNEL_NODES if find_node(name).kernels.own_lanes]
-"""Nodes that need a library on a device that does one element at a time."""
 CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name))]
 
 
@@ -42,7 +40,7 @@ def one_lane(device: OpenCL) -> OpenCL:
     return OpenCL(found, lanes=1)
 
 
-@pytest.mark.parametrize("name", LANED + LIBRARIES)
+@pytest.mark.parametrize("name", LANED)
 def test_a_device_like_a_gpu_gives_the_same(one_lane: OpenCL, name: str) -> None:
     for case in cases(find_node(name)):
         assert compare(find_node(name), one_lane, case) is None, str(case)

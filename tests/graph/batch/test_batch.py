@@ -24,15 +24,16 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.batch import work
+from tactograph.graph.batch import worker
 from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, alone_in, open_store
-from tactograph.graph.batch.work import Chunk, Tally, do_chunk
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, open_store
+from tactograph.graph.batch.store_lock import alone_in
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Command, Write
 
 LIT = """
@@ -115,7 +116,9 @@ def test_what_runs_elsewhere_than_wanted_is_told_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, "none"))
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, "none")
+    )
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert code == 0
@@ -145,9 +148,11 @@ def test_what_is_finished_is_not_done_again(
     batch(tactograph, graph, over, tmp_path / "out.zarr")
     make_capture(tmp_path / "day" / "capture_99", 99)
     ran: list[str] = []
-    attempt = work._attempt
+    attempt = worker._attempt
     monkeypatch.setattr(
-        work, "_attempt", lambda p, job, place, t: (ran.append(place), attempt(p, job, place, t))[1]
+        worker,
+        "_attempt",
+        lambda p, job, place, t: (ran.append(place), attempt(p, job, place, t))[1],
     )
     batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert [Path(place).name for place in ran] == ["capture_99"]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph import GraphError, Port
 from tactograph.graph.declare.ports import is_record, read_port, record_ports
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open import placeholders
+from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 

@@ -12,10 +12,10 @@ import pytest
 
 from tactograph.graph import InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.graph.errors import DeviceError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import SLOPES, STREAM, Write
 

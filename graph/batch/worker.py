@@ -13,12 +13,12 @@ from pathlib import Path
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
 from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
 from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
-from tactograph.graph.files.model import Graph
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.origin import find_origin
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
+from tactograph.graph.run.result_origin import find_origin
 
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
+from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source, scalar_type
-from tactograph.graph.backends.queue import Queue
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
 

@@ -13,9 +13,9 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._match_frames import FAINTEST, Film, cells
+from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
 from tactograph.nodes.live._sensor import Rig
-from tactograph.nodes.live._stream import SAYS, Stream
+from tactograph.nodes.live._touch_stream import SAYS, Stream
 
 SETTLE_S = 0.25
 """For so long a camera may deliver frames from before an LED was switched."""
