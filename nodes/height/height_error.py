@@ -399,8 +399,8 @@ def _launch(run: Launch) -> None:
         keys = _keys(settings["seed"], number)
         run.kernel(
             "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
-            pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
+            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
             misfit, seen, run.inputs.get("bounced"), SIGNS[number] * settings["bounce"],
             *_wave(number),
         )  # fmt: skip
