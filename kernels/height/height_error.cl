@@ -10,6 +10,7 @@
 #define SHARPEST 2.0f
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
+#define LEVEL 1e-6f
 #define MOST 8
 
 // +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
@@ -78,7 +79,7 @@ __kernel void err_slopes(
     const int frame_width, const int top, const int left, const int H, const int W,
     const float pixel, const int number, const float flat_noise, const uint key,
     __global const float *misfit, __global const float *bounced, __global const float *earlier,
-    const int sign_, const int settling, const float across, const float down, const float phase,
+    const int sign_, const int settling, const int leaning, const float across, const float down, const float phase,
     const float length_)
 {
     GRID_2(y, x, H, W)
@@ -109,7 +110,9 @@ __kernel void err_slopes(
         const float turn = per_mm * (across * x_mm + down * y_mm) + phase;
         const float tilted = fmin(sqrt(a * a + b * b) / TILTED, 1.0f);
         const float lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const float along = lean * (across * a + down * b);
+        const float slant = sqrt(fmax(a * a + b * b, LEVEL * LEVEL));
+        const float steeper = (float)leaning * misfit[4] * tilted / slant;
+        const float along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
         p[i] = clamp(p[i] + lean * across + along * a, -STEEPEST, STEEPEST);
         q[i] = clamp(q[i] + lean * down + along * b, -STEEPEST, STEEPEST);
     }
