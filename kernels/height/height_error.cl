@@ -10,7 +10,7 @@
 #define SHARPEST 2.0f
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
-#define LEVEL 1e-6f
+#define FLAT 0.3f
 #define MOST 8
 
 // +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
@@ -108,10 +108,9 @@ __kernel void err_slopes(
     if (misfit) {
         const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
         const float turn = per_mm * (across * x_mm + down * y_mm) + phase;
-        const float tilted = fmin(sqrt(a * a + b * b) / TILTED, 1.0f);
+        const float slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT, 1.0f);
         const float lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const float slant = sqrt(fmax(a * a + b * b, LEVEL * LEVEL));
-        const float steeper = (float)leaning * misfit[4] * tilted / slant;
+        const float steeper = (float)leaning * misfit[4] / fmax(slant, TILTED);
         const float along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
         p[i] = clamp(p[i] + lean * across + along * a, -STEEPEST, STEEPEST);
         q[i] = clamp(q[i] + lean * down + along * b, -STEEPEST, STEEPEST);

@@ -18,8 +18,6 @@ NEAREST_PX = 2
 """The noise of pixels so far apart is independent, after a lens was undistorted, too."""
 FARTHEST, LAGS = 0.7, 12
 """Longest lag by a contact's radius; how many there are."""
-CHANCE = 2.0
-"""Standard deviations that a covariance has to exceed."""
 EVERY = 7
 """Pixel that LEDs elsewhere are tried on."""
 LEVEL = 0.1
@@ -76,7 +74,7 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
             tilts.append(tilt)
     pairs = np.maximum(total.pairs, 1)
     normal, light = total.normal / pairs, total.light / pairs
-    chance = CHANCE * spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
+    chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
     reach = _half_way(lags, normal) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
     level, known = _root(normal[0] - chance), np.mean([_led_tilt(part, others) for part in held])

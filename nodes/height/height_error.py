@@ -55,8 +55,11 @@ first has fallen to a half where it says."""
 SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
 LEANING = 1, -1, 1, -1, 1, -1, 1, -1
 """Of errors that are whole in each, so that they hardly add to one another."""
-TILTED, LEVEL = np.float32(0.1), np.float32(1e-6)
-"""Slope from which a model errs as it did on presses; film at rest is known by the flat frame."""
+TILTED = np.float32(0.1)
+"""Slope from which a model errs as it did on presses."""
+FLAT = np.float32(0.3)
+"""Share of that error on level film around a touch, which the flat frame knows but for the light
+that the touch throws on it."""
 NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
@@ -205,7 +208,8 @@ def height_error(
     total = np.zeros_like(level)
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
-    changed = thrown - (thrown if earlier is None else window.of(earlier))
+    both = bounced is not None and earlier is not None
+    changed = window.of(bounced) - window.of(earlier) if both else np.float32(0)
     wrong = np.float32(0) if misfit is None else misfit[3]
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
@@ -253,10 +257,10 @@ def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4
     wave, (a, b) = _wave(number), slopes
     per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
     turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
-    tilted = np.minimum(np.sqrt(a * a + b * b) / TILTED, np.float32(1))
+    slant = np.sqrt(a * a + b * b)
+    tilted = np.clip(slant / TILTED, FLAT, np.float32(1))
     lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turn)
-    slant = np.sqrt(np.maximum(a * a + b * b, LEVEL * LEVEL))
-    steeper = np.float32(LEANING[number]) * misfit[4] * tilted / slant
+    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
     along = lean * (wave.across * a + wave.down * b) + steeper * (1 + a * a + b * b)
     return (
         np.clip(p + lean * wave.across + along * a, -STEEPEST, STEEPEST),
