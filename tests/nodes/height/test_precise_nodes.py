@@ -24,7 +24,6 @@ from tactograph.nodes.shadow.shadow_constraints import shadow_constraints
 from tactograph.nodes.slope.pixel_mean_slope import pixel_mean_slope
 from tests.nodes.scenes import LIGHTS, lambert
 
-F4 = NDArray[np.float32]
 PIXEL = 0.1
 SHAPE = (40, 64)
 NO_RISES = ShadowRises(
