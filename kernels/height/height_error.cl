@@ -10,6 +10,7 @@
 #define SHARPEST 2.0f
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
+#define FLAT 0.3f
 #define MOST 8
 
 // +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
@@ -100,7 +101,7 @@ LANED __kernel void err_slopes(
     const int frame_width, const int top, const int left, const int H, const int W,
     const float pixel, const int number, const float flat_noise, const uint key,
     __global const float *misfit, __global const float *bounced, __global const float *earlier,
-    const int sign_, const int settling, const float across, const float down, const float phase,
+    const int sign_, const int settling, const int leaning, const float across, const float down, const float phase,
     const float length_)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
@@ -119,7 +120,7 @@ LANED __kernel void err_slopes(
         const floats lit = load_floats(light + at, count), flat = flat_noise * lit;
         const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
-        const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
+        const floats changed = bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
         const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
         const Vector known = light_vector(lights + 3 * k, x, y, z);
         const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
@@ -134,9 +135,10 @@ LANED __kernel void err_slopes(
     if (misfit) {
         const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
         const floats turn = per_mm * (across * x + down * y) + phase;
-        const floats tilted = LESS_OF(sqrt(a * a + b * b) / TILTED, 1.0f + none);
+        const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT + none, 1.0f + none);
         const floats lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const floats along = lean * (across * a + down * b);
+        const floats steeper = (float)leaning * misfit[4] / MORE_OF(slant, TILTED + none);
+        const floats along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
         total_p = clamp(total_p + lean * across + along * a, -steepest, steepest);
         total_q = clamp(total_q + lean * down + along * b, -steepest, steepest);
     }

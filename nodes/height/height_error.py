@@ -55,9 +55,13 @@ WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
 SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
+LEANING = 1, -1, 1, -1, 1, -1, 1, -1
 """Of errors that are whole in each, so that they hardly add to one another."""
 TILTED = np.float32(0.1)
-"""Slope from which a model errs as it did on presses; film at rest is known by the flat frame."""
+"""Slope from which a model errs as it did on presses."""
+FLAT = np.float32(0.3)
+"""Share of that error on level film around a touch, which the flat frame knows but for the light
+that the touch throws on it."""
 NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
@@ -123,7 +127,8 @@ def height_error(
     - an error of the film's model: normals that lean by what was left over on presses held out,
       and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
       wave apart, so that their squares add up to the same everywhere.  Only the part of such a
-      field that leans along its wave moves a height, which is half of it;
+      field that leans along its wave moves a height, which is half of it.  And another by which
+      all normals lean too much, or too little;
     - two errors of the light that the film throws on itself: the share of it by which the
       calibration's presses disagree, and what the last pass has still changed;
     - what two or four slopes leave of a step, in proportion to their difference;
@@ -205,7 +210,9 @@ def height_error(
     total = np.zeros_like(level)
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
-    changed = thrown - (thrown if earlier is None else window.of(earlier))
+    changed: F4 | np.float32 = np.float32(0)
+    if bounced is not None and earlier is not None:
+        changed = window.of(bounced) - window.of(earlier)
     wrong = np.float32(0) if misfit is None else misfit[3]
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
@@ -253,9 +260,11 @@ def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4
     wave, (a, b) = _wave(number), slopes
     per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
     turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
-    tilted = np.minimum(np.sqrt(a * a + b * b) / TILTED, np.float32(1))
+    slant = np.sqrt(a * a + b * b)
+    tilted = np.clip(slant / TILTED, FLAT, np.float32(1))
     lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turn)
-    along = lean * (wave.across * a + wave.down * b)
+    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
+    along = lean * (wave.across * a + wave.down * b) + steeper * (1 + a * a + b * b)
     return (
         np.clip(p + lean * wave.across + along * a, -STEEPEST, STEEPEST),
         np.clip(q + lean * wave.down + along * b, -STEEPEST, STEEPEST),
@@ -409,7 +418,8 @@ def _launch(run: Launch) -> None:
             "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
             of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
             columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
-            misfit, bounced, earlier, SIGNS[number], SETTLING[number], *_wave(number),
+            misfit, bounced, earlier, SIGNS[number], SETTLING[number], LEANING[number],
+            *_wave(number),
         )  # fmt: skip
         run.kernel(
             "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,

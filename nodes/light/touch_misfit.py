@@ -54,11 +54,12 @@ def touch_misfit(
     ndarray
         The misfit of this touch.  A warning says so where the light departs clearly more.
     """
-    level, width, pressed, bounce = (float(v) for v in misfit)
+    level, width, pressed, bounce, tilt = (float(v) for v in misfit)
     found = _left(light, slope, height, used, lights, pixel, width)
     if found <= pressed:
         return misfit
-    wider = float(np.sqrt(level**2 + found**2 - pressed**2))
+    beyond = found**2 - pressed**2
+    wider, tilt = (float(np.sqrt(before**2 + beyond)) for before in (level, tilt))
     if found > CLEARLY * pressed and found > LEAST:
         times = wider / max(level, pressed)
         warn(
@@ -66,7 +67,7 @@ def touch_misfit(
             f"calibration's presses by {100 * pressed:.1f} %: the model's part of the stated "
             f"error is {times:.1f} times as wide"
         )
-    return np.asarray([wider, width, found, bounce], np.float32)
+    return np.asarray([wider, width, found, bounce, tilt], np.float32)
 
 
 def _left(
