@@ -9,6 +9,7 @@
 #define SINGULAR 1e-4f
 #define SHARPEST 2.0f
 #define NARROWEST 1e-3f
+#define TILTED 0.1f
 #define MOST 8
 
 // +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
@@ -65,9 +66,9 @@ __kernel void respond(
     }
 }
 
-// An error of the slopes inside the window: the lights' noise, and what all pixels of an LED
-// have in common, the LEDs being elsewhere; and a
-// share of what the film's model has taken from the light.
+// An error of the slopes inside the window: the lights' noise, what all pixels of an LED have in
+// common, the LEDs being elsewhere and bounced light uncertain; and normals that lean where the
+// film's model is wrong.
 __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
@@ -76,8 +77,8 @@ __kernel void err_slopes(
     __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
     const int frame_width, const int top, const int left, const int H, const int W,
     const float pixel, const int number, const float flat_noise, const uint key,
-    __global const float *misfit, __global const float *seen,
-    __global const float *bounced, const float bounce, const float across, const float down, const float phase,
+    __global const float *misfit, __global const float *bounced, __global const float *earlier,
+    const int sign_, const int settling, const float across, const float down, const float phase,
     const float length_)
 {
     GRID_2(y, x, H, W)
@@ -85,27 +86,33 @@ __kernel void err_slopes(
     const int i = y * W + x, from = (top + y) * frame_width + left + x;
     const float x_mm = ((float)(left + x) - 0.5f * (float)(frame_width - 1)) * pixel;
     const float y_mm = ((float)(top + y) - 0.5f * (float)(frame_height - 1)) * pixel;
-    const float z = height[from], here_p = slope[from], here_q = slope[frame_size + from];
-    float total_p = 0.0f, total_q = 0.0f, wave = 0.0f;
-    if (misfit && seen) {
-        const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
-        wave = 1.4142136f * misfit[0] * cos(per_mm * (across * x_mm + down * y_mm) + phase);
-    }
+    const float z = height[from], a = slope[from], b = slope[frame_size + from];
+    const float wrong = misfit ? misfit[3] : 0.0f;
+    float total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
         const float flat = flat_noise * light[at];
         const float noise = sigma[at] * sqrt(1.0f + flat * flat);
         const float thrown = bounced ? bounced[at] : 0.0f;
-        const float taken = wave == 0.0f ? 0.0f : light[at] - seen[at] + thrown;
-        const float common = wave * taken + bounce * thrown
-            + expected_light(others + 3 * (number * K + k), x_mm, y_mm, z, here_p, here_q)
-            - expected_light(lights + 3 * k, x_mm, y_mm, z, here_p, here_q);
+        const float changed = bounced && earlier ? thrown - earlier[at] : 0.0f;
+        const float common = (float)sign_ * wrong * thrown + (float)settling * changed
+            + expected_light(others + 3 * (number * K + k), x_mm, y_mm, z, a, b)
+            - expected_light(lights + 3 * k, x_mm, y_mm, z, a, b);
         const float change = common + noise * drawn(k * H * W + i, key);
         total_p += by_p[at] * change;
         total_q += by_q[at] * change;
     }
     p[i] = clamp(total_p, -STEEPEST, STEEPEST);
     q[i] = clamp(total_q, -STEEPEST, STEEPEST);
+    if (misfit) {
+        const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
+        const float turn = per_mm * (across * x_mm + down * y_mm) + phase;
+        const float tilted = fmin(sqrt(a * a + b * b) / TILTED, 1.0f);
+        const float lean = 1.4142136f * misfit[0] * tilted * cos(turn);
+        const float along = lean * (across * a + down * b);
+        p[i] = clamp(p[i] + lean * across + along * a, -STEEPEST, STEEPEST);
+        q[i] = clamp(q[i] + lean * down + along * b, -STEEPEST, STEEPEST);
+    }
 }
 
 // By how much step number x of a line of `size` steps differs from those beside it.
