@@ -406,9 +406,9 @@ def _launch(run: Launch) -> None:
     for number in range(ERRORS):
         keys = _keys(settings["seed"], number)
         run.kernel(
-            "err_slopes", shape, of["light"], of["sigma"], of["height"], of["slope"],
-            of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
-            pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
+            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
             misfit, bounced, earlier, SIGNS[number], SETTLING[number], *_wave(number),
         )  # fmt: skip
         run.kernel(
@@ -434,9 +434,10 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
         "free_part", shape,
         run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
     )  # fmt: skip
+    by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
-        run.kernel("blur", shape, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
-        run.kernel("blur", shape, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+        run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
+        run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out = run.outputs["height_error"]
     run.kernel("deviation", frame, total, weight, free, out, *frame, *solver.place)
 

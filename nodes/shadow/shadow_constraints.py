@@ -218,7 +218,7 @@ def _launch(run: Launch) -> None:
         of["light"], of["slope"], of["height"], of["lights"], part, *sizes, pixel,
     )  # fmt: skip
     run.kernel(
-        "measure", sizes,
+        "measure", run.in_row_lanes(*sizes),
         of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part, top, rise,
         *sizes, pixel, run.settings["step_px"], run.settings["longest_px"],
     )  # fmt: skip
