@@ -113,7 +113,7 @@ def height_error(
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Send errors through the solver of `integrate_weighted` and see what they do.
+    """Return the standard deviation of the height: errors sent through the solver.
 
     The height is, given the weights, linear in what it is made of.  A few random errors of
     the right size are integrated like slopes; the mean square of what comes out, averaged
