@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from statistics import median
 from typing import Any
 
@@ -81,11 +81,15 @@ class Items:
         if self._device is not None:
             self._device.forget()
 
-    def settings_changed(self) -> None:
-        """Work out sizes and launches anew: they may follow from settings."""
-        self._sized = {}
-        if self._device is not None:
-            self._device.drop_launches()
+    def settings_changed(self, tasks: Iterable[str]) -> None:
+        """Work out anew what follows from settings of nodes: sizes and launches.
+
+        Behind them sizes are worked out anew, too; launches only where sizes are others.
+        """
+        for name in tasks:
+            self._sized.pop(name, None)
+            if self._device is not None:
+                self._device.drop_launch(name)
 
     def end(self) -> None:
         """Close what the nodes keep; what runs once and kept something has to open it again."""
