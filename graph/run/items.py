@@ -75,6 +75,14 @@ class Items:
             self._device.remember()
         return Result(outputs, dict(self.times), self._plan, list(self.notes), item, total)
 
+    def rehearse(self, given: Mapping[str, Any]) -> None:
+        """Compute an item that nobody sees: kernels are compiled, and caches filled."""
+        assert self._known is not None
+        self.begin()
+        with collect_warnings([]):
+            self._compute(self._stream[0], self._known, given)
+        self.forget()
+
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
         self.host.forget()

@@ -15,6 +15,7 @@ from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.items import Items
+from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.result import Result
@@ -121,6 +122,7 @@ class Pipeline:
     def _all_items(
         self, source: Task, repeats: int, mine: object, begun: SourceStream | None
     ) -> Iterator[Result]:
+        self._rehearse(source)
         keywords = {**source.settings, **self._items.host.session(source)}
         self._items.ended = False
         with collect_warnings(self._items.notes):
@@ -135,6 +137,17 @@ class Pipeline:
                 self._items.times[source.id] = stream.milliseconds
                 result = self._items.item({source.id: item}, repeats)
             yield result
+
+    def _rehearse(self, source: Task) -> None:
+        """Run an item before the source is begun, if that has one, and no node would keep it."""
+        make = source.node.make_rehearsal
+        others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
+        if make is None or any(t.node.session for t in others if t is not source):
+            return
+        with self._turn, Blaming(source):
+            item = make(**source.settings)
+        with self._turn:
+            self._items.rehearse({source.id: item})
 
     def begin(self, /, **values: Any) -> SourceStream | None:
         """Begin the stream that is there after `aim` with the same values.

@@ -128,7 +128,7 @@ def label_highlights(
     return Highlights(highlight, np.asarray(raised, np.float32))
 
 
-label_highlights.opencl(grid="H W", lanes=True)
+label_highlights.opencl(grid="H W", lanes="grid")
 
 
 def _fit(light: F4, sigma: F4, vectors: F4) -> _Fit:
