@@ -54,7 +54,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # The planner pulls in networkx and pydantic; a node file needs neither.
+    # The planner pulls in pydantic; a node file needs neither.
     if name == "load":
         from tactograph.graph.run.open_pipeline import load
 

@@ -70,7 +70,7 @@ def _converters(node: Node) -> dict[str, Convert]:
 
 
 def _converter(annotation: Any) -> Convert:
-    """Numbers are passed as they are, tuples one by one, a choice by its index."""
+    """Pass a number itself, a tuple item by item, a choice by its index."""
     found = scalar_type(annotation)
     assert found is not None
     c_type, count, choices = found

@@ -108,7 +108,7 @@ class Prepared:
         return outputs, (event, event)
 
     def _kernel(self, inputs: Mapping[str, Any]) -> Kernel:
-        """The kernel, compiled for the integers of images that came as they were."""
+        """The kernel, compiled for float images or for the camera's integers."""
         node, whole = self._node, self._declared.whole
         dtype = np.dtype(np.float32) if whole is None else inputs[whole].dtype
         if dtype not in self._kernels:

@@ -125,7 +125,7 @@ def _workers(number: int, scheduler: str | None, scheduler_file: str | None) -> 
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
-    """Tell once what workers run elsewhere than it was wanted."""
+    """Report each fallback of a worker once."""
     told: set[str] = set()
     for tally in tallies:
         for line in tally.fallbacks:

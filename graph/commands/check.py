@@ -28,7 +28,7 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     read = with_changes(read_graph(graph), read_settings(settings))
     bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
     device, reason = open_device(bound)
-    # Where nodes run is not told here, so that nothing is loaded to find out.
+    # `check` does not say where nodes run, so it need not load a device.
     anywhere = replace(read, prefer=("numpy",))
     plan = make_plan(anywhere, placeholders(read), device=device, no_device=reason)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")

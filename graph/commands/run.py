@@ -52,7 +52,7 @@ def command(
             for warning in result.warnings:
                 if warning not in told:
                     say(f"warning: {warning}", err=True)
-            # A fault of a camera is told whenever it comes back.
+            # A camera's fault is reported whenever it comes back.
             told = {*(() if pipeline.endless else told), *result.warnings}
             if not quiet and (not pipeline.endless or count == 1):
                 say(_summary(count, result))

@@ -67,7 +67,7 @@ def make_record(
 
 
 def _code(study: Study) -> dict[str, str]:
-    """The code of every node of the study's graphs, as far as it is there."""
+    """The hash of the code of every node of the study's graphs that can be found."""
     found: dict[str, str] = {}
     for graph in study.graphs:
         with suppress(TactographError):  # a row of the table says what is wrong

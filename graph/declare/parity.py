@@ -135,7 +135,7 @@ def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> s
 def _on_device(
     node: Node, device: DeviceBackend, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """The outputs, and the inputs as they are afterwards."""
+    """The outputs, and the inputs after the launch."""
     whole = node.kernels.whole if case.fill in WHOLE else None
     if whole is not None:
         dtype, full = WHOLE[case.fill]

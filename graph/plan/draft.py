@@ -1,4 +1,4 @@
-"""What the passes hand on: the graph's values and tasks, as far as they are resolved."""
+"""What the passes hand on: the graph's values and tasks, resolved step by step."""
 
 from __future__ import annotations
 

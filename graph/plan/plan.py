@@ -14,7 +14,7 @@ from tactograph.graph.plan.sizes import SizeClasses
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a node runs and why; `fallback` if it was wanted elsewhere."""
+    """Where a node runs and why; `fallback` if a preferred back end could not run it."""
 
     backend: str
     why: str
@@ -66,7 +66,7 @@ class Plan:
 
     @property
     def fallbacks(self) -> list[str]:
-        """What runs elsewhere than it was wanted, a line for each reason."""
+        """The nodes that fell back to another back end, a line for each reason."""
         alike: dict[Placement, list[str]] = {}
         for node_id, placement in self.placements.items():
             if placement.fallback:

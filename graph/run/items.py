@@ -100,7 +100,7 @@ class Items:
                 self._device.drop_launch(name)
 
     def end(self) -> None:
-        """Close what the nodes keep; what runs once and kept something has to open it again."""
+        """Close what the nodes keep; a node outside the stream that kept something runs again."""
         self.forget()
         if any(not self._plan.tasks[name].stream for name in self.host.sessions):
             self._known = None
@@ -193,8 +193,8 @@ class Items:
             else:
                 keywords = {}
                 if task.node.provenance is not None:
-                    told = make_provenance(self._plan, self.times, sized.derived, self.notes)
-                    keywords[task.node.provenance] = told
+                    provenance = make_provenance(self._plan, self.times, sized.derived, self.notes)
+                    keywords[task.node.provenance] = provenance
                 made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
                 shapes = self.host.enter(task, step, made)
             known = self._plan.sizes.behind(task, sized, shapes)
@@ -204,7 +204,7 @@ class Items:
 
 
 def _split(plan: Plan, *, stream: bool) -> tuple[list[Step], list[Step]]:
-    """The steps that compute and the sinks, of the stream or of what runs once."""
+    """The steps that compute and the sinks, of the stream or outside it."""
     steps = [step for step in plan.steps if step.stream == stream]
     sinks = [s for s in steps if s.kind == "run" and plan.tasks[s.name].node.sink]
     return [step for step in steps if step not in sinks], sinks

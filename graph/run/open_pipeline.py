@@ -48,7 +48,7 @@ def load(
     device
         A part of the name of the OpenCL device to use.
     strict
-        Refuse to run anything elsewhere than it was wanted.
+        Raise an error where a node would fall back to another back end.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
@@ -61,7 +61,7 @@ def load(
     Returns
     -------
     Pipeline
-        What runs elsewhere than it was wanted is told by a warning.
+        A warning names each node that falls back to another back end, and why.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def open_pipeline(
     Raises
     ------
     InputError
-        Also if `strict` and a node would run elsewhere than it was wanted.
+        Also if `strict` and a node would fall back to another back end.
     """
     if backend is not None:
         if backend not in BACKENDS:

@@ -177,7 +177,7 @@ class Pipeline:
         return any(task.node.endless for task in self.plan.tasks.values())
 
     def aim(self, /, **values: Any) -> None:
-        """Give other values to params of the graph that only what runs per item takes.
+        """Give other values to params of the graph that only the stream's nodes take.
 
         So a pipeline goes on to another capture, or another folder for its results, with
         its calibration, plan and kernels kept.
@@ -185,7 +185,7 @@ class Pipeline:
         Raises
         ------
         InputError
-            If the graph has no such param, or what runs once depends on it.
+            If the graph has no such param, or a node outside the stream depends on it.
         """
         graph, given = self.plan.graph, {**self.plan.given, **values}
         for name in values:

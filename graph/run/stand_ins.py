@@ -43,7 +43,7 @@ class StandIns:
         return {name: _checked_stack(array).view() for name, array in arrays.items()}
 
     def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-        """What the nodes would have yielded; integers stay as they are for the device alone."""
+        """What the nodes would have yielded; integers stay integers for the device alone."""
         return {name: self._yielded(name, stack) for name, stack in stacks.items()}
 
     def _yielded(self, name: str, stack: NDArray[Any]) -> Any:

@@ -9,6 +9,7 @@
 #define SINGULAR 1e-4f
 #define SHARPEST 2.0f
 #define NARROWEST 1e-3f
+#define TILTED 0.1f
 #define MOST 8
 
 // +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
@@ -87,9 +88,9 @@ __kernel void respond(
     }
 }
 
-// An error of the slopes inside the window: the lights' noise, and what all pixels of an LED
-// have in common, the LEDs being elsewhere; and a
-// share of what the film's model has taken from the light.
+// An error of the slopes inside the window: the lights' noise, what all pixels of an LED have in
+// common, the LEDs being elsewhere and bounced light uncertain; and normals that lean where the
+// film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
@@ -98,41 +99,51 @@ LANED __kernel void err_slopes(
     __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
     const int frame_width, const int top, const int left, const int H, const int W,
     const float pixel, const int number, const float flat_noise, const uint key,
-    __global const float *misfit, __global const float *seen,
-    __global const float *bounced, const float bounce, const float across, const float down, const float phase,
+    __global const float *misfit, __global const float *bounced, __global const float *earlier,
+    const int sign_, const int settling, const float across, const float down, const float phase,
     const float length_)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
-    const int frame_size = frame_height * frame_width, modelled = misfit && seen;
+    const int frame_size = frame_height * frame_width;
     const int i = row * W + column, from = (top + row) * frame_width + left + column;
-    const floats x = ((float)(left + column) + LANE_NUMBERS - 0.5f * (float)(frame_width - 1)) * pixel;
+    const float middle = 0.5f * (float)(frame_width - 1);
+    const floats x = ((float)(left + column) + LANE_NUMBERS - middle) * pixel;
     const floats y = ((float)(top + row) - 0.5f * (float)(frame_height - 1)) * pixel;
-    const floats z = load_floats(height + from, count), none = 0.0f;
-    const floats here_p = load_floats(slope + from, count);
-    const floats here_q = load_floats(slope + frame_size + from, count);
-    const floats nz = 1.0f / sqrt(1.0f + here_p * here_p + here_q * here_q);
-    floats total_p = 0.0f, total_q = 0.0f, wave = 0.0f;
-    if (modelled) {
-        const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
-        wave = 1.4142136f * misfit[0] * cos(per_mm * (across * x + down * y) + phase);
-    }
+    const floats z = load_floats(height + from, count), none = 0.0f, whole = 1.0f;
+    const floats a = load_floats(slope + from, count);
+    const floats b = load_floats(slope + frame_size + from, count);
+    const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
+    const float wrong = misfit ? misfit[3] : 0.0f;
+    floats total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
-        const floats lit = load_floats(light + at, count), flat = flat_noise * lit;
+        const floats flat = flat_noise * load_floats(light + at, count);
         const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
-        const floats taken = modelled ? lit - load_floats(seen + at, count) + thrown : none;
+        const floats changed =
+            bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
         const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
         const Vector known = light_vector(lights + 3 * k, x, y, z);
-        const floats common = wave * taken + bounce * thrown
-            + (there.z - there.x * here_p - there.y * here_q) * nz
-            - (known.z - known.x * here_p - known.y * here_q) * nz;
+        const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
+            + (there.z - there.x * a - there.y * b) * nz
+            - (known.z - known.x * a - known.y * b) * nz;
         const floats change = common + noise * drawn_from(k * H * W + i, key);
         total_p += load_floats(by_p + at, count) * change;
         total_q += load_floats(by_q + at, count) * change;
     }
-    store_floats(clamp(total_p, -STEEPEST, STEEPEST), p + i, count);
-    store_floats(clamp(total_q, -STEEPEST, STEEPEST), q + i, count);
+    total_p = clamp(total_p, -STEEPEST, STEEPEST);
+    total_q = clamp(total_q, -STEEPEST, STEEPEST);
+    if (misfit) {
+        const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
+        const floats turn = per_mm * (across * x + down * y) + phase;
+        const floats steep = sqrt(a * a + b * b) / TILTED, tilted = LESS_OF(steep, whole);
+        const floats lean = 1.4142136f * misfit[0] * tilted * cos(turn);
+        const floats along = lean * (across * a + down * b);
+        total_p = clamp(total_p + lean * across + along * a, -STEEPEST, STEEPEST);
+        total_q = clamp(total_q + lean * down + along * b, -STEEPEST, STEEPEST);
+    }
+    store_floats(total_p, p + i, count);
+    store_floats(total_q, q + i, count);
 }
 
 // By how much step number x of a line of `size` steps differs from those beside it.

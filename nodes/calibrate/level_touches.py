@@ -15,6 +15,9 @@ from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
 from tactograph.nodes.light.light_noise import light_noise
 
+DEGREE, ROUGH = 2, 0.01
+"""Of the polynomial that the light of the film at rest departs by, and how rough film is."""
+
 
 @node(neutral="light")
 def level_touches(
@@ -22,8 +25,8 @@ def level_touches(
     flat: Light,
     noise: Noise,
     *,
-    degree: Annotated[int, Interval(ge=0, le=2)] = 2,
-    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
+    degree: Annotated[int, Interval(ge=0, le=2)] = DEGREE,
+    rough: Annotated[float, Interval(ge=0, le=0.1)] = ROUGH,
 ) -> SheetLight:
     """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
 

@@ -48,7 +48,7 @@ def read_image(file: Path) -> NDArray[Any]:
             _check_plain(image, file)
             plane = np.asarray(image)
             plain = image.mode == "L"
-        # Pillow tells damage precisely, but does not keep every depth as it is.
+        # Pillow reports damage precisely, but converts some bit depths.
         found = plane if plain else cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     except UnidentifiedImageError:
         raise InputError(f"{file}: not an image, or damaged at its start") from None
@@ -111,7 +111,7 @@ def read_truth(file: Path) -> NDArray[np.float32]:
         raise InputError(f"{file}: a height map is one two-dimensional array of numbers")
     if not array.size:
         raise InputError(f"{file}: a height map of shape {array.shape} holds no pixel")
-    with np.errstate(over="ignore"):  # what is too large for float32 becomes infinite, and told
+    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
         height = np.asarray(array, np.float32)
     if not np.isfinite(height).all():
         raise InputError(f"{file}: holds NaN or infinite values")

@@ -17,7 +17,7 @@ def as_seen(height: Height, lens: Lens) -> Height:
 
     Values between pixels are interpolated by cubic convolution.  Pixels that look beyond the
     ideal grid, at the border of an image with barrel distortion, repeat its border.  Without a
-    lens the height is returned as it is, to the bit.
+    lens the height is returned unchanged, to the bit.
 
     Parameters
     ----------

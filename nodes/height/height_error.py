@@ -51,11 +51,13 @@ SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 SHARE = np.float32(1 / ERRORS)
-WAVES = 6.0, 12.0
+WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
-SIGNS = 1, -1, -1, 1, -1, 1, 1, -1
-"""Of an error that is whole in each, so that it hardly adds to another that is."""
+SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
+"""Of errors that are whole in each, so that they hardly add to one another."""
+TILTED = np.float32(0.1)
+"""Slope from which a model errs as it did on presses; film at rest is known by the flat frame."""
 NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
@@ -94,8 +96,8 @@ def height_error(
     pixel: PixelSize,
     mask: Mask | None = None,
     misfit: Misfit | None = None,
-    seen: Light | None = None,
     bounced: Light | None = None,
+    earlier: Light | None = None,
     *,
     robust: Annotated[float, Gt(0)] = 2.5,
     bend: Annotated[float, Ge(0)] = 0.25,
@@ -104,7 +106,6 @@ def height_error(
     flat_noise: Annotated[float, Ge(0)] = 1.0,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
-    bounce: Annotated[float, Interval(ge=0, le=1)] = 0.25,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
@@ -119,10 +120,12 @@ def height_error(
     - an error of the calibration, common to all pixels: by how much the film's light would
       differ from the one found if the LEDs were where the calibration allows them to be too
       (on the film at rest it would not, by the flat frame);
-    - an error of the film's model: a share of what it has taken from the light is wrong, over
-      some width alike.  Waves of two lengths in four directions, twice each, a quarter of a
-      wave apart, so that their squares add up to the same everywhere;
-    - an error of the light that the film throws on itself: so much of it is wrong all over;
+    - an error of the film's model: normals that lean by what was left over on presses held out,
+      and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
+      wave apart, so that their squares add up to the same everywhere.  Only the part of such a
+      field that leans along its wave moves a height, which is half of it;
+    - two errors of the light that the film throws on itself: the share of it by which the
+      calibration's presses disagree, and what the last pass has still changed;
     - what two or four slopes leave of a step, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
     - and one that all steep steps have in common: where the slope turns within a pixel, at
@@ -148,11 +151,10 @@ def height_error(
     others
         8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
     misfit
-        (share, width in mm) of the error of what the film's model takes from the light.
-    seen
-        K x H x W, the light before the model; without it, or `misfit`, the model is exact.
-    bounced
-        K x H x W, the light that the film throws on itself, which `light` is without.
+        What the film's model leaves; without it the model is exact.
+    bounced, earlier
+        K x H x W, the light that the film throws on itself, which `light` is without; and as the
+        pass before had it.
     flat_noise
         Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
         it is the mean of n.
@@ -160,8 +162,6 @@ def height_error(
         Error of a step, in px, per difference of the slopes at its ends.
     kink
         Common error of all steps, in px, where that difference is 1.
-    bounce
-        Share of the bounced light that is wrong: its cells are coarse and hide nothing.
     steps
         Conjugate gradients per error.
     seed
@@ -205,15 +205,19 @@ def height_error(
     total = np.zeros_like(level)
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
-    taken = None if seen is None or misfit is None else inside - window.of(seen) + thrown
+    changed = np.zeros_like(thrown)
+    if bounced is not None and earlier is not None:
+        changed = thrown - window.of(earlier)
+    wrong = np.float32(0) if misfit is None else misfit[3]
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
         keys = _keys(seed, number)
         common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
-        if misfit is not None and taken is not None:
-            common += taken * _wave_at(misfit, number, x, y)
-        common += np.float32(SIGNS[number] * bounce) * thrown
+        common += np.float32(SIGNS[number]) * wrong * thrown
+        common += np.float32(SETTLING[number]) * changed
         p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
+        if misfit is not None:
+            p, q = _leaning(p, q, slopes, misfit, number, x, y)
         across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
         right = (p[:, 1:] + p[:, :-1]) * half
         down = (q[1:] + q[:-1]) * half
@@ -246,12 +250,18 @@ def _wave(number: int) -> _Wave:
     return _Wave(*map(np.float32, numbers))
 
 
-def _wave_at(misfit: Misfit, number: int, x: F4, y: F4) -> F4:
-    """The share of the model's correction that is wrong."""
-    wave = _wave(number)
+def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4) -> tuple[F4, F4]:
+    """Slopes plus those by which normals lean that the model gets wrong."""
+    wave, (a, b) = _wave(number), slopes
     per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
     turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
-    return np.asarray(np.float32(math.sqrt(2)) * misfit[0] * np.cos(turn), np.float32)
+    tilted = np.minimum(np.sqrt(a * a + b * b) / TILTED, np.float32(1))
+    lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turn)
+    along = lean * (wave.across * a + wave.down * b)
+    return (
+        np.clip(p + lean * wave.across + along * a, -STEEPEST, STEEPEST),
+        np.clip(q + lean * wave.down + along * b, -STEEPEST, STEEPEST),
+    )
 
 
 class _Keys(NamedTuple):
@@ -383,7 +393,7 @@ def _launch(run: Launch) -> None:
         solver.solve(wants, moved, settings["steps"], enough)
         run.kernel("add_square", (size,), moved, total, size, share)
 
-    misfit, seen = run.inputs.get("misfit"), run.inputs.get("seen")
+    misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
     def err_rises(error: float, key: int) -> None:
         if ties:
@@ -399,10 +409,9 @@ def _launch(run: Launch) -> None:
         keys = _keys(settings["seed"], number)
         run.kernel(
             "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
-            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
-            misfit, seen, run.inputs.get("bounced"), SIGNS[number] * settings["bounce"],
-            *_wave(number),
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns,
+            *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            misfit, bounced, earlier, SIGNS[number], SETTLING[number], *_wave(number),
         )  # fmt: skip
         run.kernel(
             "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,

@@ -90,7 +90,7 @@ def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
     """2 pi v / M and 2 pi u / N in radians per pixel, half a spectrum wide."""
     v = 2 * np.pi * fftfreq(shape[0])[:, None]
     u = 2 * np.pi * rfftfreq(shape[1])[None, :]
-    # A slope cannot be told at the highest even frequency: sin(pi x) is 0 on every pixel.
+    # The highest even frequency carries no slope: sin(pi x) is 0 on every pixel.
     if shape[0] % 2 == 0:
         v[shape[0] // 2] = 0
     if shape[1] % 2 == 0:

@@ -27,7 +27,7 @@ SLIPPED = 3
 DARK_CYCLES = 3
 """An LED that stays dark so often while others light is taken to be burnt out."""
 PHASES = 8
-"""Delays of the camera that are told apart, in parts of a step of the cycle."""
+"""Delays of the camera that are distinguished, in parts of a step of the cycle."""
 FORGET = 0.9
 """What remains of a delay's score with every frame."""
 
@@ -113,7 +113,7 @@ class Matcher:
         data
             H x W, the frame.
         time
-            The end of its exposure as the camera told it, s of time.monotonic().
+            The end of its exposure as the camera reported it, s of time.monotonic().
         """
         if 0 in self.cycle and not self._ambient_known and data.shape == self.film.size:
             return self._learn_ambient(data)

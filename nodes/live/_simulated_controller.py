@@ -52,7 +52,7 @@ class SimulatedController:
     burnt_out
         LEDs that give no light.
     garble
-        What becomes of each line on its way to the host; None: it arrives as it is.
+        What becomes of each line on its way to the host; None: it arrives unchanged.
     """
 
     def __init__(

@@ -46,7 +46,7 @@ def tell(line: str) -> None:
 def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, Dark]:
     """Take the untouched film, one LED lit after the other, and none.
 
-    Which LED a frame belongs to cannot be told from its image yet, and needs not be.
+    The image does not show yet which LED a frame belongs to, and need not.
 
     Returns
     -------

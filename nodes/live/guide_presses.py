@@ -67,7 +67,7 @@ def guide_presses(
 
     The untouched film is taken with one LED lit after the other, and with none.  A press is
     taken by itself: the light differs from that of the untouched film, and then is still.
-    No key has to be pressed.  A press that shows no ball is told and left out.  What is asked
+    No key has to be pressed.  A press that shows no ball is reported and left out.  What is asked
     for appears on the terminal at once.
 
     All images are kept beside `file`: ``cal_presses/untouched``, ``cal_presses/dark.png`` and

@@ -41,7 +41,7 @@ def read_camera(
 
     A frame is matched to its LED by its image, which shows the film at rest under one of the
     LEDs, and by the controller's clock; both have to agree.  What shows two LEDs, none, the
-    wrong one, or not the film at all is counted, told and discarded.  Camera and controller
+    wrong one, or not the film at all is counted, reported and discarded.  Camera and controller
     are opened again whenever they fail.
 
     Parameters
@@ -57,7 +57,7 @@ def read_camera(
     rate
         Frames per second, and steps of the LEDs per second.
     exposure, gain, white_balance
-        In the driver's units; None leaves them as they are.  Automatic ones are turned off.
+        In the driver's units; None does not change them.  Automatic ones are turned off.
     refresh
         "rolling": each frame replaces the older one of its LED, a touch per frame.  "cycle":
         a touch whenever all LEDs are new.

@@ -55,7 +55,7 @@ def replay(
         For recordings that hold frames with all LEDs off: what of those is the camera's own
         dark, which the graph takes off by itself.
     speed
-        1: as it was recorded; 2: twice as fast; 0: as fast as possible.
+        1: at the recorded pace; 2: twice as fast; 0: as fast as possible.
     refresh
         "rolling": a touch with every frame, each replacing the older one of its LED.
         "cycle": a touch whenever all LEDs are new.

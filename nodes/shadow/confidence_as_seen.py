@@ -15,7 +15,7 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     """Return the confidence in the labels that each pixel of the camera sees.
 
     It is that of the nearest ideal pixel, as with `labels_as_seen`.  Without a lens it is
-    returned as it is.
+    returned unchanged.
 
     Parameters
     ----------
