@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._near_light import F8, expected_light, light_vectors, places, vectors_at
 
 FEWEST = 3
