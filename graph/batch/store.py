@@ -221,7 +221,7 @@ class Store:
             dtype=kind.dtype,
             chunks=(1, *kind.shape),
             shards=(self.job.chunk, *kind.shape),
-            compressors=BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"),
+            compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
             dimension_names=("capture", *kind.dims),
             attributes={"unit": kind.unit, "dims": list(kind.dims)},
@@ -265,6 +265,10 @@ class Store:
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
         """Put values among those of the chunk that are there, and write the chunk at once."""
         array = self._array(name)
+        if len(values) == here.stop - here.start:
+            # Nothing of the chunk that is there stays.
+            array[here] = np.array([values[n] for n in range(here.start, here.stop)], array.dtype)
+            return
         block = np.array(self._read(name, here))
         for number, value in values.items():
             block[number - here.start] = value

@@ -85,6 +85,7 @@ class Node:
     endless: bool = False
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
+    make_rehearsal: Callable[..., Any] | None = None
     kernel_package: str = "tactograph.kernels"
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
 
@@ -232,4 +233,13 @@ class Node:
         what it leaves out is drawn from the port's own range.
         """
         self.make_example = function
+        return function
+
+    def rehearsal(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Register a maker of an item as the source yields them, for what cannot wait.
+
+        The graph runs once on it, without its sinks, before the source is begun: so kernels
+        are compiled before a camera opens.  It is called with the node's settings.
+        """
+        self.make_rehearsal = function
         return function

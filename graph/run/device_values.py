@@ -109,9 +109,9 @@ class DeviceValues:
         """The steps that are timed."""
         return list(self._timers)
 
-    def drop_launches(self) -> None:
-        """Forget how nodes are launched: settings changed."""
-        self._launches = {}
+    def drop_launch(self, task: str) -> None:
+        """Forget how a node is launched: its settings changed."""
+        self._launches.pop(task, None)
 
     def remember(self) -> None:
         """Keep what the next item recalls."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from statistics import median
 from typing import Any
 
@@ -75,17 +75,29 @@ class Items:
             self._device.remember()
         return Result(outputs, dict(self.times), self._plan, list(self.notes), item, total)
 
+    def rehearse(self, given: Mapping[str, Any]) -> None:
+        """Compute an item that nobody sees: kernels are compiled, and caches filled."""
+        assert self._known is not None
+        self.begin()
+        with collect_warnings([]):
+            self._compute(self._stream[0], self._known, given)
+        self.forget()
+
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
         self.host.forget()
         if self._device is not None:
             self._device.forget()
 
-    def settings_changed(self) -> None:
-        """Work out sizes and launches anew: they may follow from settings."""
-        self._sized = {}
-        if self._device is not None:
-            self._device.drop_launches()
+    def settings_changed(self, tasks: Iterable[str]) -> None:
+        """Work out anew what follows from settings of nodes: sizes and launches.
+
+        Behind them sizes are worked out anew, too; launches only where sizes are others.
+        """
+        for name in tasks:
+            self._sized.pop(name, None)
+            if self._device is not None:
+                self._device.drop_launch(name)
 
     def end(self) -> None:
         """Close what the nodes keep; a node outside the stream that kept something runs again."""

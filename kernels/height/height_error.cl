@@ -107,7 +107,8 @@ LANED __kernel void err_slopes(
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int frame_size = frame_height * frame_width;
     const int i = row * W + column, from = (top + row) * frame_width + left + column;
-    const floats x = ((float)(left + column) + LANE_NUMBERS - 0.5f * (float)(frame_width - 1)) * pixel;
+    const float middle = 0.5f * (float)(frame_width - 1);
+    const floats x = ((float)(left + column) + LANE_NUMBERS - middle) * pixel;
     const floats y = ((float)(top + row) - 0.5f * (float)(frame_height - 1)) * pixel;
     const floats z = load_floats(height + from, count), none = 0.0f;
     const floats a = load_floats(slope + from, count);
@@ -117,7 +118,7 @@ LANED __kernel void err_slopes(
     floats total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
-        const floats lit = load_floats(light + at, count), flat = flat_noise * lit;
+        const floats flat = flat_noise * load_floats(light + at, count);
         const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
         const floats changed = bounced && earlier ? thrown - load_floats(earlier + at, count) : none;

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Interval
 
@@ -119,3 +119,10 @@ def read_camera(
         yield from stream.touches(timeout_s / 2, seconds, items)
     finally:
         sensor.close()
+
+
+@read_camera.rehearsal
+def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
+    """The film at rest, as the calibration knows it."""
+    known = read_calibration(file=calibration)
+    return Touch(known.flat + known.dark, "", 0.0, [], LiveState())

@@ -30,10 +30,11 @@ from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, open_store
+from tactograph.graph.batch.store import DONE, FAILED, PENDING, Job, Store, open_store
 from tactograph.graph.batch.store_lock import alone_in
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import Command, Write
 
 LIT = """
@@ -152,7 +153,7 @@ def test_what_is_finished_is_not_done_again(
     monkeypatch.setattr(
         worker,
         "_attempt",
-        lambda p, job, place, t: (ran.append(place), attempt(p, job, place, t))[1],
+        lambda p, place, *more: (ran.append(place), attempt(p, place, *more))[1],
     )
     batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert [Path(place).name for place in ran] == ["capture_99"]
@@ -174,6 +175,35 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(
         rows = list(csv.DictReader(table))
     assert [row["status"] for row in rows].count("failed") == 1
     assert "not an image" in rows[2]["reason"]
+
+
+def test_the_next_capture_is_read_while_one_is_computed(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each capture waits, before it is computed, until the one behind it has been read."""
+    read = {place.name: threading.Event() for place in captures}
+    begin, attempt = worker._read, worker._attempt
+
+    def note(pipeline: Pipeline, job: Job, place: str) -> object:
+        ready = begin(pipeline, job, place)
+        read[Path(place).name].set()
+        return ready
+
+    def wait(pipeline: Pipeline, place: str, *more: object) -> object:
+        names = list(read)
+        behind = names.index(Path(place).name) + 1
+        same_chunk = behind % 3 and behind < len(names)
+        assert not same_chunk or read[names[behind]].wait(60)
+        return attempt(pipeline, place, *more)
+
+    monkeypatch.setattr(worker, "_read", note)
+    monkeypatch.setattr(worker, "_attempt", wait)
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr")[0] == 0
 
 
 def test_failed_captures_are_done_again_only_when_asked(

@@ -35,6 +35,18 @@ def test_a_source_may_yield_many_touches(toys: list[str], write: Write, backend:
 
 
 @BACKENDS
+def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
+    pipeline = opened(write(text), backend)
+    with pytest.raises(KeyboardInterrupt):
+        list(pipeline.items())
+    found = [call for call in toys if call != "at_rest"]
+    assert found == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
+
+
+@BACKENDS
 def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(
     toys: list[str], write: Write, backend: str
 ) -> None:
