@@ -8,6 +8,7 @@
 #define STEEPEST 3.0f
 #define SINGULAR 1e-4f
 #define SHARPEST 2.0f
+#define SHARP 0.5f
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
 #define FLAT 0.3f
@@ -265,16 +266,42 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
+// What the height of a pixel departs from its neighbours by, beyond a film's bend.
+static float bent(
+    __global const float *height, const int y, const int x, const int H, const int W,
+    const float most)
+{
+    const float here = 2.0f * height[y * W + x];
+    const float across = height[y * W + min(x + 1, W - 1)] - here + height[y * W + max(x - 1, 0)];
+    const float along = height[min(y + 1, H - 1) * W + x] - here + height[max(y - 1, 0) * W + x];
+    return fmax(sqrt(across * across + along * along) - most, 0.0f);
+}
+
+// An edge that no pixel resolves may as well lie in the next.
+static float unresolved(
+    __global const float *height, const int row, const int column, const int H, const int W,
+    const float pixel)
+{
+    float found = 0.0f;
+    for (int y = max(row - 1, 0); y <= min(row + 1, H - 1); ++y)
+        for (int x = max(column - 1, 0); x <= min(column + 1, W - 1); ++x)
+            found = fmax(found, bent(height, y, x, H, W, SHARP * pixel));
+    return 0.5f * found;
+}
+
 // The root of the mean variance over the frame; zero where nothing is free.
 __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
-    __global const float *restrict freed, __global float *restrict out, const int frame_height,
-    const int frame_width, const int top, const int left, const int H, const int W)
+    __global const float *restrict freed, __global const float *restrict height,
+    __global float *restrict out, const int frame_height, const int frame_width, const int top,
+    const int left, const int H, const int W, const float pixel)
 {
     GRID_2(row, column, frame_height, frame_width)
     const int y = row - top, x = column - left, i = y * W + x;
     float found = 0.0f;
-    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f)
-        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f));
+    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f) {
+        const float edge = unresolved(height, row, column, frame_height, frame_width, pixel);
+        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f) + edge * edge);
+    }
     out[row * frame_width + column] = found;
 }

@@ -66,6 +66,8 @@ NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
+SHARP = np.float32(0.5)
+"""Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
 """The share of the steps' energy that may be left to gain."""
 
@@ -133,6 +135,8 @@ def height_error(
       calibration's presses disagree, and what the last pass has still changed;
     - what two or four slopes leave of a step, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
+    - where the slope differs by more than a half from pixel to pixel, that the edge may lie in
+      the pixel beside it;
     - and one that all steep steps have in common: where the slope turns within a pixel, at
       rims and ridges, the slopes understate what is climbed, and the cap behind the rim
       comes out low as a whole.  It grows with the cube of the turn, as far as two.
@@ -236,8 +240,23 @@ def height_error(
     if mask is not None:
         free &= window.of(mask) != 0
     out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = _smooth_deviation(total, free.astype(np.float32))
+    spread = _smooth_deviation(total, free.astype(np.float32))
+    edge = window.of(_unresolved(height, pixel))
+    out[window.rows, window.columns] = np.sqrt(spread * spread + edge * edge) * free
     return out
+
+
+def _unresolved(height: Height, pixel: float) -> F4:
+    """Half of what the height at an edge differs from the mean of its neighbours, beyond a film's.
+
+    An edge that a pixel does not resolve may as well lie in the next.
+    """
+    around = np.pad(height, 1, mode="edge")
+    across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
+    along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
+    bend = np.sqrt(across * across + along * along) - SHARP * np.float32(pixel)
+    beyond = np.maximum(bend, np.float32(0)) * np.float32(0.5)
+    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
 
 
 class _Wave(NamedTuple):
@@ -449,7 +468,9 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out = run.outputs["height_error"]
-    run.kernel("deviation", frame, total, weight, free, out, *frame, *solver.place)
+    pixel = float(run.inputs["pixel"])
+    planes = total, weight, free, run.inputs["height"], out
+    run.kernel("deviation", frame, *planes, *frame, *solver.place, pixel)
 
 
 @height_error.example

@@ -391,6 +391,15 @@ def test_bounced_light_that_has_not_settled_is_an_error() -> None:
     assert bounced_error(bounced=thrown(0.2), earlier=thrown(0.16)).max() > 1.5 * settled.max()
 
 
+def test_an_edge_may_lie_in_the_pixel_beside_it() -> None:
+    z = np.zeros(SHAPE, np.float32)
+    z[10:30, 20:44] = 1
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
+    stated = error_of(z, slope, 100)
+    assert stated[11:29, [19, 20, 21, 42, 43]].min() > 0.4
+    assert stated[15:25, 24:40].max() < 0.1
+
+
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """A table: no slope on its top errs, but all of it stands on the steps of its rim."""
     z = np.zeros(SHAPE, np.float32)

@@ -39,7 +39,7 @@ def test_a_touch_like_the_presses_keeps_their_misfit(noise: float) -> None:
 def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() -> None:
     found, _, told = touch(0.04)
     left = 0.04 / 2
-    beyond = left**2 - LEFT[2] ** 2
+    beyond = (LEFT[0] / LEFT[2]) ** 2 * (left**2 - LEFT[2] ** 2)
     assert found == pytest.approx(
         [np.sqrt(LEFT[0] ** 2 + beyond), 1, left, 0.02, np.sqrt(LEFT[4] ** 2 + beyond)], rel=1e-3
     )
