@@ -27,7 +27,7 @@ types:
 demo: $(VENV)/.installed
 	@$(BIN)/tactograph demo --out $(DEMO)
 
-# A sensor made of software, pressed by a moving ball, as a live stream of heights.
+# A simulated sensor, pressed by a moving ball, as a live stream of heights.
 LIVE_SECONDS ?= 20
 demo-live: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)

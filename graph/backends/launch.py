@@ -129,7 +129,7 @@ class Launch:
         return self._device.download(array)
 
     def found(self, symbol: str, size: int) -> None:
-        """Say how large a size symbol is that only the data tells, and make the outputs with it."""
+        """Set a size that only the data determine, and make the outputs that have it."""
         node = self._compiled.node
         self.sizes[symbol] = size
         for name, port in node.outputs.items():

@@ -110,7 +110,7 @@ def store_place(out: str, job: Job) -> str:
 
 
 def open_batch(out: str, job: Job, captures: Sequence[str]) -> Store:
-    """Make the store, or go on with one of the very same job; add captures that are new.
+    """Make the store, or continue one of the same job; add new captures.
 
     A store in which no capture was finished, as a mistake in the first command leaves it, is
     made anew for another job or other captures.  A batch's own folder is none of its captures.

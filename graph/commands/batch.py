@@ -95,7 +95,8 @@ def command(
         store = open_batch(out, job, captures)
         damaged = reopen_damaged(store)
         if damaged:
-            say(f"{damaged} captures were called done and are damaged: done again", err=True)
+            plural = "s" if damaged > 1 else ""
+            say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         before = len(store) - to_do

@@ -116,7 +116,7 @@ def _summary(number: int, result: Result) -> str:
 
 
 def _ranges(result: Result) -> dict[str, str]:
-    """From where to where the maps among the outputs go, those that have a unit of their own."""
+    """The range of each map among the outputs that has a unit."""
     import numpy as np
 
     found = {}

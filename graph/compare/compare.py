@@ -156,7 +156,7 @@ def make_jobs(study: Study) -> list[Job]:
 
 
 def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
-    """Run one job, or take its row from a former run that was made by the very same things.
+    """Run one job, or take its row from a former run with the same key.
 
     Returns
     -------

@@ -19,7 +19,7 @@ OTHERS = (
 
 
 def cores() -> int:
-    """How many cores this process may keep busy: those it is bound to, or its share of them."""
+    """How many cores this process may use: those it is bound to, or its share of them."""
     told = os.environ.get(OURS, "")
     if told.isdecimal() and int(told) > 0:
         return min(int(told), _bound_to())

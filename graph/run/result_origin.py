@@ -1,4 +1,4 @@
-"""What makes a result: a stored one may stand in for a new one only if all of this is the same."""
+"""What makes a result.  A stored result may replace a new one only if all of this is the same."""
 
 from __future__ import annotations
 

@@ -8,8 +8,10 @@
 #define STEEPEST 3.0f
 #define SINGULAR 1e-4f
 #define SHARPEST 2.0f
+#define SHARP 0.5f
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
+#define FLAT 0.3f
 #define MOST 8
 
 // +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
@@ -100,7 +102,7 @@ LANED __kernel void err_slopes(
     const int frame_width, const int top, const int left, const int H, const int W,
     const float pixel, const int number, const float flat_noise, const uint key,
     __global const float *misfit, __global const float *bounced, __global const float *earlier,
-    const int sign_, const int settling, const float across, const float down, const float phase,
+    const int sign_, const int settling, const int leaning, const float across, const float down, const float phase,
     const float length_)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
@@ -109,7 +111,7 @@ LANED __kernel void err_slopes(
     const float middle = 0.5f * (float)(frame_width - 1);
     const floats x = ((float)(left + column) + LANE_NUMBERS - middle) * pixel;
     const floats y = ((float)(top + row) - 0.5f * (float)(frame_height - 1)) * pixel;
-    const floats z = load_floats(height + from, count), none = 0.0f, whole = 1.0f;
+    const floats z = load_floats(height + from, count), none = 0.0f;
     const floats a = load_floats(slope + from, count);
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
@@ -120,27 +122,27 @@ LANED __kernel void err_slopes(
         const floats flat = flat_noise * load_floats(light + at, count);
         const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
-        const floats changed =
-            bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
+        const floats changed = bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
         const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
         const Vector known = light_vector(lights + 3 * k, x, y, z);
         const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
-            + (there.z - there.x * a - there.y * b) * nz
-            - (known.z - known.x * a - known.y * b) * nz;
+            + (there.z - there.x * a - there.y * b) * nz - (known.z - known.x * a - known.y * b) * nz;
         const floats change = common + noise * drawn_from(k * H * W + i, key);
         total_p += load_floats(by_p + at, count) * change;
         total_q += load_floats(by_q + at, count) * change;
     }
-    total_p = clamp(total_p, -STEEPEST, STEEPEST);
-    total_q = clamp(total_q, -STEEPEST, STEEPEST);
+    const floats steepest = STEEPEST;
+    total_p = clamp(total_p, -steepest, steepest);
+    total_q = clamp(total_q, -steepest, steepest);
     if (misfit) {
         const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
         const floats turn = per_mm * (across * x + down * y) + phase;
-        const floats steep = sqrt(a * a + b * b) / TILTED, tilted = LESS_OF(steep, whole);
+        const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT + none, 1.0f + none);
         const floats lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const floats along = lean * (across * a + down * b);
-        total_p = clamp(total_p + lean * across + along * a, -STEEPEST, STEEPEST);
-        total_q = clamp(total_q + lean * down + along * b, -STEEPEST, STEEPEST);
+        const floats steeper = (float)leaning * misfit[4] / MORE_OF(slant, TILTED + none);
+        const floats along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
+        total_p = clamp(total_p + lean * across + along * a, -steepest, steepest);
+        total_q = clamp(total_q + lean * down + along * b, -steepest, steepest);
     }
     store_floats(total_p, p + i, count);
     store_floats(total_q, q + i, count);
@@ -264,16 +266,42 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
+// What the height of a pixel departs from its neighbours by, beyond a film's bend.
+static float bent(
+    __global const float *height, const int y, const int x, const int H, const int W,
+    const float most)
+{
+    const float here = 2.0f * height[y * W + x];
+    const float across = height[y * W + min(x + 1, W - 1)] - here + height[y * W + max(x - 1, 0)];
+    const float along = height[min(y + 1, H - 1) * W + x] - here + height[max(y - 1, 0) * W + x];
+    return fmax(sqrt(across * across + along * along) - most, 0.0f);
+}
+
+// An edge that no pixel resolves may as well lie in the next.
+static float unresolved(
+    __global const float *height, const int row, const int column, const int H, const int W,
+    const float pixel)
+{
+    float found = 0.0f;
+    for (int y = max(row - 1, 0); y <= min(row + 1, H - 1); ++y)
+        for (int x = max(column - 1, 0); x <= min(column + 1, W - 1); ++x)
+            found = fmax(found, bent(height, y, x, H, W, SHARP * pixel));
+    return 0.5f * found;
+}
+
 // The root of the mean variance over the frame; zero where nothing is free.
 __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
-    __global const float *restrict freed, __global float *restrict out, const int frame_height,
-    const int frame_width, const int top, const int left, const int H, const int W)
+    __global const float *restrict freed, __global const float *restrict height,
+    __global float *restrict out, const int frame_height, const int frame_width, const int top,
+    const int left, const int H, const int W, const float pixel)
 {
     GRID_2(row, column, frame_height, frame_width)
     const int y = row - top, x = column - left, i = y * W + x;
     float found = 0.0f;
-    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f)
-        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f));
+    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f) {
+        const float edge = unresolved(height, row, column, frame_height, frame_width, pixel);
+        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f) + edge * edge);
+    }
     out[row * frame_width + column] = found;
 }

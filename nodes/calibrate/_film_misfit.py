@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ STEPS = 4
 """Of a normal, from the ball's own."""
 NEAREST_PX = 2
 """The noise of pixels so far apart is independent, after a lens was undistorted, too."""
-FARTHEST, APART = 0.7, 1 / 3
-"""Longest lag by a contact's radius; errors alike over more than the second are those of the
-places of LEDs and ball, which the LEDs' other places hold already."""
-LAGS = 12
-WIDEST = 0.15
-"""Width by a contact's radius where errors are too small to say."""
+FARTHEST, LAGS = 0.7, 12
+"""Longest lag by a contact's radius; how many there are."""
+EVERY = 7
+"""Pixel that LEDs elsewhere are tried on."""
+LEVEL = 0.1
+"""Sine of a tilt from which the model errs as on steeper film."""
 
 
 class Held(NamedTuple):
@@ -40,16 +40,19 @@ class _Sums(NamedTuple):
     pairs: F8
 
 
-def misfit(held: list[Held], pixel: float) -> F4:
-    """Return (level, width, light, bounce) as a `Misfit` has them.
+def misfit(held: list[Held], others: F8, pixel: float) -> F4:
+    """Return (level, width, light, bounce, tilt) as a `Misfit` has them.
 
     Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
-    distance is the covariance of what the model leaves.
+    distance is the covariance of what the model leaves, apart from what it leaves all around a
+    ball alike: normals that lean too much, or too little.
 
     Parameters
     ----------
     held
         Every pixel of what was held out, in turn.
+    others
+        8 x K x 3 in mm, by how much the LEDs may lie elsewhere: an error that is told apart.
     pixel
         mm per px.
     """
@@ -57,36 +60,58 @@ def misfit(held: list[Held], pixel: float) -> F4:
     farthest = max(FARTHEST * rim / pixel, NEAREST_PX + 1)
     lags = np.unique(np.geomspace(NEAREST_PX, farthest, LAGS).round().astype(int))
     total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
-    spread, count = 0.0, 0
+    tilts, spread, count = [], 0.0, 0
     for part in held:
-        errors, left = left_over(part)
+        errors, left, truth = left_over(part)
         spread += float(np.square(errors).sum())
         count += errors.shape[1]
         for ball in np.unique(part.balls.ball):
             at = part.balls.ball == ball
             place = np.stack([part.balls.v[at], part.balls.u[at]]) / pixel
-            _add(total, place, errors[:, at], left[:, at])
+            outward = _outward(truth[:, at])
+            tilt = float((errors[:, at] * outward).sum() / np.square(outward).sum())
+            _add(total, place, errors[:, at] - tilt * outward, left[:, at])
+            tilts.append(tilt)
     pairs = np.maximum(total.pairs, 1)
     normal, light = total.normal / pairs, total.light / pairs
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
-    common = _mean(normal, total.pairs, lags > APART * rim / pixel)
-    level = normal[0] - common - chance
-    if level <= 0:
-        return np.asarray([0, WIDEST * rim, _root(light[0]), _doubt(held)], np.float32)
-    reach = _half_way(lags, normal - common) * pixel
+    reach = _half_way(lags, normal) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
-    return np.asarray([_root(level), reach, _root(light[near]), _doubt(held)], np.float32)
+    level, known = _root(normal[0] - chance), np.mean([_led_tilt(part, others) for part in held])
+    tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
+    return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
 
 
-def left_over(held: Held) -> tuple[F8, F8]:
-    """Return errors of the normals, 3 x N, and what is left of the light as if matt, K x N."""
+def _led_tilt(part: Held, others: F8) -> float:
+    """Mean square of what LEDs that lie elsewhere do to `tilt`."""
+    film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % EVERY == 0)
+    truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
+    z = np.maximum(z, film.contact)
+    light, outward = predict(film, truth, x, y, z), _outward(truth)
+    found = []
+    for away in others:
+        n = turned(film._replace(lights=cast(F4, film.lights + away)), light, truth, (x, y, z))
+        found.append(((n - truth) * outward).sum() / np.square(outward).sum())
+    return float(np.square(found).mean())
+
+
+def _outward(normal: F8) -> F8:
+    """The direction in which a normal leans more, in its tangent plane; zero on level film."""
+    nx, ny, nz = normal
+    sine = np.maximum(np.hypot(nx, ny), 1e-6)
+    rising = np.minimum(sine / LEVEL, 1)
+    return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
+
+
+def left_over(held: Held) -> tuple[F8, F8, F8]:
+    """Return errors of the normals and true ones, 3 x N; between, the light left, as if matt."""
     film, balls = held.fitted.film, held.balls
     truth, x, y, z = balls.seen(held.fitted.shifts, film.camera)
     direct, n, z = balls.light - film.albedo * balls.bounced, truth, np.maximum(z, film.contact)
     for _ in range(STEPS):
         n = turned(film, direct, n, (x, y, z))
     left = direct - predict(film, n, x, y, z)
-    return n - truth, left / (touch_gain(film, z) * direct_share(film)[:, None])
+    return n - truth, left / (touch_gain(film, z) * direct_share(film)[:, None]), truth
 
 
 def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
@@ -101,11 +126,6 @@ def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
             total.pairs[i] += product[0].sum()
             total.normal[i] += product[normals].sum() / 2
             total.light[i] += product[lights].sum() / len(left)
-
-
-def _mean(values: F8, weights: F8, where: NDArray[np.bool_]) -> float:
-    counted = np.where(where, weights, 0)
-    return max(float((values * counted).sum() / max(counted.sum(), 1)), 0.0)
 
 
 def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:

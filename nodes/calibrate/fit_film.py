@@ -51,8 +51,8 @@ from tactograph.nodes.light.light_noise import light_noise
 
 INNER = 0.95
 """Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
-SAMPLES, ENOUGH = 1500, 30
-"""Samples of all balls together, and of each ball at least."""
+SAMPLES, ENOUGH, SURELY = 1500, 30, 15000
+"""Samples of all balls together, and of each ball at least; and where a misfit is measured."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
 BETTER, BENT, SURE = 0.97, 0.99, 0.7
@@ -189,7 +189,9 @@ def fit_film(
         for name, value in film._asdict().items()
     }
     whole = _sample(light, flat, circle, radius, of, lights, noise, pixel, steepest, most=None)
-    typed["misfit"] = _misfit(trial, best, whole, bad, pixel)
+    typed["misfit"] = _misfit(
+        trial, best, whole, bad, np.asarray(others - lights, np.float64), pixel
+    )
     typed["grain"] = _grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
@@ -287,15 +289,32 @@ def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
     return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)
 
 
-def _misfit(trial: _Trial, best: _Model, whole: Balls, bad: NDArray[np.bool_], pixel: float) -> F4:
+def _misfit(
+    trial: _Trial,
+    best: _Model,
+    whole: Balls,
+    bad: NDArray[np.bool_],
+    away: F8,
+    pixel: float,
+) -> F4:
     """What the model leaves on every pixel of what was held out, bad balls apart."""
     of = whole.ball if len(whole.centre) > 1 else whole.sector
     numbers = trial.fold_numbers()
     held = [
-        Held(whole.only((of % FOLDS == number) & ~bad[whole.ball]), found)
+        (whole.only((of % FOLDS == number) & ~bad[whole.ball]), found)
         for number, found in zip(numbers, best.folds, strict=True)
     ]
-    return misfit([part for part in held if part.balls.u.size], pixel)
+    # More pixels than a part was chosen by: what few of them leave open is not the model's.
+    if best.degree is None:
+        every = np.arange(whole.u.size) % (whole.u.size // SURELY + 1) == 0
+        some = whole.only(every & ~bad[whole.ball])
+        of = of[every & ~bad[whole.ball]]
+        held = [
+            (b, trial.fit(best.parts, f, some.only(of % FOLDS != number)))
+            for (b, f), number in zip(held, numbers, strict=True)
+        ]
+    placed = [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
+    return misfit(placed, away, pixel)
 
 
 def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metrics]:

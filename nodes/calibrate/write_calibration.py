@@ -106,9 +106,9 @@ CALIBRATION = FileKind(
             high=1,
         ),
         "misfit": Stored(
-            "4",
-            "what the film's model leaves on presses held out: radians of a normal, over how "
-            "many mm alike, light, and the share of bounced light that may be wrong",
+            "5",
+            "what the film's model leaves on presses held out: radians of a normal, over how many "
+            "mm alike, light, the share of bounced light that may be wrong, radians of all tilts",
             required=False,
             low=0,
             high=1e6,
@@ -123,7 +123,7 @@ CALIBRATION = FileKind(
     },
 )
 
-NO_MISFIT = np.array([0, 1, 0, 0], np.float32)
+NO_MISFIT = np.array([0, 1, 0, 0, 0], np.float32)
 """Of a model that leaves noise only."""
 
 
@@ -171,7 +171,7 @@ def write_calibration(
     quality
         How good the calibration is, for people and for ``result.json``.
     misfit
-        (share, width in mm), the error of what the film's model corrects; none without it.
+        What the film's model leaves on presses held out; without it, it is exact.
     file
         Where to; replaced as a whole.
 

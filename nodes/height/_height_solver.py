@@ -4,6 +4,8 @@ For each step of conjugate gradients one number comes down: whether there is mor
 of at most ONE_GROUP pixels run in one work-group, all steps in one launch.  Multigrid
 preconditions, no cosine transform: weights differ by orders of magnitude, and a preconditioner
 that does not know them leaves conjugate gradients without convergence.
+
+Long because conjugate gradients, their weights and the grids below share buffers on the device.
 """
 
 from __future__ import annotations

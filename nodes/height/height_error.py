@@ -55,13 +55,19 @@ WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
 SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
+LEANING = 1, -1, 1, -1, 1, -1, 1, -1
 """Of errors that are whole in each, so that they hardly add to one another."""
 TILTED = np.float32(0.1)
-"""Slope from which a model errs as it did on presses; film at rest is known by the flat frame."""
+"""Slope from which a model errs as it did on presses."""
+FLAT = np.float32(0.3)
+"""Share of that error on level film around a touch, which the flat frame knows but for the light
+that the touch throws on it."""
 NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
+SHARP = np.float32(0.5)
+"""Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
 """The share of the steps' energy that may be left to gain."""
 
@@ -109,7 +115,7 @@ def height_error(
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Send errors through the solver of `integrate_weighted` and see what they do.
+    """Return the standard deviation of the height: errors sent through the solver.
 
     The height is, given the weights, linear in what it is made of.  A few random errors of
     the right size are integrated like slopes; the mean square of what comes out, averaged
@@ -123,11 +129,14 @@ def height_error(
     - an error of the film's model: normals that lean by what was left over on presses held out,
       and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
       wave apart, so that their squares add up to the same everywhere.  Only the part of such a
-      field that leans along its wave moves a height, which is half of it;
+      field that leans along its wave moves a height, which is half of it.  And another by which
+      all normals lean too much, or too little;
     - two errors of the light that the film throws on itself: the share of it by which the
       calibration's presses disagree, and what the last pass has still changed;
     - what two or four slopes leave of a step, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
+    - where the slope differs by more than a half from pixel to pixel, that the edge may lie in
+      the pixel beside it;
     - and one that all steep steps have in common: where the slope turns within a pixel, at
       rims and ridges, the slopes understate what is climbed, and the cap behind the rim
       comes out low as a whole.  It grows with the cube of the turn, as far as two.
@@ -205,9 +214,9 @@ def height_error(
     total = np.zeros_like(level)
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
-    changed = np.zeros_like(thrown)
+    changed: F4 | np.float32 = np.float32(0)
     if bounced is not None and earlier is not None:
-        changed = thrown - window.of(earlier)
+        changed = window.of(bounced) - window.of(earlier)
     wrong = np.float32(0) if misfit is None else misfit[3]
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
@@ -231,8 +240,23 @@ def height_error(
     if mask is not None:
         free &= window.of(mask) != 0
     out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = _smooth_deviation(total, free.astype(np.float32))
+    spread = _smooth_deviation(total, free.astype(np.float32))
+    edge = window.of(_unresolved(height, pixel))
+    out[window.rows, window.columns] = np.sqrt(spread * spread + edge * edge) * free
     return out
+
+
+def _unresolved(height: Height, pixel: float) -> F4:
+    """Half of what the height at an edge differs from the mean of its neighbours, beyond a film's.
+
+    An edge that a pixel does not resolve may as well lie in the next.
+    """
+    around = np.pad(height, 1, mode="edge")
+    across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
+    along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
+    bend = np.sqrt(across * across + along * along) - SHARP * np.float32(pixel)
+    beyond = np.maximum(bend, np.float32(0)) * np.float32(0.5)
+    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
 
 
 class _Wave(NamedTuple):
@@ -255,9 +279,11 @@ def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4
     wave, (a, b) = _wave(number), slopes
     per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
     turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
-    tilted = np.minimum(np.sqrt(a * a + b * b) / TILTED, np.float32(1))
+    slant = np.sqrt(a * a + b * b)
+    tilted = np.clip(slant / TILTED, FLAT, np.float32(1))
     lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turn)
-    along = lean * (wave.across * a + wave.down * b)
+    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
+    along = lean * (wave.across * a + wave.down * b) + steeper * (1 + a * a + b * b)
     return (
         np.clip(p + lean * wave.across + along * a, -STEEPEST, STEEPEST),
         np.clip(q + lean * wave.down + along * b, -STEEPEST, STEEPEST),
@@ -409,9 +435,10 @@ def _launch(run: Launch) -> None:
         keys = _keys(settings["seed"], number)
         run.kernel(
             "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns,
-            *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
-            misfit, bounced, earlier, SIGNS[number], SETTLING[number], *_wave(number),
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
+            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            misfit, bounced, earlier, SIGNS[number], SETTLING[number], LEANING[number],
+            *_wave(number),
         )  # fmt: skip
         run.kernel(
             "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,
@@ -441,7 +468,9 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out = run.outputs["height_error"]
-    run.kernel("deviation", frame, total, weight, free, out, *frame, *solver.place)
+    pixel = float(run.inputs["pixel"])
+    planes = total, weight, free, run.inputs["height"], out
+    run.kernel("deviation", frame, *planes, *frame, *solver.place, pixel)
 
 
 @height_error.example

@@ -157,11 +157,11 @@ def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F
     edge = rim_blocks(grid.rim)
     for top in range(0, grid.rows, BLOCK):
         for left in range(0, grid.columns, SPAN):
-            here = np.s_[..., top : top + BLOCK, left : left + SPAN]
+            here = (slice(None), slice(top, top + BLOCK), slice(left, left + SPAN))
             first = max(0, top // BLOCK - near), max(0, left // BLOCK - near)
             last = top // BLOCK + near + 1, (left + SPAN) // BLOCK + near
-            around = tuple(slice(BLOCK * a, BLOCK * b) for a, b in zip(first, last, strict=True))
-            far = np.ones(blocks[2].shape[1:], bool)
+            down, across = (slice(BLOCK * a, BLOCK * b) for a, b in zip(first, last, strict=True))
+            far = np.ones_like(blocks[2][0], bool)
             count = far.shape[0] - 2 * edge, far.shape[1] - 2 * edge
             known = [
                 slice(edge + a, edge + min(b, c))
@@ -172,7 +172,7 @@ def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F
             shown = sum(
                 _arriving(at, normal, *(part.reshape(len(part), -1) for part in seen))
                 for seen in (
-                    [part[(..., *around)] for part in fine],
+                    [part[:, down, across] for part in fine],
                     [part[:, far] for part in blocks],
                 )
             )

@@ -12,8 +12,10 @@ TILTED = np.float32(0.1)
 """Slope of film that tells whether the model holds."""
 NEAREST_PX = 2
 """The noise of pixels so far apart is independent."""
-FEWEST = 1000
-"""Pairs of pixels that say anything."""
+BLOCK = 16
+"""Pixels of a block's side: single places that depart, dirt or an edge, are not the model's."""
+USUAL = 0.5
+"""Error of a normal by the light that is left, at least: what presses leave may be all noise."""
 CLEARLY, LEAST = 2.0, 0.005
 """Times what the calibration left, and light, above which a departure is told."""
 
@@ -31,8 +33,8 @@ def touch_misfit(
     """Widen the model's misfit where a touch departs more than the calibration's presses did.
 
     Three LEDs or more say more than a normal: what no normal explains, and neighbours share, is
-    the model's.  It errs in the normals as much as in the light that is left; so what the touch
-    leaves beyond the presses adds to the level, as squares.
+    the model's; the median over blocks of pixels counts.  Normals err in proportion to it, as they
+    did on the presses; what the touch leaves beyond those adds to their misfit, as squares.
 
     Parameters
     ----------
@@ -54,11 +56,13 @@ def touch_misfit(
     ndarray
         The misfit of this touch.  A warning says so where the light departs clearly more.
     """
-    level, width, pressed, bounce = (float(v) for v in misfit)
+    level, width, pressed, bounce, tilt = (float(v) for v in misfit)
     found = _left(light, slope, height, used, lights, pixel, width)
     if found <= pressed:
         return misfit
-    wider = float(np.sqrt(level**2 + found**2 - pressed**2))
+    share = max(level / pressed, USUAL) if pressed > 0 else USUAL
+    beyond = share**2 * (found**2 - pressed**2)
+    wider, tilt = (float(np.sqrt(before**2 + beyond)) for before in (level, tilt))
     if found > CLEARLY * pressed and found > LEAST:
         times = wider / max(level, pressed)
         warn(
@@ -66,7 +70,7 @@ def touch_misfit(
             f"calibration's presses by {100 * pressed:.1f} %: the model's part of the stated "
             f"error is {times:.1f} times as wide"
         )
-    return np.asarray([wider, width, found, bounce], np.float32)
+    return np.asarray([wider, width, found, bounce, tilt], np.float32)
 
 
 def _left(
@@ -77,11 +81,16 @@ def _left(
     counts = (used == (1 << len(lights)) - 1) & (np.hypot(*slope) > TILTED)
     left = np.where(counts, left, np.float32(0))
     lag = max(NEAREST_PX, round(width / pixel / 4))
-    total = pairs = 0.0
-    for product, both in (
-        (left[:, lag:] * left[:, :-lag], counts[lag:] & counts[:-lag]),
-        (left[..., lag:] * left[..., :-lag], counts[:, lag:] & counts[:, :-lag]),
-    ):
-        total += float(product.sum(dtype=float)) / len(left)
-        pairs += float(both.sum())
-    return float(np.sqrt(max(total, 0) / pairs)) if pairs >= FEWEST else 0.0
+    here, corner = np.s_[..., :-lag, :-lag], left[..., :-lag, :-lag]
+    product = (corner * (left[..., lag:, :-lag] + left[..., :-lag, lag:])).mean(axis=0)
+    pairs = counts[here] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
+    total, known = _by_block(product), _by_block(pairs)
+    plenty = known > BLOCK * BLOCK
+    return float(np.sqrt(max(np.median(total[plenty] / known[plenty]), 0))) if plenty.any() else 0.0
+
+
+def _by_block(plane: F4) -> F4:
+    """The sums over whole blocks."""
+    rows, columns = (side // BLOCK for side in plane.shape)
+    blocks = plane[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
+    return np.asarray(blocks.sum(axis=(1, 3)), np.float32)

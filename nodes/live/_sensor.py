@@ -177,7 +177,7 @@ class Rig:
     Attributes
     ----------
     table, board, link
-        The sensor and the controller made of software, and the path that leads to its port.
+        The simulated sensor and controller, and the path of its port.
     """
 
     camera: Camera

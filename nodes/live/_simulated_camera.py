@@ -1,4 +1,4 @@
-"""A camera made of software above a simulated sensor, called like ``cv2.VideoCapture``."""
+"""A simulated camera above a simulated sensor, called like ``cv2.VideoCapture``."""
 
 from __future__ import annotations
 

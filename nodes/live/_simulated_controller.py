@@ -1,4 +1,4 @@
-"""An LED controller made of software: the firmware's own logic behind a pseudo-terminal.
+"""A simulated LED controller: the firmware's own logic behind a pseudo-terminal.
 
 It is found, opened and spoken to like the board, and can be broken like one.
 """

@@ -1,4 +1,4 @@
-"""A sensor made of software: a film, LEDs, a ball that is pressed and rolled around, and faults."""
+"""A simulated sensor: a film, LEDs, a ball that is pressed and rolled around, and faults."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def guide_presses(
     patience_s: Annotated[float, Gt(0)] = 120.0,
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
 ) -> Iterator[GuidedPresses]:
-    """Say what to do, see that it is done, and yield all presses so far after each.
+    """Ask for one press after another, and yield all presses so far after each.
 
     The untouched film is taken with one LED lit after the other, and with none.  A press is
     taken by itself: the light differs from that of the untouched film, and then is still.

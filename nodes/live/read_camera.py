@@ -47,7 +47,7 @@ def read_camera(
     Parameters
     ----------
     camera
-        Index, device, URL or video file; ``simulated`` for a sensor made of software, with
+        Index, device, URL or video file; ``simulated`` for a simulated sensor, with
         its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
     port
         The LED controller's serial port; None: found by its USB id.  ``simulated``: one made

@@ -286,6 +286,8 @@ MUTANTS = {
         "an exact model": ("1.4142136f * misfit[0]", "0.0f * misfit[0]"),
         "a model as wrong on film at rest": ("* tilted * cos", "* cos"),
         "an exact bounce": ("(float)sign_ * wrong * thrown", "0.0f"),
+        "edges resolved": ("+ edge * edge", ""),
+        "tilts that are right": ("(float)leaning * misfit[4]", "0.0f"),
         "a bounce that has settled": ("(float)settling * changed", "0.0f"),
         "all LEDs used": ("(used & (1 << k)) != 0 ? sure", "(used & (1 << k)) != 999 ? sure"),
         "kinks squared": ("bend * bend * bend", "bend * bend"),

@@ -590,7 +590,7 @@ def test_results_that_were_removed_are_made_again(
     removed = place / str(captures[2]).lstrip("/")
     shutil.rmtree(removed)
     code, err = batch(tactograph, graph, over, place)
-    assert (code, "1 captures" in err) == (0, True)
+    assert (code, "1 finished capture damaged" in err) == (0, True)
     assert (removed / "image.npy").is_file()
 
 
