@@ -1,7 +1,18 @@
 #include "common.clh"
+#include "lanes.clh"
+
+// `count` elements of a row from x on; beyond the frame its border goes on.
+static floats load_within(
+    __global const float *row, const int x, const int count, const int W)
+{
+    if (x >= 0 && x + count <= W) return load_floats(row + x, count);
+    float found[LANES];
+    for (int l = 0; l < LANES; ++l) found[l] = row[clamp(x + l, 0, W - 1)];
+    return LOAD_LANES(found);
+}
 
 // 1 where the mean light of every LED over a window is 1 within its noise.
-__kernel void calm_film(
+LANED __kernel void calm_film(
     __global const float *restrict light,
     __global const float *restrict sigma,
     __global uchar *restrict out,
@@ -9,19 +20,20 @@ __kernel void calm_film(
     const int radius_px,
     const float level)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int size = H * W, i = y * W + x;
     const float width = (float)(2 * radius_px + 1);
-    int calm = 1;
-    for (int k = 0; k < K && calm; ++k) {
-        __global const float *plane = light + k * size;
-        float sum = 0.0f;
+    const ints one = 1, none = 0;
+    ints calm = one;
+    for (int k = 0; k < K && ANY(calm); ++k) {
+        floats sum = 0.0f;
         for (int dy = -radius_px; dy <= radius_px; ++dy) {
-            const int row = clamp(y + dy, 0, H - 1) * W;
+            __global const float *row = light + k * size + clamp(y + dy, 0, H - 1) * W;
             for (int dx = -radius_px; dx <= radius_px; ++dx)
-                sum += plane[row + clamp(x + dx, 0, W - 1)] - 1.0f;
+                sum += load_within(row, x + dx, count, W) - 1.0f;
         }
-        calm = fabs(sum) / width < level * sigma[k * size + i];
+        const floats noise = load_floats(sigma + k * size + i, count);
+        calm = fabs(sum) / width < level * noise ? calm : none;
     }
-    out[i] = calm;
+    store_bytes(calm, out + i, count);
 }

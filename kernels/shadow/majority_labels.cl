@@ -1,20 +1,34 @@
 #include "common.clh"
+#include "lanes.clh"
+
+// `count` labels of a row from x on; beyond the frame its border goes on.
+static ints load_within(
+    __global const uchar *row, const int x, const int count, const int W)
+{
+    if (x >= 0 && x + count <= W) return load_bytes(row + x, count);
+    uchar found[LANES];
+    for (int l = 0; l < LANES; ++l) found[l] = row[clamp(x + l, 0, W - 1)];
+    return TO_INTS(LOAD_LANES(found));
+}
 
 // Per LED what the majority of 3 x 3 pixels says; the border goes on beyond the frame.
-__kernel void majority_labels(
+LANED __kernel void majority_labels(
     __global const uchar *restrict shadow,
     __global uchar *restrict out,
     const int H, const int W)
 {
-    GRID_2(y, x, H, W)
-    uint votes = 0;  // four bits for each LED hold up to nine votes
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const ints none = 0;
+    ints votes = none;  // four bits for each LED hold up to nine votes
     for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx) {
-            const int row = clamp(y + dy, 0, H - 1), column = clamp(x + dx, 0, W - 1);
-            const uint label = shadow[row * W + column];
-            for (int bit = 0; bit < 8; ++bit) votes += (label >> bit & 1u) << (4 * bit);
+            const ints label = load_within(shadow + clamp(y + dy, 0, H - 1) * W, x + dx, count, W);
+            for (int bit = 0; bit < 8; ++bit) votes += ((label >> bit) & 1) << (4 * bit);
         }
-    uint majority = 0;
-    for (int bit = 0; bit < 8; ++bit) majority |= (uint)((votes >> (4 * bit) & 15u) > 4u) << bit;
-    out[y * W + x] = (uchar)majority;
+    ints majority = none;
+    for (int bit = 0; bit < 8; ++bit) {
+        const ints led = 1 << bit;
+        majority |= ((votes >> (4 * bit)) & 15) > 4 ? led : none;
+    }
+    store_bytes(majority, out + y * W + x, count);
 }

@@ -48,4 +48,4 @@ def calm_film(
     return calm.astype(np.uint8)
 
 
-calm_film.opencl(grid="H W")
+calm_film.opencl(grid="H W", lanes="rows")

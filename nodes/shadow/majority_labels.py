@@ -30,4 +30,4 @@ def majority_labels(shadow: Labels) -> Labels:
     return out
 
 
-majority_labels.opencl(grid="H W")
+majority_labels.opencl(grid="H W", lanes="rows")

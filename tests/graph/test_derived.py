@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from tactograph.graph import EVERYTHING, InputError, Parts, node
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.node import Node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
@@ -84,6 +88,24 @@ def test_settings_that_were_changed_before_stay(toys: list[str], write: Write) -
     pipeline.aim(count=1)
     pipeline.aim(rows=4)
     assert len(list(pipeline.items())) == 1
+
+
+def test_a_node_whose_settings_stay_is_not_prepared_again(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared: list[str] = []
+    prepare = OpenCL.prepare
+
+    def note(device: OpenCL, node: Node, *more: Any) -> Any:
+        prepared.append(node.name)
+        return prepare(device, node, *more)
+
+    monkeypatch.setattr(OpenCL, "prepare", note)
+    pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="opencl")
+    for count in (1, 2, 3):
+        pipeline.aim(count=count)
+        assert len(list(pipeline.items())) == count
+    assert prepared == ["flat_field"]
 
 
 def test_a_change_of_settings_that_is_refused_changes_none(toys: list[str], write: Write) -> None:

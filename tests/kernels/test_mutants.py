@@ -300,12 +300,12 @@ MUTANTS = {
     },
     "calm_film": {
         "the window forgotten": ("fabs(sum) / width", "fabs(sum)"),
-        "noise of the first LED": ("sigma[k * size + i]", "sigma[i]"),
-        "the last LED alone": ("k < K && calm", "k < K"),
+        "noise of the first LED": ("sigma + k * size + i", "sigma + i"),
+        "the last LED alone": ("level * noise ? calm", "level * noise ? one"),
     },
     "majority_labels": {
-        "four votes": ("> 4u", "> 3u"),
-        "seven LEDs": ("bit < 8; ++bit) majority", "bit < 7; ++bit) majority"),
+        "four votes": ("& 15) > 4", "& 15) > 3"),
+        "seven LEDs": ("bit < 8; ++bit) {", "bit < 7; ++bit) {"),
     },
     "misfit_variance": {
         "less variance for less misfit": ("fmax(misfit[i] / usual, 1.0f)", "misfit[i] / usual"),
