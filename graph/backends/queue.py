@@ -6,6 +6,7 @@ has been read for the last time; on an in-order queue the next owner cannot over
 
 from __future__ import annotations
 
+import itertools
 from functools import cached_property
 from typing import Any, Literal
 
@@ -46,6 +47,9 @@ __kernel void fraction(
 """
 
 
+_serials = itertools.count(1)
+
+
 class Queue:
     """One OpenCL device with its queue and its buffers.
 
@@ -55,6 +59,7 @@ class Queue:
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         self.name = device.name
+        self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or (16 if self.is_cpu else 1)
         self.context = cl.Context([device.handle])

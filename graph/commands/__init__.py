@@ -32,8 +32,8 @@ class RunOptions:
 
     def read(self, graph: str) -> Graph:
         """Read a graph with ``--set`` worked in."""
+        from tactograph.graph.files.changes import with_changes
         from tactograph.graph.files.read import read_graph
-        from tactograph.graph.run.open import with_changes
         from tactograph.graph.run.typed_values import read_settings
 
         return with_changes(read_graph(graph), read_settings(self.settings))

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 @click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
+    from tactograph.graph.files.changes import with_changes
     from tactograph.graph.files.read import read_graph
     from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.run.open import open_device, placeholders, with_changes
+    from tactograph.graph.run.open import open_device, placeholders
     from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))

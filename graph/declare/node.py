@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import collections.abc
 import inspect
+import itertools
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -60,6 +61,9 @@ class Parameter:
         return self.default is inspect.Parameter.empty
 
 
+_serials = itertools.count(1)
+
+
 @dataclass
 class Node:
     """The declaration of a node, callable as the plain NumPy function it wraps."""
@@ -88,6 +92,11 @@ class Node:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.function(*args, **kwargs)
+
+    @cached_property
+    def serial(self) -> int:
+        """A number that no other declaration in this process has."""
+        return next(_serials)
 
     @property
     def input_names(self) -> list[str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from numpy.typing import NDArray
 
 from tactograph.graph.backends.events import Timer, has_failed, milliseconds
 from tactograph.graph.backends.launch import DeviceArray
@@ -33,6 +36,32 @@ class DeviceValues:
         for task in plan.tasks.values():
             if plan.placements[task.id].on_device and not task.filled:
                 device.compile(task.node)
+
+    @property
+    def serial(self) -> str:
+        """Tells this device and its compiled kernels from any other."""
+        return self._device.serial
+
+    def get(self, value: Value) -> DeviceArray | None:
+        """A value on the device; None for one that is absent from this item."""
+        return self._values.get(value)
+
+    def put(self, value: Value, found: DeviceArray | None) -> None:
+        """Enter what was made before."""
+        self._values.pop(value, None)
+        if found is not None:
+            self._values[value] = found
+
+    def download(self, found: DeviceArray) -> NDArray[Any]:
+        """A copy of an array on the host, read-only."""
+        array = self._device.download(found)
+        array.flags.writeable = False
+        return array
+
+    def drop(self, values: Iterable[Value]) -> None:
+        """Give back the buffers of values that nothing reads any more."""
+        for value in values:
+            self._values.pop(value, None)
 
     def begin(self) -> None:
         """Time what is enqueued from now on."""
@@ -91,11 +120,6 @@ class DeviceValues:
             return launch.shapes
         return {name: array.shape for name, array in outputs.items()}
 
-    def release(self, step: Step) -> None:
-        """Give back the buffers that are read for the last time."""
-        for value in step.release:
-            self._values.pop(value, None)
-
     def finish(self) -> dict[str, float]:
         """Wait for all that was begun; return its milliseconds by step."""
         if self._timers:
@@ -111,9 +135,14 @@ class DeviceValues:
         """The steps that are timed."""
         return list(self._timers)
 
-    def drop_launches(self) -> None:
-        """Forget how nodes are launched: settings changed."""
-        self._launches = {}
+    def want(self, node: str) -> None:
+        """Ask a node for what is read of it now."""
+        self._wanted[node] = self._plan.wanted(node)
+        self.drop_launch(node)
+
+    def drop_launch(self, node: str) -> None:
+        """Forget how a node is launched: its settings changed."""
+        self._launches.pop(node, None)
 
     def remember(self) -> None:
         """Keep what the next item recalls."""

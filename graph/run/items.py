@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.events import DEVICE_ERROR
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings
+from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings, warn
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known, Shapes, Sized
+from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues
+from tactograph.graph.run.incremental import Incremental, Spot, Walk, read_by, recalled_by
 from tactograph.graph.run.make_provenance import make_provenance
+from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.result import Result
 
 
@@ -46,13 +50,34 @@ class Items:
         self._sized: dict[str, Sized] = {}
         self._once = _split(plan, stream=False)
         self._stream = _split(plan, stream=True)
+        self._incremental: Incremental | None = None
+        self._of_source: list[str] = []
+        self._nothing: Known = {}
+
+    def keep(self, cache: Cache) -> None:
+        """Run, from now on, only what is not in the cache."""
+        self._incremental = Incremental(self._plan, cache, self.host, self._device)
+        self._known = None
+        self._lasting = 0
+
+    @property
+    def keeps(self) -> bool:
+        return self._incremental is not None
 
     def prepare(self) -> None:
         """Run, once, what does not depend on the stream."""
-        if self._known is None:
-            self.begin()
+        if self._known is not None:
+            return
+        self.begin()
+        if self._incremental is None:
             self._known, _ = self._run(self._once, {}, {})
             self._lasting = len(self.notes)
+            return
+        # What else an item needs of it is settled with the item.
+        self._known = {}
+        if self._once[1]:
+            self._incremental.begin(again=True)
+            self._run(self._once, {}, {})
 
     def begin(self) -> None:
         """Forget the warnings of the item before, but not those of what ran once."""
@@ -61,27 +86,56 @@ class Items:
     def item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`."""
         assert self._known is not None
+        if self._incremental is not None:
+            self._remember()
+            self._incremental.begin(again=False)
+            self._of_source = list(self.notes)
+            return self._incremental_item(self._incremental, given, repeats)
         _, total = self._run(self._stream, self._known, given, repeats)
-        host, tasks = self.host, self._plan.tasks
-        outputs = {name: host.lent(value) for name, value in self._plan.outputs.items()}
-        yielded = [Value(name, port) for name in given for port in tasks[name].node.outputs]
-        item = {value: host[value] for value in yielded}
-        host.remember()
-        if self._device is not None:
-            self._device.remember()
-        return Result(outputs, dict(self.times), self._plan, list(self.notes), item, total)
+        result = self._result(given, total)
+        self._remember()
+        return result
+
+    def again(self) -> Result:
+        """Run the last item once more: settings as they are now, its sources as they were."""
+        assert self._incremental is not None
+        self._incremental.begin(again=True)
+        return self._incremental_item(self._incremental, {}, 1)
+
+    def inspect(self, value: Value) -> Any:
+        """A value of the last item, made again if it is not there any more."""
+        incremental, device = self._incremental, self._device
+        assert incremental is not None
+        if value not in self._plan.inspected:
+            self._plan.inspected.add(value)
+            self.host.want(value.node)
+            if device is not None:
+                device.want(value.node)
+        with collect_warnings([]):
+            found = incremental.reach(value, self._walk({}))
+        if isinstance(found, DeviceArray) and device is not None:
+            found = device.download(found)
+        incremental.settle()
+        return lent(found)
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
         self.host.forget()
         if self._device is not None:
             self._device.forget()
+        if self._incremental is not None:
+            self._incremental.forget()
 
-    def settings_changed(self) -> None:
-        """Work out sizes and launches anew: they may follow from settings."""
-        self._sized = {}
-        if self._device is not None:
-            self._device.drop_launches()
+    def settings_changed(self, nodes: Iterable[str]) -> None:
+        """Work out sizes and launches of nodes anew: they may follow from settings."""
+        for name in nodes:
+            self._sized.pop(name, None)
+            if self._device is not None:
+                self._device.drop_launch(name)
+            if self._incremental is not None:
+                self._incremental.changed(name)
+            if not self._plan.tasks[name].stream:
+                self._known = None
 
     def end(self) -> None:
         """Close what the nodes keep; what runs once and kept something has to open it again."""
@@ -89,6 +143,31 @@ class Items:
         if any(not self._plan.tasks[name].stream for name in self.host.sessions):
             self._known = None
         self.host.close()
+
+    def _incremental_item(
+        self, incremental: Incremental, given: Mapping[str, Any], repeats: int
+    ) -> Result:
+        computing, sinks = [*self._once[0], *self._stream[0]], self._stream[1]
+        try:
+            _, total = self._run((computing, sinks), {}, given, repeats)
+        finally:
+            incremental.settle()
+        result = self._result(given, total)
+        result.kept = frozenset(s.name for s in computing if s.name not in incremental.ran)
+        return result
+
+    def _result(self, given: Mapping[str, Any], total: float) -> Result:
+        host, tasks = self.host, self._plan.tasks
+        outputs = {name: host.lent(value) for name, value in self._plan.outputs.items()}
+        yielded = [Value(name, port) for name in given for port in tasks[name].node.outputs]
+        item = {value: host[value] for value in yielded}
+        return Result(outputs, dict(self.times), self._plan, list(self.notes), item, total)
+
+    def _remember(self) -> None:
+        """Keep what the next item recalls."""
+        self.host.remember()
+        if self._device is not None:
+            self._device.remember()
 
     def _run(
         self,
@@ -99,34 +178,88 @@ class Items:
     ) -> tuple[Known, float]:
         """Run steps in order, sinks last, when every time is known; return the total time."""
         computing, sinks = steps
-        known = before
-        runs: list[dict[str, float]] = []
-        totals: list[float] = []
         with collect_warnings(self.notes):
-            for _ in range(repeats):
-                start = time.perf_counter()
-                known = self._compute(computing, before, given)
-                totals.append(1e3 * (time.perf_counter() - start))
-                if repeats > 1:
-                    runs.append(dict(self.times))
-            for name in self.times if runs else ():
-                self.times[name] = median(run[name] for run in runs[1:])
+            if self._incremental is None:
+                known, total = self._repeated(computing, before, given, repeats)
+            else:
+                known, total = self._changed(self._incremental, computing, sinks, given, repeats)
             for step in sinks:
                 try:
                     known = self._execute(step, known, given)
                 except EndOfStream:
                     # The other sinks take this item, too.
                     self.ended = True
+        return known, total
+
+    def _repeated(
+        self, steps: Sequence[Step], before: Known, given: Mapping[str, Any], repeats: int
+    ) -> tuple[Known, float]:
+        """Run all steps so often; times are then medians of all but the first."""
+        known = before
+        runs: list[dict[str, float]] = []
+        totals: list[float] = []
+        for _ in range(repeats):
+            start = time.perf_counter()
+            known = self._compute(steps, before, given)
+            totals.append(1e3 * (time.perf_counter() - start))
+            if repeats > 1:
+                runs.append(dict(self.times))
+        for name in self.times if runs else ():
+            self.times[name] = median(run[name] for run in runs[1:])
         return known, median(totals[1:] or totals)
 
-    def _compute(self, steps: list[Step], known: Known, given: Mapping[str, Any]) -> Known:
-        device, doing = self._device, ""
+    def _changed(
+        self,
+        incremental: Incremental,
+        steps: Sequence[Step],
+        sinks: Sequence[Step],
+        given: Mapping[str, Any],
+        repeats: int,
+    ) -> tuple[Known, float]:
+        """Run the steps that what is wanted needs, and whose results are not kept."""
+        there = {step.name for step in steps}
+        wanted = [Spot(value, "host") for value in self._plan.outputs.values()]
+        wanted += [spot for step in sinks for spot in read_by(self._plan, step)]
+        wanted = [spot for spot in wanted if spot.value.node in there]
+        if len(steps) > len(self._once[0]) or not self._once[1]:
+            wanted += recalled_by(self._plan)
+        start = time.perf_counter()
+        incremental.compute(steps, wanted, self._walk(given), self.times, repeats)
+        total = 1e3 * (time.perf_counter() - start)
+        self.notes[:] = self._of_source
+        for warning in incremental.warnings():
+            warn(warning)
+        return self._behind(steps), total
+
+    def _walk(self, given: Mapping[str, Any]) -> Walk:
+        def walk(steps: Sequence[Step]) -> None:
+            self._compute(steps, self._nothing, given)
+
+        return walk
+
+    def _behind(self, steps: Iterable[Step]) -> Known:
+        """The sizes that are known behind steps that have all been run, now or before."""
+        known = self._nothing
+        for step in steps:
+            known = self._pass_over(step, known)
+        return known
+
+    def _compute(self, steps: Sequence[Step], known: Known, given: Mapping[str, Any]) -> Known:
+        device, incremental, doing = self._device, self._incremental, ""
         if device is not None:
             device.begin()
         try:
             for step in steps:
                 doing = step.name
-                known = self._execute(step, known, given)
+                if incremental is None:
+                    known = self._execute(step, known, given)
+                elif step.name in incremental.to_run:
+                    known = self._execute_and_keep(incremental, step, known, given)
+                else:
+                    known = self._pass_over(step, known)
+                    continue
+                if step.release and device is not None:
+                    device.drop(step.release)
             if device is not None:
                 doing = ""
                 self.times.update(device.finish())
@@ -179,9 +312,30 @@ class Items:
                 made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
                 shapes = self.host.enter(task, step, made)
             known = self._plan.sizes.behind(task, sized, shapes)
-        if step.release and device is not None:
-            device.release(step)
         return known
+
+    def _execute_and_keep(
+        self, incremental: Incremental, step: Step, known: Known, given: Mapping[str, Any]
+    ) -> Known:
+        """Run one step into the cache."""
+        warnings: list[str] = []
+        with collect_warnings(warnings):
+            known = self._execute(step, known, given)
+        sized = self._sized.get(step.name)
+        shapes = sized.shapes if sized is not None else None
+        incremental.capture(step, shapes or {}, warnings)
+        incremental.released(step)
+        return known
+
+    def _pass_over(self, step: Step, known: Known) -> Known:
+        """What is known behind a step whose results are kept."""
+        assert self._incremental is not None
+        task = self._plan.tasks.get(step.name)
+        if task is None:
+            return known
+        sized = self._plan.sizes.around(task, known, self._sized.get(task.id))
+        self._sized[task.id] = sized
+        return self._plan.sizes.behind(task, sized, self._incremental.shapes_of(step))
 
 
 def _split(plan: Plan, *, stream: bool) -> tuple[list[Step], list[Step]]:

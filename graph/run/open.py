@@ -9,17 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.changes import plain, with_changes
 from tactograph.graph.files.model import BACKENDS, NOT_GIVEN, Graph
-from tactograph.graph.files.patch import apply_patch
 from tactograph.graph.files.read import read_graph
-from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.pipeline import Pipeline
 
 
@@ -33,6 +31,7 @@ def load(
     strict: bool = False,
     changes: Mapping[str, Any] | None = None,
     outputs: Collection[str] | None = None,
+    cache: Cache | None = None,
     **given: Any,
 ) -> Pipeline:
     """Read, verify, plan and compile a graph, to be called with arrays.
@@ -54,6 +53,9 @@ def load(
     outputs
         Names of those of the graph's outputs that are wanted; what only the others need is
         not computed, nor copied from the device.
+    cache
+        Where results of nodes are kept, so that equal work is done once; pipelines of one
+        thread may share it.  Without it a pipeline gets one of its own at the first `set`.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -87,6 +89,7 @@ def load(
         device=device,
         strict=strict,
         sinks=False,
+        cache=cache,
         stand_ins=_ungiven_streams(graph, given),
     )
     for line in pipeline.plan.fallbacks:
@@ -102,6 +105,7 @@ def open_pipeline(
     device: str | None = None,
     strict: bool = False,
     sinks: bool = True,
+    cache: Cache | None = None,
     stand_ins: frozenset[str] = frozenset(),
 ) -> Pipeline:
     """Plan and compile a graph that has been read; see `load`.
@@ -115,7 +119,8 @@ def open_pipeline(
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
-    opencl, reason = open_device(graph, device)
+    open_it = open_device if cache is None else cache.device
+    opencl, reason = open_it(graph, device)
     if opencl is None and backend == "opencl":
         raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
     if sinks:
@@ -125,7 +130,7 @@ def open_pipeline(
     )
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
-    return Pipeline(plan, opencl)
+    return Pipeline(plan, opencl, cache)
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
@@ -138,33 +143,6 @@ def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
     for name, place in places.items():
         if isinstance(place, str | Path) and Path(place).resolve() == Path(out).resolve():
             raise InputError(f"out={out}: is what {name}={place} reads; give another place")
-
-
-def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
-    """Apply ``node.param=value`` changes, as a patch file's `set` would.
-
-    Raises
-    ------
-    GraphError
-        If a change names no node of the graph.
-    """
-    for target, value in changes.items():
-        node_id, dot, setting = target.partition(".")
-        if not dot or not setting:
-            raise InputError(f"--set {target}: write it as node.param=value")
-        places = {"": Place("--set", 0, 0, target)}
-        change = {"set": node_id, "settings": {setting: plain(value)}}
-        graph = apply_patch(graph, change, places)
-    return graph
-
-
-def plain(value: Any) -> Any:
-    """A value as a graph file would hold it: numbers for NumPy's, text for paths."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
@@ -188,11 +166,16 @@ def placeholders(graph: Graph) -> dict[str, Any]:
 
 def open_device(graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
     """The OpenCL device for `graph` if it may want one, or None and the reason."""
-    bound = any(entry.backend == "opencl" for entry in graph.nodes.values())
-    if "opencl" not in graph.prefer and not bound and text is None:
+    if not wants_device(graph) and text is None:
         return None, "opencl is not among the preferred back ends"
     device, reason = choose_device(text)
     return (OpenCL(device) if device is not None else None), reason
+
+
+def wants_device(graph: Graph) -> bool:
+    """Whether a node of `graph` may run on an OpenCL device."""
+    bound = any(entry.backend == "opencl" for entry in graph.nodes.values())
+    return bound or "opencl" in graph.prefer
 
 
 def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:

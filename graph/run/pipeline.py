@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.errors import InputError, collect_warnings
+from tactograph.graph.files.changes import with_changes
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import own, shares
@@ -31,12 +33,15 @@ class Pipeline:
     what its nodes keep; after that it is of no more use.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: OpenCL | None, cache: Cache | None = None) -> None:
         self.plan = plan
         self._device = device
         self._turn = Turn(plan.graph.name)
         self._stand_ins = StandIns(plan)
         self._items = Items(plan, device)
+        if cache is not None:
+            self._items.keep(cache)
+        self._has_run = False
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._iterator: Iterator[Any] | None = None
@@ -66,14 +71,18 @@ class Pipeline:
             )
         with self._turn:
             stacks = self._stand_ins.check(stand_ins)
+            if self._items.keeps:  # what is kept must not change with the caller's arrays
+                stacks = {name: own(stack) for name, stack in stacks.items()}
             self._items.prepare()
             self._items.begin()
+            self._has_run = False
             result = self._items.item(self._stand_ins.item(stacks))
             # What a node passes on is still the caller's own memory.
             for name, value in result.outputs.items():
                 if isinstance(value, np.ndarray) and shares(value, stacks.values()):
                     result.outputs[name] = own(value)
             result.item = {}
+            self._has_run = True
             return result
 
     def items(self, repeats: int = 1) -> Iterator[Result]:
@@ -110,6 +119,7 @@ class Pipeline:
             if self._source is None:
                 with self._turn:
                     result = self._items.item({}, repeats)
+                    self._has_run = True
                 yield result
             else:
                 yield from self._all_items(self._source, repeats, mine)
@@ -131,8 +141,97 @@ class Pipeline:
                 if item is None:
                     return
                 self._items.times[source.id] = 1e3 * (time.perf_counter() - start)
+                self._has_run = False
                 result = self._items.item({source.id: item}, repeats)
+                self._has_run = True
             yield result
+
+    def set(self, node: str, /, **settings: Any) -> None:
+        """Change parameters of a node, for the items to come.
+
+        From then on the pipeline keeps what its nodes make, up to 512 MB (see `Cache`), and
+        computes only what a change concerns.
+
+        Parameters
+        ----------
+        node
+            Its name in the graph.
+        **settings
+            Its parameters, as ``with`` of a graph file gives them.
+
+        Raises
+        ------
+        InputError
+            If there is no such node or parameter, or the value is not one that it takes;
+            then nothing has changed.
+
+        Examples
+        --------
+        >>> pipeline.set("shadow", threshold=4)  # doctest: +SKIP
+        """
+        place = f"set {node}"
+        changes = {f"{node}.{name}": value for name, value in settings.items()}
+        graph = with_changes(self.plan.graph, changes, place)
+        graph.entry(node)
+        with self._turn:
+            task = self.plan.tasks.get(node)
+            if task is not None and not task.stand_in:
+                found = settings_of(graph.nodes[node], graph, task.node, self.plan.given)
+                task.entry, task.settings = graph.nodes[node], found
+            self.plan.graph = graph
+            if not self._items.keeps:
+                self._items.keep(Cache())
+                self._has_run = False
+            if task is not None:
+                self._items.settings_changed([node])
+
+    def again(self) -> Result:
+        """Run the last item once more: settings as they are now, its sources as they were.
+
+        Only what changed is computed.  Sinks write again.
+
+        Raises
+        ------
+        InputError
+            If there is no item yet of which results were kept (``load(…, cache=Cache())``, or
+            after the first `set`).
+        """
+        with self._turn:
+            self._refuse_without_item("again")
+            self._items.prepare()
+            return self._items.again()
+
+    def inspect(self, reference: str) -> Any:
+        """A value from inside the graph, of the last item: ``"label.misfit"``.
+
+        Parameters
+        ----------
+        reference
+            ``node.port``, or ``node`` if that has one output.
+
+        Returns
+        -------
+        An array is read-only.  None if the item has no such value.
+
+        Raises
+        ------
+        InputError
+            If there is no such value, or no item yet of which results were kept.
+        """
+        value = self.plan.value(reference)
+        with self._turn:
+            if not self._items.keeps:
+                self._items.keep(Cache())
+                self._has_run = False
+            self._refuse_without_item(f"inspect {reference}")
+            return self._items.inspect(value)
+
+    def _refuse_without_item(self, what: str) -> None:
+        if not self._has_run:
+            raise InputError(
+                f"{self.plan.graph.name}: {what}: no item has run since results are kept; run "
+                "one now, or load the graph with cache=Cache()"
+            )
 
     @property
     def buffers(self) -> int:
@@ -175,7 +274,7 @@ class Pipeline:
             self.plan.given = given
             for name, found in settings.items():
                 self.plan.tasks[name].settings = found
-            self._items.settings_changed()
+            self._items.settings_changed(settings)
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""

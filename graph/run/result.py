@@ -17,6 +17,7 @@ class Result(Mapping[str, Any]):
     Arrays are read-only: the pipeline may still hold them, for the next item or for all.
     `times` is in milliseconds, by step.  `item` is what the stream's source yielded; `total`
     the milliseconds from there to the last output, as a clock on the wall sees them.
+    `kept` are the steps whose results were there already; their times are those of back then.
     """
 
     outputs: dict[str, Any]
@@ -25,6 +26,7 @@ class Result(Mapping[str, Any]):
     warnings: list[str] = field(default_factory=list)
     item: dict[Value, Any] = field(default_factory=dict)
     total: float = 0.0
+    kept: frozenset[str] = frozenset()
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.outputs:
