@@ -187,13 +187,9 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     return row, False
 
 
-def _run(
-    job: Job, values: Mapping[str, Any], device: str | None, row: Row, cache: Cache
-) -> Result:
+def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cache: Cache) -> Result:
     """Run all items, enter them into the row, and return the first for its pictures."""
-    pipeline = open_pipeline(
-        job.changed, values, backend=job.backend, device=device, cache=cache
-    )
+    pipeline = open_pipeline(job.changed, values, backend=job.backend, device=device, cache=cache)
     first: Result | None = None
     figures: dict[str, list[float]] = {}
     times: dict[str, list[float]] = {}

@@ -20,6 +20,8 @@ MEGABYTES = 512
 """What the values of one cache may take together, on host and device."""
 MOST_RUNS = 20_000
 """Of so many nodes' runs a cache remembers shapes, time and warnings."""
+_ENTRY = 500
+"""What the bookkeeping of a value takes, in bytes; an empty array still has a buffer."""
 _OPAQUE = 2**23
 """What an object of unknown size is taken for, in bytes."""
 
@@ -75,7 +77,7 @@ class Cache:
 
     def put(self, kept: Kept, value: Any) -> None:
         """Keep a value, unless it alone is too large."""
-        size = _bytes(value)
+        size = _ENTRY + _bytes(value)
         if size > self.most:
             return
         with self._lock:

@@ -18,9 +18,9 @@ from tactograph.graph.errors import NodeError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
+from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
-from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.recall import recall, recalled_values
 from tactograph.graph.run.stand_ins import is_whole
 from tactograph.graph.run.store import recall_or_make

@@ -32,7 +32,7 @@ def content_key(*values: Any) -> str:
 def _parts(value: Any) -> Iterable[Any]:
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         yield f"array {value.dtype.str} {value.shape} ".encode()
-        yield memoryview(np.ascontiguousarray(value)).cast("B") if value.size else b""
+        yield np.ascontiguousarray(value).reshape(-1).view(np.uint8)
     elif isinstance(value, dict):
         yield f"dict {len(value)} ".encode()
         for name, each in value.items():

@@ -169,7 +169,7 @@ class Pipeline:
         --------
         >>> pipeline.set("shadow", threshold=4)  # doctest: +SKIP
         """
-        place = f"set {node}"
+        place = "set"
         changes = {f"{node}.{name}": value for name, value in settings.items()}
         graph = with_changes(self.plan.graph, changes, place)
         graph.entry(node)

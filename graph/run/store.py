@@ -63,9 +63,7 @@ def _folder() -> Path | None:
     return Path(told or platformdirs.user_cache_dir("tactograph", appauthor=False))
 
 
-def _file(
-    folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]
-) -> Path:
+def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]) -> Path:
     from tactograph.graph.run.origin import code_of
 
     key = key_of(
