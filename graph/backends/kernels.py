@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
@@ -34,6 +35,7 @@ class Kernels:
     requires: tuple[str, str] | None = None
     own_lanes: bool = False
     on_cpu: str | None = None
+    source: str | os.PathLike[str] | None = None
 
     def uses_library(self, lanes: int) -> bool:
         """Whether the launch function needs its library on a device of so many lanes."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import collections.abc
 import inspect
 import itertools
+import os
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -181,6 +182,7 @@ class Node:
         lanes: Lanes | bool = False,
         row_lanes: bool = False,
         whole: str | None = None,
+        source: str | os.PathLike[str] | None = None,
     ) -> Node: ...
 
     @typing.overload
@@ -190,6 +192,7 @@ class Node:
         requires: tuple[str, str] | None = None,
         own_lanes: bool = False,
         on_cpu: str | None = None,
+        source: str | os.PathLike[str] | None = None,
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(
@@ -202,6 +205,7 @@ class Node:
         requires: tuple[str, str] | None = None,
         own_lanes: bool = False,
         on_cpu: str | None = None,
+        source: str | os.PathLike[str] | None = None,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
 
@@ -228,12 +232,16 @@ class Node:
         on_cpu
             Why the NumPy function is the better one if the device is a CPU: it is then
             taken wherever numpy is among the graph's preferences.
+        source
+            The kernels themselves, as text or as a path, for a node of a script or notebook.
         """
         along: Lanes | None = "rows" if row_lanes else "grid" if lanes is True else lanes or None
         if grid is not None:
-            self.implementations["opencl"] = Kernels(tuple(grid.split()), along, whole)
+            self.implementations["opencl"] = Kernels(
+                tuple(grid.split()), along, whole, source=source
+            )
             return self
-        kernels = Kernels(requires=requires, own_lanes=own_lanes, on_cpu=on_cpu)
+        kernels = Kernels(requires=requires, own_lanes=own_lanes, on_cpu=on_cpu, source=source)
 
         def take(launch: LaunchFunction) -> LaunchFunction:
             self.implementations["opencl"] = replace(kernels, launch=launch)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 
+from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.draw import COLOURS, edges, recalls
-from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.plan import Plan, Step
 
 WIDTH, HEIGHT = 150, 34
 """Of a box, in px."""
@@ -14,8 +16,9 @@ COLUMN, ROW = 210, 52
 EDGE = 20
 
 
-def to_svg(plan: Plan) -> str:
-    """The plan as an SVG image, boxes coloured by back end."""
+def to_svg(plan: Plan, times: Mapping[str, float] | None = None) -> str:
+    """The plan as an SVG image, boxes coloured by back end, with `times` in ms where known."""
+    times = times or {}
     at = _places(plan)
     right = max((x for x, _ in at.values()), default=0) + WIDTH + EDGE
     bottom = max((y for _, y in at.values()), default=0) + HEIGHT + 0.08 * right + EDGE
@@ -37,10 +40,16 @@ def to_svg(plan: Plan) -> str:
             f'<g><rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
             f'fill="{COLOURS[step.backend]}" stroke="#555"/>',
             _text(x + WIDTH / 2, y + 14, step.name if task else step.kind, ' font-weight="bold"'),
-            _text(x + WIDTH / 2, y + 27, task.node.name if task else step.name.split(" ")[-1], ""),
+            _text(x + WIDTH / 2, y + 27, _words(step, task, times), ""),
             "</g>",
         ]
     return "\n".join([*lines, "</svg>", ""])
+
+
+def _words(step: Step, task: Task | None, times: Mapping[str, float]) -> str:
+    """What a box says below its name."""
+    what = task.node.name if task else step.name.split(" ")[-1]
+    return f"{what}, {times[step.name]:.2g} ms" if times.get(step.name) else what
 
 
 def _places(plan: Plan) -> dict[str, tuple[int, int]]:

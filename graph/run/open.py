@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import os
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.find_node import find_node, own_nodes
+from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.changes import plain, with_changes
 from tactograph.graph.files.model import BACKENDS, NOT_GIVEN, Graph
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read import Source, read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.pipeline import Pipeline
 
 
 def load(
-    name: str | os.PathLike[str],
+    graph: Source,
     params: Mapping[str, Any] | None = None,
     /,
     *,
@@ -32,14 +32,16 @@ def load(
     changes: Mapping[str, Any] | None = None,
     outputs: Collection[str] | None = None,
     cache: Cache | None = None,
+    nodes: Iterable[Node] = (),
     **given: Any,
 ) -> Pipeline:
     """Read, verify, plan and compile a graph, to be called with arrays.
 
     Parameters
     ----------
-    name
-        A graph file, or the bare name of a pipeline that ships.
+    graph
+        A graph file, the bare name of a pipeline that ships, ``package/name`` of one that a
+        package brings, plain data such as a graph file holds, or a `Graph`.
     params
         The graph's own params that are called like an argument here, such as ``device``.
     backend
@@ -56,6 +58,8 @@ def load(
     cache
         Where results of nodes are kept, so that equal work is done once; pipelines of one
         thread may share it.  Without it a pipeline gets one of its own at the first `set`.
+    nodes
+        Nodes of the script or notebook itself: functions under `node`.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -79,7 +83,9 @@ def load(
     for word in given.keys() & (params or {}).keys():
         raise InputError(f"{word} is given twice")
     given = {word: plain(value) for word, value in {**(params or {}), **given}.items()}
-    graph = with_changes(read_graph(os.fspath(name)), changes or {})
+    read = read_graph(graph)
+    read = replace(read, own={**read.own, **own_nodes(nodes)})
+    graph = with_changes(read, changes or {})
     if outputs is not None:
         graph = _with_outputs(graph, outputs)
     pipeline = open_pipeline(
@@ -190,5 +196,5 @@ def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
     return frozenset(
         node_id
         for node_id, entry in graph.nodes.items()
-        if any(map(is_missing, entry.settings.values())) and find_node(entry.op).stream
+        if any(map(is_missing, entry.settings.values())) and find_node(entry.op, graph.own).stream
     )

@@ -233,6 +233,11 @@ class Pipeline:
                 "one now, or load the graph with cache=Cache()"
             )
 
+    def _repr_svg_(self) -> str:
+        from tactograph.graph.plan.draw_svg import to_svg
+
+        return to_svg(self.plan, self._items.times)
+
     @property
     def buffers(self) -> int:
         """How many buffers were ever allocated on the device; a steady stream adds none."""

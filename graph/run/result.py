@@ -6,11 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Result(Mapping[str, Any]):
     """What one item gave: the graph's outputs by name, and how long each step took.
 
@@ -38,3 +40,17 @@ class Result(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self.outputs)
+
+    def __repr__(self) -> str:
+        names = (
+            f"{name}: {value.dtype} {' x '.join(map(str, value.shape))}"
+            if isinstance(value, np.ndarray)
+            else f"{name}: {value!r}"
+            for name, value in self.outputs.items()
+        )
+        return f"Result({', '.join(names)})"
+
+    def _repr_html_(self) -> str:
+        from tactograph.graph.run.notebook import result_html
+
+        return result_html(self.plan, self.outputs, self.total)
