@@ -195,6 +195,7 @@ class Incremental:
         told = {dim for port in node.inputs.values() for dim in port.dims} | {*node.derived}
         # A size that no input tells follows from what the sources gave.
         is_free = task.filled or any(symbol not in told for symbol in node.symbols)
+        sources = sorted((n, key) for n, key in self._outside.items() if n in self._keys)
         reads = {} if task.filled else task.reads
         return key_of(
             node.serial,
@@ -203,7 +204,7 @@ class Incremental:
             sorted(task.settings.items()),
             [(name, self._keys[value.node], value.port) for name, value in reads.items()],
             [(name, self._before.get(value)) for name, value in task.recalls.items()],
-            sorted(self._outside.items()) if is_free else (),
+            sources if is_free else (),
         )
 
     def _make(

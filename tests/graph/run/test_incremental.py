@@ -59,6 +59,7 @@ def test_a_change_computes_what_depends_on_it_and_nothing_else(
     result = pipeline.again()
     names = {name for name in pipeline.plan.tasks if name != "save"}
     assert names - result.kept == {"high"}
+    assert names - pipeline.again().kept == set()
     assert toys.count("doubled") == 1
     fresh = load(write(CHAIN), backend=backend, changes={"high.above": 0.25})(frames=STACK)
     for name in fresh:
@@ -108,6 +109,19 @@ def test_a_cache_too_small_for_anything_changes_no_result(
             np.testing.assert_array_equal(found[name], expected[name])
         assert small.bytes <= small.most
     np.testing.assert_array_equal(pipeline.inspect("twice"), expected["seen"])
+
+
+@BACKENDS
+def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = CHAIN.replace("  high: ", "  rest: {op: bright, in: {image: cal.flat}}\n  high: ")
+    text = text.replace("outputs: {", "outputs: {rest: rest.light, ")
+    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline(frames=STACK)
+    pipeline.set("high", above=0.25)
+    assert "rest" in pipeline.again().kept
+    assert "rest" in pipeline(frames=2 * STACK).kept
 
 
 def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Write) -> None:
