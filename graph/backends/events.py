@@ -21,6 +21,14 @@ def has_failed(timer: Timer) -> bool:
         return True
 
 
+def span(timer: Timer) -> tuple[float, float]:
+    """When the first event began and the last one ended, in seconds of the device's clock."""
+    first, last = timer
+    start: Any = first.get_profiling_info(cl.profiling_info.START)
+    end: Any = last.get_profiling_info(cl.profiling_info.END)
+    return 1e-9 * start, 1e-9 * end
+
+
 def milliseconds(timer: Timer) -> float:
     """The time between the start of the first event and the end of the last, on the device."""
     first, last = timer

@@ -7,6 +7,7 @@ has been read for the last time; on an in-order queue the next owner cannot over
 from __future__ import annotations
 
 import itertools
+import time
 from functools import cached_property
 from typing import Any, Literal
 
@@ -132,6 +133,14 @@ class Queue:
             )
             for size, whole in ((1, "uchar"), (2, "ushort"))
         }
+
+    @cached_property
+    def clock_ahead(self) -> float:
+        """By how many seconds the device's clock is ahead of `time.perf_counter`."""
+        marker = cl.enqueue_marker(self.queue)
+        marker.wait()
+        ended: Any = marker.get_profiling_info(cl.profiling_info.END)
+        return 1e-9 * float(ended) - time.perf_counter()
 
     def constant(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to a buffer of its own, that the pool does not lack afterwards."""

@@ -13,6 +13,7 @@ from tactograph.graph.errors import printable
 
 if TYPE_CHECKING:
     from tactograph.graph.files.model import Graph
+    from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
 
 
@@ -38,7 +39,14 @@ class RunOptions:
 
         return with_changes(read_graph(graph), read_settings(self.settings))
 
-    def open(self, graph: Graph, given: Mapping[str, Any], *, sinks: bool = True) -> Pipeline:
+    def open(
+        self,
+        graph: Graph,
+        given: Mapping[str, Any],
+        *,
+        sinks: bool = True,
+        cache: Cache | None = None,
+    ) -> Pipeline:
         """Plan and compile a graph where the options say."""
         from tactograph.graph.run.open import open_pipeline
 
@@ -49,6 +57,7 @@ class RunOptions:
             device=self.device,
             strict=self.strict,
             sinks=sinks,
+            cache=cache,
         )
 
 

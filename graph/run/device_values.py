@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.events import Timer, has_failed, milliseconds
+from tactograph.graph.backends.events import Timer, has_failed, milliseconds, span
 from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.prepared import Prepared
@@ -125,6 +125,12 @@ class DeviceValues:
         if self._timers:
             self._device.finish()
         return {name: milliseconds(timer) for name, timer in self._timers.items()}
+
+    def spans(self) -> list[tuple[str, float, float]]:
+        """Step, start and end of all that is timed, as times of `time.perf_counter`."""
+        ahead = self._device.clock_ahead
+        spans = ((name, *span(timer)) for name, timer in self._timers.items())
+        return [(name, start - ahead, end - ahead) for name, start, end in spans]
 
     def failed(self) -> list[str]:
         """The steps that failed: a device tells of them long after they began."""

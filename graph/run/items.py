@@ -21,6 +21,7 @@ from tactograph.graph.run.incremental import Incremental, Spot, Walk, read_by, r
 from tactograph.graph.run.make_provenance import make_provenance
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.result import Result
+from tactograph.graph.run.trace import Trace
 
 
 class Items:
@@ -36,6 +37,8 @@ class Items:
         Warnings, those of what ran once first.
     ended
         Whether a sink wanted no further item.
+    trace
+        Takes down what runs when, if it is there.
     """
 
     def __init__(self, plan: Plan, device: OpenCL | None) -> None:
@@ -53,6 +56,7 @@ class Items:
         self._incremental: Incremental | None = None
         self._of_source: list[str] = []
         self._nothing: Known = {}
+        self.trace: Trace | None = None
 
     def keep(self, cache: Cache) -> None:
         """Run, from now on, only what is not in the cache."""
@@ -263,6 +267,9 @@ class Items:
             if device is not None:
                 doing = ""
                 self.times.update(device.finish())
+                if self.trace is not None:
+                    for name, start, end in device.spans():
+                        self.trace.on_device(name, start, end)
         except (DEVICE_ERROR, DeviceError) as error:
             raise self._device_error(error, doing) from error
         finally:
@@ -310,6 +317,8 @@ class Items:
                     told = make_provenance(self._plan, self.times, sized.derived, self.notes)
                     keywords[task.node.provenance] = told
                 made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
+                if self.trace is not None:
+                    self.trace.on_host(task.id, time.perf_counter(), self.times[task.id])
                 shapes = self.host.enter(task, step, made)
             known = self._plan.sizes.behind(task, sized, shapes)
         return known

@@ -22,6 +22,7 @@ from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.stand_ins import StandIns
+from tactograph.graph.run.trace import Trace
 from tactograph.graph.run.turn import Turn
 
 
@@ -141,6 +142,9 @@ class Pipeline:
                 if item is None:
                     return
                 self._items.times[source.id] = 1e3 * (time.perf_counter() - start)
+                if self._items.trace is not None:
+                    took = self._items.times[source.id]
+                    self._items.trace.on_host(source.id, time.perf_counter(), took)
                 self._has_run = False
                 result = self._items.item({source.id: item}, repeats)
                 self._has_run = True
@@ -232,6 +236,18 @@ class Pipeline:
                 f"{self.plan.graph.name}: {what}: no item has run since results are kept; run "
                 "one now, or load the graph with cache=Cache()"
             )
+
+    def trace(self) -> Trace:
+        """Take down, from now on, what runs when; return what it is written into.
+
+        Examples
+        --------
+        >>> trace = pipeline.trace()  # doctest: +SKIP
+        >>> trace.write(Path("trace.json"))  # doctest: +SKIP
+        """
+        with self._turn:
+            self._items.trace = Trace(self.plan)
+            return self._items.trace
 
     def _repr_svg_(self) -> str:
         from tactograph.graph.plan.draw_svg import to_svg
