@@ -16,6 +16,7 @@ from tactograph.graph.errors import TactographError, printable
 COMMANDS = (
     "demo",
     "run",
+    "tune",
     "compare",
     "batch",
     "check",
