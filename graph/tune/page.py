@@ -159,9 +159,10 @@ class _Page:
                 self.image.props("data-testid=picture")
                 self.bar = ui.element("div").classes("t-bar")
                 self.scale = ui.html("", sanitize=False).classes("t-scale")
-            self.under = ui.label().classes("t-under").props("data-testid=value")
-            self.section = ui.html("", sanitize=False).classes("t-section w-full")
-            self.section.props("data-testid=section")
+                with ui.column().classes("gap-1").style("flex: 1 1 180px; min-width: 150px"):
+                    self.under = ui.label().classes("t-under").props("data-testid=value")
+                    self.section = ui.html("", sanitize=False).classes("t-section w-full")
+                    self.section.props("data-testid=section")
 
     def _look(self) -> None:
         """Take up what is new; called often, it costs nothing where there is nothing."""
@@ -343,20 +344,6 @@ class _Page:
                 said_of = (about.arguments[parameter.name].replace("``", ""), range_of(parameter))
                 help_text = " · ".join(filter(None, said_of))
                 ui.label(help_text).classes("t-help").style("margin-top: -6px")
-            if node.outputs:
-                ui.separator()
-                self.ports = ui.toggle([*node.outputs], value=next(iter(node.outputs)))
-                self.ports.props("dense no-caps unelevated size=sm data-testid=ports")
-                self.ports.on_value_change(lambda: self._draw_inside(tuning.shown))
-                self.inside_picture = (
-                    ui.interactive_image(
-                        on_mouse=self._over_inside, events=["mousemove"], cross="#ffffff66"
-                    )
-                    .classes("t-picture w-full")
-                    .props("data-testid=inside")
-                )
-                self.inside_under = ui.label().classes("t-under").props("data-testid=inside-value")
-                self.inside_text = ui.label().classes("t-help").style("white-space: pre-line")
 
     def _outputs_of(self, node: Node) -> None:
         """What a node makes: a picture with its scale, and the value under the cursor."""
@@ -364,7 +351,7 @@ class _Page:
         self.ports = ui.toggle(ports, value=ports[0])
         self.ports.props("dense no-caps unelevated size=sm data-testid=ports")
         self.ports.on_value_change(lambda: self._draw_inside(self.tuning.shown))
-        with ui.row().classes("w-full gap-2 no-wrap items-stretch"):
+        with ui.row().classes("w-full gap-2 no-wrap items-stretch t-inside"):
             self.inside_picture = (
                 ui.interactive_image(
                     on_mouse=self._over_inside, events=["mousemove"], cross="#ffffff66"
@@ -392,33 +379,37 @@ class _Page:
         if control.kind == "flag":
             ui.switch(value=value, on_change=lambda e: self._set(node, name, e.value)).props(mark)
             return
-        if control.kind == "slider":
-            slider = ui.slider(min=0, max=1000, step=1, value=control.place(value)).props(mark)
-            slider.style("flex: 1 1 auto")
         words = _words(value)
-        field = ui.input(value=words).props(f"dense borderless {mark}-text input-class=text-right")
-        field.style("width: 84px; flex: none; font-variant-numeric: tabular-nums")
+        if control.kind == "slider":
+            slider = ui.slider(min=0, max=1000, step=1, value=round(control.place(value)))
+            slider.props(mark).style("flex: 1 1 auto")
+        # A plain element: NiceGUI's own input sends every value back, which a slider outruns.
+        field = ui.element("input").classes("t-field").props(f'value="{words}" {mark}-text')
         if control.kind == "slider":
 
-            def moved(event: events.GenericEventArguments) -> None:
-                found = control.value(float(event.args))
-                field.set_value(_words(found))
+            def moved(event: events.ValueChangeEventArguments[Any]) -> None:
+                now = self.tuning.settings(node)[name]
+                if round(control.place(float(now))) == event.value:
+                    return  # it was typed
+                found = control.value(float(event.value))
+                field.props(f'value="{_words(found)}"')
                 self._set(node, name, found)
 
-            slider.on("update:model-value", moved, throttle=0.02)
+            slider.on_value_change(moved)
 
-        def typed() -> None:
-            text = str(field.value)
+        def typed(event: events.GenericEventArguments) -> None:
+            text = str(event.args)
             try:
-                found = parse_scalar(text) if "," not in text else text
+                self.tuning.set(node, name, parse_scalar(text) if "," not in text else text)
             except TactographError as error:
-                ui.notify(str(error), type="negative")
-                return
-            self._set(node, name, found)
-            if control.kind == "slider" and isinstance(found, int | float):
-                slider.set_value(control.place(float(found)))
+                ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
+            now = self.tuning.settings(node)[name]
+            field.props(f'value="{_words(now)}"')
+            field.update()
+            if control.kind == "slider":
+                slider.set_value(round(control.place(float(now))))
 
-        field.on("change", typed)
+        field.on("change", typed, js_handler="(e) => emit(e.target.value)")
 
     def _draw_inside(self, shown: Shown) -> None:
         name = self.tuning.asked.node
@@ -586,7 +577,7 @@ def _section_svg(lines: list[NDArray[Any]], unit: str, row: int) -> str:
         )
     return (
         f'<div class="t-help">section along y = {row}, {low:.4g} to {high:.4g} {escape(unit)}; '
-        "drag in the picture to move it</div>"
+        "press in the picture and drag to move it</div>"
         '<svg viewBox="0 0 1000 120" preserveAspectRatio="none">'
         f'<rect width="1000" height="120" fill="#f7f8fa"/>{"".join(curves)}</svg>'
     )

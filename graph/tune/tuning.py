@@ -55,7 +55,6 @@ class Shown:
     inspected: Mapping[str, Any] = field(default_factory=dict)
     plan: Plan | None = None
     error: str = ""
-    notice: str = ""
 
 
 class Tuning:
@@ -94,7 +93,7 @@ class Tuning:
         self._stamp: Stamp = stamp(self._files)
         self._changed = threading.Condition()
         self._ended = False
-        self._check(self.base, self.base.nodes)
+        self._check(self.base)
         self._thread = threading.Thread(target=self._work, name="tune", daemon=True)
         self._thread.start()
 
@@ -210,7 +209,7 @@ class Tuning:
         """
         title = f"{self.base.title or self.base.name}, tuned"
         saved = write_variant(file, self.base, self.source, self.changes(), title)
-        self._check(saved, saved.nodes)
+        self._check(saved)
         return file
 
     def reload(self) -> bool:
@@ -224,7 +223,7 @@ class Tuning:
         self._stamp = now
         try:
             base = read_graph(self.source)
-            self._check(base, base.nodes)
+            self._check(base)
         except TactographError as error:
             self._publish(replace(self.shown, error=" ".join(str(error).split())))
             return True
@@ -260,19 +259,18 @@ class Tuning:
 
     def _take(self, node: str, entry: Entry) -> None:
         graph = self.graph.with_entry(node, entry)
-        self._check(graph, [node])
+        if entry.neutral != self.graph.nodes[node].neutral:
+            self._check(graph)
+        else:  # what a slider can wait for
+            settings_of(entry, graph, find_node(entry.op), self._known)
         with self._changed:
             self._asked = replace(self._asked, graph=graph)
             self._changed.notify()
 
-    def _check(self, graph: Graph, nodes: Any) -> None:
-        """Refuse a graph that cannot run, before it is on the screen."""
-        given = {n: v for n, v in self.given.items() if n in graph.params}
-        for node in nodes:
-            entry = graph.nodes[node]
-            settings_of(entry, graph, find_node(entry.op), given)
-        if graph.nodes.keys() == {*nodes} or graph.nodes[next(iter(nodes))].neutral:
-            make_plan(replace(_anywhere(graph), prefer=("numpy",)), given, device=None, sinks=False)
+    def _check(self, graph: Graph) -> None:
+        """Refuse a graph that cannot be run, before it is on the screen."""
+        given = {name: value for name, value in self.given.items() if name in graph.params}
+        make_plan(_anywhere(graph), given, device=None, sinks=False)
 
     def _work(self) -> None:
         done: Asked | None = None
@@ -311,9 +309,7 @@ class Tuning:
         self.rates.append(now)
         while now - self.rates[0] > SECOND:
             self.rates.popleft()
-        plan = replace(result.plan, steps=list(result.plan.steps))
-        shown = Shown(0, asked, result, beside, inspected, plan)
-        self._publish(shown)
+        self._publish(Shown(0, asked, result, beside, inspected, result.plan))
 
     def _inspect(self, node: str | None) -> dict[str, Any]:
         """The values of a node's outputs; what it cannot tell is left out."""
@@ -328,5 +324,6 @@ class Tuning:
 
 
 def _anywhere(graph: Graph) -> Graph:
+    """The graph wherever it runs, so that no device is asked."""
     nodes = {name: replace(entry, backend=None) for name, entry in graph.nodes.items()}
-    return replace(graph, nodes=nodes)
+    return replace(graph, nodes=nodes, prefer=("numpy",))

@@ -96,7 +96,8 @@ class Browser:
 
     def _box(self, selector: str) -> dict[str, float]:
         script = (
-            f"(e => {{ if (!e) return null; e.scrollIntoView({{block: 'center', inline: 'center'}});"
+            "(e => { if (!e) return null;"
+            " e.scrollIntoView({block: 'center', inline: 'center'});"
             f" return e.getBoundingClientRect().toJSON() }})(document.querySelector(`{selector}`))"
         )
         box: dict[str, float] = self.wait(script)
