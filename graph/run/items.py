@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
@@ -56,6 +56,7 @@ class Items:
         self._incremental: Incremental | None = None
         self._of_source: list[str] = []
         self._nothing: Known = {}
+        self._only: Collection[str] | None = None
         self.trace: Trace | None = None
 
     def keep(self, cache: Cache) -> None:
@@ -100,11 +101,18 @@ class Items:
         self._remember()
         return result
 
-    def again(self) -> Result:
-        """Run the last item once more: settings as they are now, its sources as they were."""
+    def again(self, outputs: Collection[str] | None = None) -> Result:
+        """Run the last item once more: settings as they are now, its sources as they were.
+
+        Of the outputs only those that are named are made; sinks are then left out.
+        """
         assert self._incremental is not None
         self._incremental.begin(again=True)
-        return self._incremental_item(self._incremental, {}, 1)
+        self._only = outputs
+        try:
+            return self._incremental_item(self._incremental, {}, 1)
+        finally:
+            self._only = None
 
     def inspect(self, value: Value) -> Any:
         """A value of the last item, made again if it is not there any more."""
@@ -151,7 +159,8 @@ class Items:
     def _incremental_item(
         self, incremental: Incremental, given: Mapping[str, Any], repeats: int
     ) -> Result:
-        computing, sinks = [*self._once[0], *self._stream[0]], self._stream[1]
+        computing = [*self._once[0], *self._stream[0]]
+        sinks = self._stream[1] if self._only is None else []
         try:
             _, total = self._run((computing, sinks), {}, given, repeats)
         finally:
@@ -162,10 +171,15 @@ class Items:
 
     def _result(self, given: Mapping[str, Any], total: float) -> Result:
         host, tasks = self.host, self._plan.tasks
-        outputs = {name: host.lent(value) for name, value in self._plan.outputs.items()}
+        outputs = {name: host.lent(value) for name, value in self._outputs().items()}
         yielded = [Value(name, port) for name in given for port in tasks[name].node.outputs]
         item = {value: host[value] for value in yielded}
         return Result(outputs, dict(self.times), self._plan, list(self.notes), item, total)
+
+    def _outputs(self) -> dict[str, Value]:
+        """The graph's outputs, or those of them that are asked for now."""
+        known, only = self._plan.outputs, self._only
+        return {name: value for name, value in known.items() if only is None or name in only}
 
     def _remember(self) -> None:
         """Keep what the next item recalls."""
@@ -222,7 +236,7 @@ class Items:
     ) -> tuple[Known, float]:
         """Run the steps that what is wanted needs, and whose results are not kept."""
         there = {step.name for step in steps}
-        wanted = [Spot(value, "host") for value in self._plan.outputs.values()]
+        wanted = [Spot(value, "host") for value in self._outputs().values()]
         wanted += [spot for step in sinks for spot in read_by(self._plan, step)]
         wanted = [spot for spot in wanted if spot.value.node in there]
         if len(steps) > len(self._once[0]) or not self._once[1]:

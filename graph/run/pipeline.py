@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -189,10 +189,15 @@ class Pipeline:
             if task is not None:
                 self._items.settings_changed([node])
 
-    def again(self) -> Result:
+    def again(self, outputs: Collection[str] | None = None) -> Result:
         """Run the last item once more: settings as they are now, its sources as they were.
 
         Only what changed is computed.  Sinks write again.
+
+        Parameters
+        ----------
+        outputs
+            Of the graph's outputs, those that are wanted this time; sinks are then left out.
 
         Raises
         ------
@@ -203,7 +208,7 @@ class Pipeline:
         with self._turn:
             self._refuse_without_item("again")
             self._items.prepare()
-            return self._items.again()
+            return self._items.again(outputs)
 
     def inspect(self, reference: str) -> Any:
         """A value from inside the graph, of the last item: ``"label.misfit"``.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
+from collections.abc import Mapping
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -31,7 +31,7 @@ from tactograph.graph.tune.tuning import Shown, Tuning
 LOOK_EVERY_S = 0.025
 """How often the page asks whether there is something new."""
 DRAW_EVERY_S = 0.5
-"""How often the drawing takes up new times."""
+"""How often the drawing takes up new times, and the file is looked at."""
 VIEWS = ("result", "beside", "wipe", "difference")
 AS_FILE = "as the graph says"
 LINES = ("#1f5fa8", "#d1495b")
@@ -60,13 +60,16 @@ class _Page:
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning
         self.seen = -1
-        self.drawn_at = 0.0
+        self.drawn = -1
+        self.told: dict[str, ui.html] = {}
         self.node_shown: tuple[Any, ...] = ()
         self.output = ""
         self.view = "result"
         self.row = self.column = 0.5
         self.picture: Picture | None = None
         self.inside: Picture | None = None
+        self.inside_of = ("", "")
+        self.inside_values: Mapping[str, Any] = {}
         self.port = ""
         css = (resources.files("tactograph.graph.tune") / "page.css").read_text(encoding="utf-8")
         ui.add_css(css)
@@ -81,7 +84,7 @@ class _Page:
                 self.panel = ui.column().classes("t-card gap-2").style("width: 43%; min-width: 0")
         self._node_panel()
         ui.timer(LOOK_EVERY_S, self._look)
-        ui.timer(0.5, self._reload)
+        ui.timer(DRAW_EVERY_S, self._seldom)
 
     def _head(self) -> None:
         tuning = self.tuning
@@ -167,7 +170,6 @@ class _Page:
     def _look(self) -> None:
         """Take up what is new; called often, it costs nothing where there is nothing."""
         shown = self.tuning.shown
-        now = time.monotonic()
         if shown.number == self.seen:
             return
         self.seen = shown.number
@@ -175,10 +177,8 @@ class _Page:
         self.error.set_visibility(bool(shown.error))
         if shown.result is None or shown.plan is None:
             return
-        if now - self.drawn_at > DRAW_EVERY_S:
+        if self.drawn < 0:
             self._draw_graph()
-        else:
-            ui.timer(DRAW_EVERY_S, self._draw_graph, once=True)
         self._tell(shown, shown.result)
         self._draw_result()
         self._draw_inside(shown)
@@ -199,18 +199,21 @@ class _Page:
         ]
         shown_figures = [("ms", f"{result.total:.0f}"), ("updates/s", f"{len(tuning.rates)}")]
         shown_figures += [(name.replace("_", " "), f"{figure:.3g}") for name, figure in figures[:4]]
-        self.figures.clear()
-        with self.figures:
-            for name, text in shown_figures:
-                ui.html(
-                    f"<b>{escape(text)}</b><span>{escape(name)}</span>", sanitize=False
-                ).classes("t-figure")
+        if self.told.keys() != {name for name, _ in shown_figures}:
+            self.figures.clear()
+            with self.figures:
+                self.told = {
+                    name: ui.html("", sanitize=False).classes("t-figure")
+                    for name, _ in shown_figures
+                }
+        for name, text in shown_figures:
+            self.told[name].set_content(f"<b>{escape(text)}</b><span>{escape(name)}</span>")
 
     def _draw_graph(self) -> None:
         shown = self.tuning.shown
         if shown.plan is None or shown.result is None:
             return
-        self.drawn_at = time.monotonic()
+        self.drawn = shown.number
         if not self.finder.options:
             self.finder.set_options(sorted(shown.plan.tasks))
         svg = to_svg(shown.plan, shown.result.times, transfers=False)
@@ -241,6 +244,7 @@ class _Page:
         if names and self.outputs.options != names:
             self.outputs.set_options(names, value=self.output if self.output in names else names[0])
             self.output = self.outputs.value
+            self.tuning.output = self.output
         if not self.output:
             return
         mine = self._plane(shown.result, self.output)
@@ -292,7 +296,7 @@ class _Page:
         """Everything about the chosen node, made anew when another is chosen."""
         tuning, name = self.tuning, self.tuning.asked.node
         self.panel.clear()
-        self.inside = None
+        self.inside, self.inside_of = None, ("", "")
         with self.panel:
             if name is None or name not in tuning.graph.nodes:
                 ui.label("A node").classes("t-title")
@@ -409,16 +413,21 @@ class _Page:
             if control.kind == "slider":
                 slider.set_value(round(control.place(float(now))))
 
+        # What is half typed must outlast the page's other updates.
+        field.on("input", js_handler="(e) => { element.props.value = e.target.value }")
         field.on("change", typed, js_handler="(e) => emit(e.target.value)")
 
     def _draw_inside(self, shown: Shown) -> None:
         name = self.tuning.asked.node
-        if name is None or shown.plan is None or shown.asked is None or shown.asked.node != name:
+        if name is None or shown.plan is None or (shown.asked and shown.asked.node != name):
             return
         task = shown.plan.tasks.get(name)
         if task is None or not task.node.outputs or not hasattr(self, "inside_picture"):
             return
         port = str(self.ports.value)
+        if self.inside_of == (name, port) and self.inside_values is shown.inspected:
+            return
+        self.inside_of, self.inside_values = (name, port), shown.inspected
         value, declared = shown.inspected.get(port), task.node.outputs[port]
         planes = planes_of(declared, value)
         took = shown.result.times.get(name, 0.0) if shown.result is not None else 0.0
@@ -475,7 +484,7 @@ class _Page:
         self._do(self.tuning.put_beside, event.value or None)
 
     def _output_chosen(self, event: events.ValueChangeEventArguments[Any]) -> None:
-        self.output = event.value
+        self.output = self.tuning.output = event.value
         self._draw_result()
 
     def _view_chosen(self, event: events.ValueChangeEventArguments[Any]) -> None:
@@ -489,9 +498,12 @@ class _Page:
         except TactographError as error:
             ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
 
-    def _reload(self) -> None:
+    def _seldom(self) -> None:
+        """Take up what may come late: the file, and the times in the drawing."""
         if self.tuning.reload():
             self._node_panel()
+        if self.drawn != self.tuning.shown.number:
+            self._draw_graph()
 
     def _ask_name(self) -> None:
         with ui.dialog() as dialog, ui.card().style("min-width: 420px"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,12 @@ class Runner:
         self._stream: Iterator[Result] | None = None
         self._at: tuple[Path | None, int] = (None, -1)
 
-    def run(self, graph: Graph, capture: Path | None, number: int) -> Result:
+    def run(
+        self, graph: Graph, capture: Path | None, number: int, only: Collection[str] | None = None
+    ) -> Result:
         """The result of `graph` on an item: of a capture, or the `number`-th of its stream.
+
+        Where the item is the one before, `only` are the outputs that are made of it.
 
         Raises
         ------
@@ -49,7 +53,7 @@ class Runner:
                 pipeline.set(name, **changed)
         self._graph = graph
         if self._at == (capture, number) and self._stream is not None:
-            return pipeline.again()
+            return pipeline.again(only)
         if capture is not None and self._at[0] != capture:
             self._end()
             pipeline.aim(**{CAPTURE: str(capture)})

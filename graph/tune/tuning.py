@@ -30,6 +30,8 @@ from tactograph.graph.tune.captures import captures_of
 from tactograph.graph.tune.runner import Runner
 
 SECOND = 1.0
+REST_S = 0.12
+"""So long a hand has to rest before figures and all else follow what it looks at."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,12 @@ class Tuning:
         Values of its params.
     beside
         Another graph to compare with.
+
+    Attributes
+    ----------
+    output
+        The output that is looked at: it is made and shown first, figures and all else follow
+        when no newer change waits.
     """
 
     def __init__(
@@ -87,12 +95,14 @@ class Tuning:
         self.shown = Shown()
         self.rates: deque[float] = deque()
         self.playing = False
+        self.output: str | None = None
         self._cache = Cache()
         self._runners = [Runner(given, self._cache, backend, device) for _ in range(2)]
         self._files = files_of(self.base, {}) | {graph_file(source)}
         self._stamp: Stamp = stamp(self._files)
         self._changed = threading.Condition()
         self._ended = False
+        self._last: Asked | None = None
         self._check(self.base)
         self._thread = threading.Thread(target=self._work, name="tune", daemon=True)
         self._thread.start()
@@ -291,6 +301,9 @@ class Tuning:
         capture = self.captures[asked.capture] if self.captures else None
         try:
             main, other = self._runners
+            is_quick = self._show_first(asked, capture)
+            if is_quick and not self._rests(asked):
+                return
             result = main.run(asked.graph, capture, asked.item)
             beside = None
             if asked.beside is not None:
@@ -305,11 +318,39 @@ class Tuning:
             said = f"{type(error).__name__}: {error}"
             self._publish(replace(self.shown, asked=asked, error=said))
             return
+        if not is_quick:
+            self._count()
+        self._publish(Shown(0, asked, result, beside, inspected, result.plan))
+
+    def _show_first(self, asked: Asked, capture: Path | None) -> bool:
+        """Make and show the output that is looked at, where only settings changed."""
+        last, before = self.shown.asked or self._last, self.shown.result
+        if self.output is None or last is None or before is None:
+            return False
+        place = (asked.capture, asked.item, asked.beside)
+        if place != (last.capture, last.item, last.beside) or self.output not in before:
+            return False
+        first = self._runners[0].run(asked.graph, capture, asked.item, [self.output])
+        self._last = last
+        merged = replace(first, outputs={**before.outputs, **first.outputs})
+        shown = replace(self.shown, asked=None, result=merged, plan=first.plan, error="")
+        self._count()
+        self._publish(shown)
+        return True
+
+    def _rests(self, asked: Asked) -> bool:
+        """Whether nothing newer is asked for within a moment."""
+        with self._changed:
+            newer = self._changed.wait_for(
+                lambda: self._ended or self._asked is not asked, timeout=REST_S
+            )
+        return not newer
+
+    def _count(self) -> None:
         now = time.monotonic()
         self.rates.append(now)
         while now - self.rates[0] > SECOND:
             self.rates.popleft()
-        self._publish(Shown(0, asked, result, beside, inspected, result.plan))
 
     def _inspect(self, node: str | None) -> dict[str, Any]:
         """The values of a node's outputs; what it cannot tell is left out."""

@@ -101,7 +101,11 @@ class Browser:
             f" return e.getBoundingClientRect().toJSON() }})(document.querySelector(`{selector}`))"
         )
         box: dict[str, float] = self.wait(script)
-        return box
+        while True:  # what still moves cannot be hit
+            time.sleep(0.06)
+            before, box = box, self.wait(script)
+            if before == box:
+                return box
 
     def _mouse(self, kind: str, x: float, y: float) -> None:
         self._do(

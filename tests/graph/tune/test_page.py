@@ -196,7 +196,7 @@ def test_the_file_may_be_edited_meanwhile(page: Page) -> None:
     choose(page, "shadow")
     typed = f"document.querySelector('{element('param-threshold-text')}').value"
     page.browser.wait(f"{typed} === '6.5'")
-    assert text_of(page, "error") == ""
+    page.browser.wait(f"document.querySelector('{element('error')}').innerText === ''")
 
 
 def test_nobody_else_reaches_the_page(page: Page) -> None:
