@@ -55,9 +55,11 @@ Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
 zeros where it does not."""
 Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model, beyond the camera's noise, as a share of it."""
-Misfit = Annotated[F4, Port("2", "1", low=0.01, high=1)]
-"""(share, width): of what the film's model takes from the light, so much is wrong, over so many
-mm alike; (0, 1) if it leaves noise only."""
+Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
+"""(level, width, light, bounce, tilt): what the film's model leaves, noise apart.  A normal errs by
+`level` radians, over `width` mm alike; all of an object lean too much, or too little, by `tilt`
+radians; of an LED's light so much is left, as if the film were matt; and such a share of the light
+that the film throws on itself may be wrong."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]

@@ -14,7 +14,7 @@ import click
 from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
-    from tactograph.graph.files.model import Graph
+    from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
@@ -91,7 +91,7 @@ class _Wanted:
 def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
     """Run once, say what is wrong, and wait until a file changes."""
     from tactograph.graph.errors import TactographError
-    from tactograph.graph.files.read import graph_file, read_graph
+    from tactograph.graph.files.read_graph import graph_file, read_graph
     from tactograph.graph.run.typed_values import read_words
     from tactograph.graph.run.watch import files_of, stamp, wait_for_change
 
@@ -136,7 +136,7 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
             for warning in result.warnings:
                 if warning not in told:
                     say(f"warning: {warning}", err=True)
-            # A fault of a camera is told whenever it comes back.
+            # A camera's fault is reported whenever it comes back.
             told = {*(() if pipeline.endless else told), *result.warnings}
             if kept:
                 write_kept(result, kept, folder / str(count))
@@ -215,7 +215,7 @@ def _summary(number: int, result: Result) -> str:
 
 
 def _ranges(result: Result) -> dict[str, str]:
-    """From where to where the maps among the outputs go, those that have a unit of their own."""
+    """The range of each map among the outputs that has a unit."""
     import numpy as np
 
     found = {}

@@ -37,7 +37,7 @@ def command(
     Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
     """
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.read import read_graph
+    from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.run.typed_values import read_words
 
     given = read_words(read_graph(graph), values)

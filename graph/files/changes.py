@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.model import Graph
-from tactograph.graph.files.patch import apply_patch
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.strict_yaml import Place
 
 

@@ -11,8 +11,8 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.model import FORMAT, Entry, Graph
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.files.whole_files import whole_file
 
 Change = dict[str, Any]

@@ -5,14 +5,14 @@ from __future__ import annotations
 import sys
 import threading
 from collections import OrderedDict
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.files.model import Graph
+from tactograph.graph.backends.device_backend import DeviceBackend, open_device
 from tactograph.graph.plan.sizes import Shapes
 
 Side = Literal["host", "device"]
@@ -60,7 +60,9 @@ class Cache:
         self.bytes = 0
         self._values: OrderedDict[Kept, tuple[Any, int]] = OrderedDict()
         self._runs: OrderedDict[str, Run] = OrderedDict()
-        self._devices: dict[tuple[str | None, bool], tuple[OpenCL | None, str]] = {}
+        self._devices: dict[
+            tuple[str | None, tuple[str, ...]], tuple[DeviceBackend | None, str]
+        ] = {}
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
@@ -106,13 +108,13 @@ class Cache:
             if len(self._runs) > MOST_RUNS:
                 self._runs.popitem(last=False)
 
-    def device(self, graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
+    def device(
+        self, backends: Collection[str], text: str | None
+    ) -> tuple[DeviceBackend | None, str]:
         """The device for a graph, the same for all graphs that want it; see `open_device`."""
-        from tactograph.graph.run.open import open_device, wants_device
-
-        key = text, wants_device(graph)
+        key = text, tuple(backends)
         if key not in self._devices:
-            self._devices[key] = open_device(graph, text)
+            self._devices[key] = open_device(backends, text)
         return self._devices[key]
 
     def _drop(self, kept: Kept) -> None:

@@ -7,27 +7,25 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.events import Timer, has_failed, milliseconds, span
-from tactograph.graph.backends.launch import DeviceArray
-from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode, Timer
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming
-from tactograph.graph.run.recall import recall, recalled_values
+from tactograph.graph.run.previous_values import recall, recalled_values
 from tactograph.graph.run.stand_ins import read_whole
 
 
 class DeviceValues:
     """What lies on the device: buffers by value, those of the item before, launches."""
 
-    def __init__(self, plan: Plan, device: OpenCL, host: HostValues) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend, host: HostValues) -> None:
         self._plan, self._device, self._host = plan, device, host
         self._values: dict[Value, DeviceArray] = {}
         self._before: dict[Value, DeviceArray] = {}
-        self._launches: dict[str, Prepared] = {}
+        self._launches: dict[str, PreparedNode] = {}
         self._timers: dict[str, Timer] = {}
         self._recalled = recalled_values(plan)
         self._read_whole = read_whole(plan)
@@ -107,7 +105,7 @@ class DeviceValues:
                 before = zip(port.dims, found.shape, strict=True)
                 sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
-        with Blaming(task):
+        with Blaming(task, self._device.error):
             if launch is None or launch.sizes != sizes:
                 wanted = self._wanted[task.id]
                 launch = self._device.prepare(task.node, task.settings, sizes, wanted)
@@ -117,24 +115,24 @@ class DeviceValues:
             if value.port in outputs:
                 self._values[value] = outputs[value.port]
         if launch.shapes is not None:
-            return launch.shapes
+            return dict(launch.shapes)
         return {name: array.shape for name, array in outputs.items()}
 
     def finish(self) -> dict[str, float]:
         """Wait for all that was begun; return its milliseconds by step."""
         if self._timers:
             self._device.finish()
-        return {name: milliseconds(timer) for name, timer in self._timers.items()}
+        return {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
 
     def spans(self) -> list[tuple[str, float, float]]:
         """Step, start and end of all that is timed, as times of `time.perf_counter`."""
         ahead = self._device.clock_ahead
-        spans = ((name, *span(timer)) for name, timer in self._timers.items())
+        spans = ((name, *self._device.span(timer)) for name, timer in self._timers.items())
         return [(name, start - ahead, end - ahead) for name, start, end in spans]
 
     def failed(self) -> list[str]:
         """The steps that failed: a device tells of them long after they began."""
-        return [name for name, timer in self._timers.items() if has_failed(timer)]
+        return [name for name, timer in self._timers.items() if self._device.has_failed(timer)]
 
     @property
     def begun(self) -> list[str]:

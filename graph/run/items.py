@@ -7,9 +7,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from threadpoolctl import ThreadpoolController
+
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.backends.events import DEVICE_ERROR
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings, warn
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
@@ -41,16 +42,19 @@ class Items:
         Takes down what runs when, if it is there.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self._plan = plan
         self.host = HostValues(plan)
         self._device = None if device is None else DeviceValues(plan, device, self.host)
+        library = () if device is None else (device.error,)
+        self._device_errors: tuple[type[Exception], ...] = (DeviceError, *library)
         self.times: dict[str, float] = {}
         self.notes: list[str] = []
         self.ended = False
         self._lasting = 0
         self._known: Known | None = None
         self._sized: dict[str, Sized] = {}
+        self._libraries = ThreadpoolController()
         self._once = _split(plan, stream=False)
         self._stream = _split(plan, stream=True)
         self._incremental: Incremental | None = None
@@ -130,6 +134,16 @@ class Items:
         incremental.settle()
         return lent(found)
 
+    def rehearse(self, given: Mapping[str, Any]) -> None:
+        """Compute an item that nobody sees: kernels are compiled, and caches filled."""
+        if self._incremental is not None:
+            return  # what would be computed is kept
+        assert self._known is not None
+        self.begin()
+        with collect_warnings([]):
+            self._compute(self._stream[0], self._known, given)
+        self.forget()
+
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
         self.host.forget()
@@ -150,7 +164,7 @@ class Items:
                 self._known = None
 
     def end(self) -> None:
-        """Close what the nodes keep; what runs once and kept something has to open it again."""
+        """Close what the nodes keep; a node outside the stream that kept something runs again."""
         self.forget()
         if any(not self._plan.tasks[name].stream for name in self.host.sessions):
             self._known = None
@@ -196,7 +210,10 @@ class Items:
     ) -> tuple[Known, float]:
         """Run steps in order, sinks last, when every time is known; return the total time."""
         computing, sinks = steps
-        with collect_warnings(self.notes):
+        # Nodes multiply small matrices, which OpenBLAS makes up to 50 times slower by sharing
+        # them among threads that wait for one another.
+        one_thread = self._libraries.limit(limits=1, user_api="blas")
+        with collect_warnings(self.notes), one_thread:
             if self._incremental is None:
                 known, total = self._repeated(computing, before, given, repeats)
             else:
@@ -284,7 +301,7 @@ class Items:
                 if self.trace is not None:
                     for name, start, end in device.spans():
                         self.trace.on_device(name, start, end)
-        except (DEVICE_ERROR, DeviceError) as error:
+        except self._device_errors as error:
             raise self._device_error(error, doing) from error
         finally:
             self.host.all_arrived()
@@ -328,8 +345,8 @@ class Items:
             else:
                 keywords = {}
                 if task.node.provenance is not None:
-                    told = make_provenance(self._plan, self.times, sized.derived, self.notes)
-                    keywords[task.node.provenance] = told
+                    provenance = make_provenance(self._plan, self.times, sized.derived, self.notes)
+                    keywords[task.node.provenance] = provenance
                 made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
                 if self.trace is not None:
                     self.trace.on_host(task.id, time.perf_counter(), self.times[task.id])
@@ -362,7 +379,7 @@ class Items:
 
 
 def _split(plan: Plan, *, stream: bool) -> tuple[list[Step], list[Step]]:
-    """The steps that compute and the sinks, of the stream or of what runs once."""
+    """The steps that compute and the sinks, of the stream or outside it."""
     steps = [step for step in plan.steps if step.stream == stream]
     sinks = [s for s in steps if s.kind == "run" and plan.tasks[s.name].node.sink]
     return [step for step in steps if step not in sinks], sinks

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.result import Result
@@ -61,8 +61,8 @@ def write_kept(result: Result, names: Mapping[str, str], folder: Path) -> None:
 
 def picture_of(plan: Plan, name: str, array: Any) -> bytes | None:
     """An output as a PNG with its scale; None for what is no picture."""
+    from tactograph.graph.compare.drawable_arrays import View, kind_of
     from tactograph.graph.compare.pictures import draw_labels, draw_maps, draw_planes
-    from tactograph.graph.compare.views import View, kind_of
 
     value = plan.outputs[name]
     port = plan.tasks[value.node].node.outputs[value.port]

@@ -16,8 +16,8 @@ SHOWN = 4
 
 def result_html(plan: Plan, outputs: Mapping[str, Any], total: float) -> str:
     """Maps as pictures with their units, labels in colours, figures in a table."""
+    from tactograph.graph.compare.drawable_arrays import View, kind_of
     from tactograph.graph.compare.pictures import draw_labels, draw_maps
-    from tactograph.graph.compare.views import View, kind_of
 
     parts: list[str] = []
     rows: list[tuple[str, str]] = []

@@ -64,7 +64,7 @@ def _folder() -> Path | None:
 
 
 def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]) -> Path:
-    from tactograph.graph.run.origin import code_of
+    from tactograph.graph.run.result_origin import code_of
 
     key = key_of(
         code_of(node), sorted(versions().items()), sorted(settings.items()), content_key(*arguments)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 
 EVERY_S = 0.25
 Stamp = tuple[tuple[str, int, int], ...]

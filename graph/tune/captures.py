@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 
 CAPTURE = "capture"
 """The param that names a capture, as in `compare`."""

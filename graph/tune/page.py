@@ -13,12 +13,12 @@ import numpy as np
 from nicegui import app, events, ui
 from numpy.typing import NDArray
 
-from tactograph.graph.compare.views import kind_of
-from tactograph.graph.declare.describe import describe, range_of
+from tactograph.graph.compare.drawable_arrays import kind_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.node_page import describe, range_of
 from tactograph.graph.errors import TactographError
-from tactograph.graph.files.read import shipped_names
+from tactograph.graph.files.read_graph import shipped_names
 from tactograph.graph.files.strict_yaml import parse_scalar
 from tactograph.graph.plan.draw import COLOURS
 from tactograph.graph.plan.draw_svg import to_svg

@@ -17,8 +17,8 @@ from typing import Any
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.files.changes import plain
-from tactograph.graph.files.model import Entry, Graph
-from tactograph.graph.files.read import graph_file, read_graph
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.read_graph import graph_file, read_graph
 from tactograph.graph.files.variant import Change, changes_between, write_variant
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.names import settings_of

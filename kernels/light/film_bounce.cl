@@ -3,6 +3,108 @@
 #include "group.clh"
 #include "radiosity.clh"
 
+#define BLOCK 4
+#define SPAN 16
+
+// The first of the cells that block number j holds: of the rim, the cell at the frame is a block,
+// those farther away another.
+static int first_of(const int j, const int cells, const int rim)
+{
+    const int edge = min(rim, 2), blocks = (cells + BLOCK - 1) / BLOCK, beyond = j - edge - blocks;
+    if (j < edge) return j == 0 ? 0 : rim - 1;
+    if (beyond < 0) return rim + BLOCK * (j - edge);
+    return rim + cells + (beyond == edge ? rim : min(beyond, 1));
+}
+
+// Cells of the frame and of its rim put together: mean place, whole area vector, mean light.
+__kernel void put_together(
+    __global const float *restrict table,
+    __global float *restrict far,
+    const int h, const int w, const int rim)
+{
+    const int edge = min(rim, 2), down = (h + BLOCK - 1) / BLOCK + 2 * edge;
+    const int across = (w + BLOCK - 1) / BLOCK + 2 * edge, M = down * across;
+    GRID_1(i, M)
+    const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
+    const int top = first_of(i / across, h, rim), bottom = first_of(i / across + 1, h, rim);
+    const int left = first_of(i % across, w, rim), right = first_of(i % across + 1, w, rim);
+    float sums[6 + LEDS];
+    for (int c = 0; c < 6 + LEDS; ++c) sums[c] = 0.0f;
+    for (int y = top; y < bottom; ++y) {
+        for (int x = left; x < right; ++x) {
+            __global const float *cell = table + y * columns + x;
+            const float area = cell[(CELL_AREA + 2) * N];
+            for (int c = 0; c < 3; ++c) {
+                sums[CELL_X + c] += cell[(CELL_X + c) * N] * area;
+                sums[CELL_AREA + c] += cell[(CELL_AREA + c) * N];
+            }
+            for (int k = 0; k < LEDS; ++k) sums[CELL_LIGHT + k] += cell[(CELL_LIGHT + k) * N] * area;
+        }
+    }
+    const float whole = sums[CELL_AREA + 2];
+    for (int c = 0; c < 6 + LEDS; ++c) {
+        const int is_area = c >= CELL_AREA && c < CELL_AREA + 3;
+        far[c * M + i] = is_area ? sums[c] : sums[c] / whole;
+    }
+}
+
+// LANES cells of a row: where they lie, their normals, and what arrives there.
+typedef struct {
+    floats x, y, z, nx, ny, nz, total[LEDS];
+} Cells;
+
+// What number j of a table of N sources throws on them.
+static void add_source(Cells *on, __global const float *there, const int N)
+{
+    const floats none = 0.0f;
+    const floats dx = there[0] - on->x, dy = there[N] - on->y, dz = there[2 * N] - on->z;
+    const floats square = dx * dx + dy * dy + dz * dz + NEAREST;
+    const floats arriving = on->nx * dx + on->ny * dy + on->nz * dz;
+    const floats leaving = -(there[CELL_AREA * N] * dx + there[(CELL_AREA + 1) * N] * dy
+                             + there[(CELL_AREA + 2) * N] * dz);
+    const floats factor = MORE_OF(arriving, none) * MORE_OF(leaving, none) / (square * square);
+    for (int k = 0; k < LEDS; ++k) on->total[k] += factor * there[(CELL_LIGHT + k) * N];
+}
+
+// What all cells throw on LANES cells of a row of the frame, those far away block by block.
+LANED __kernel void near_and_far(
+    __global const float *restrict table,
+    __global const float *restrict far,
+    __global float *restrict bounced,
+    const int h, const int w, const int rim,
+    const int near,
+    const float gain)
+{
+    GRID_PARTS_OF_ROWS(row, column, count, h, w)
+    const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
+    __global const float *here = table + (row + rim) * columns + rim + column;
+    Cells on = {load_floats(here, count), load_floats(here + N, count),
+                load_floats(here + 2 * N, count), load_floats(here + CELL_AREA * N, count),
+                load_floats(here + (CELL_AREA + 1) * N, count),
+                load_floats(here + (CELL_AREA + 2) * N, count)};
+    const floats length_ = sqrt(on.nx * on.nx + on.ny * on.ny + on.nz * on.nz);
+    on.nx /= length_;
+    on.ny /= length_;
+    on.nz /= length_;
+    for (int k = 0; k < LEDS; ++k) on.total[k] = 0.0f;
+    const int edge = min(rim, 2), down = (h + BLOCK - 1) / BLOCK, across = (w + BLOCK - 1) / BLOCK;
+    const int span = column / SPAN * (SPAN / BLOCK);
+    const int top = max(0, row / BLOCK - near), bottom = min(down, row / BLOCK + near + 1);
+    const int left = max(0, span - near), right = min(across, span + SPAN / BLOCK + near);
+    for (int y = BLOCK * top; y < min(BLOCK * bottom, h); ++y)
+        for (int x = BLOCK * left; x < min(BLOCK * right, w); ++x)
+            add_source(&on, table + (y + rim) * columns + rim + x, N);
+    const int wide = across + 2 * edge, M = wide * (down + 2 * edge);
+    for (int j = 0; j < M; ++j) {
+        const int y = j / wide - edge, x = j % wide - edge;
+        if (y < top || y >= bottom || x < left || x >= right) add_source(&on, far + j, M);
+    }
+    for (int k = 0; k < LEDS; ++k) {
+        const floats rest = load_floats(here + (CELL_REST + k) * N, count);
+        store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
+    }
+}
+
 // The light of cells brought to pixels, and no further from the one before than `share`.
 LANED __kernel void interpolate(
     __global const float *restrict bounced,

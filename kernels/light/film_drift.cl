@@ -21,6 +21,14 @@ typedef struct {
     float share;
 } Film;
 
+LANED __kernel void take_off(
+    __global const float *restrict light, __global const float *restrict bounced,
+    __global float *restrict direct, const int N)
+{
+    GRID_LANES(i, count, N)
+    store_floats(load_floats(light + i, count) - load_floats(bounced + i, count), direct + i, count);
+}
+
 LANED __kernel void halve(
     __global const float *restrict light,
     __global float *restrict halved,

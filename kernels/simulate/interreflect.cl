@@ -33,6 +33,45 @@ __kernel void add_bounce(
     }
 }
 
+// What all cells throw on LANES cells of a row of the frame.
+LANED __kernel void bounce(
+    __global const float *restrict table,
+    __global float *restrict bounced,
+    const int h, const int w, const int rim,
+    const float gain)
+{
+    GRID_PARTS_OF_ROWS(row, column, count, h, w)
+    const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
+    __global const float *here = table + (row + rim) * columns + rim + column;
+    const floats none = 0.0f;
+    const floats px = load_floats(here, count), py = load_floats(here + N, count);
+    const floats pz = load_floats(here + 2 * N, count);
+    floats nx = load_floats(here + CELL_AREA * N, count);
+    floats ny = load_floats(here + (CELL_AREA + 1) * N, count);
+    floats nz = load_floats(here + (CELL_AREA + 2) * N, count);
+    const floats length_ = sqrt(nx * nx + ny * ny + nz * nz);
+    nx /= length_;
+    ny /= length_;
+    nz /= length_;
+    floats total[LEDS];
+    for (int k = 0; k < LEDS; ++k) total[k] = 0.0f;
+    for (int j = 0; j < N; ++j) {
+        __global const float *there = table + j;
+        const floats dx = there[0] - px, dy = there[N] - py, dz = there[2 * N] - pz;
+        const floats square = dx * dx + dy * dy + dz * dz + NEAREST;
+        const floats arriving = nx * dx + ny * dy + nz * dz;
+        const floats leaving = -(there[CELL_AREA * N] * dx + there[(CELL_AREA + 1) * N] * dy
+                                 + there[(CELL_AREA + 2) * N] * dz);
+        const floats factor =
+            MORE_OF(arriving, none) * MORE_OF(leaving, none) / (square * square);
+        for (int k = 0; k < LEDS; ++k) total[k] += factor * there[(CELL_LIGHT + k) * N];
+    }
+    for (int k = 0; k < LEDS; ++k) {
+        const floats rest = load_floats(here + (CELL_REST + k) * N, count);
+        store_floats(gain * total[k] / rest, bounced + (k * h + row) * w + column, count);
+    }
+}
+
 // The bounces added to the light.
 LANED __kernel void add_light(
     __global const float *restrict light,

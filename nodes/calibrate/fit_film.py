@@ -1,4 +1,7 @@
-"""Find out how a film turns light into slope, with as much of a model as its presses carry."""
+"""Find out how a film turns light into slope, with as much of a model as its presses carry.
+
+Long because the choice of a model is one procedure: grow, bend, judge on held-out balls.
+"""
 
 from __future__ import annotations
 
@@ -34,17 +37,22 @@ from tactograph.nodes.calibrate._film_fit import (
     predicted,
     start_at,
 )
+from tactograph.nodes.calibrate._film_misfit import Held, misfit
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.light._film import turned
 from tactograph.nodes.light._near_light import F8, places
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.light.film_drift import drift_gain, film_drift
+from tactograph.nodes.light.light_noise import light_noise
 
 INNER = 0.95
 """Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
-SAMPLES, ENOUGH = 1500, 30
-"""Samples of all balls together, and of each ball at least."""
+SAMPLES, ENOUGH, SURELY = 1500, 30, 15000
+"""Samples of all balls together, and of each ball at least; and where a misfit is measured."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
 BETTER, BENT, SURE = 0.97, 0.99, 0.7
@@ -53,7 +61,7 @@ harmonics by the second; and by the third all where a single ball holds nothing 
 places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
-MOST_ALBEDO = 0.95
+USUAL_ALBEDO = 0.6
 """Of a film that a bounce is computed for."""
 MANY, BAD = 8, 2.0
 """Of so many balls, those whose residual is so many times the median are left out."""
@@ -69,8 +77,6 @@ PARALLAX = 0.02
 """Height of a ball, relative to the film's width, from which it tells how high the pupil is."""
 RINGS, SECTORS = 3, 8
 """Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
-WIDE = 0.15
-"""Width of the model's errors relative to a contact's radius; so on real balls, and on others."""
 DEGREES = {0: 2, 1: 4, 2: 10}
 """Balls that the harmonics need for each degree in the place."""
 
@@ -151,15 +157,15 @@ def fit_film(
     Returns
     -------
     FilmFit
-        The fields of a `Film`; other places of the LEDs that the fit allows; what share of a
-        matt film's errors the model leaves on what is held out, and its width in mm; the root
+        The fields of a `Film`; other places of the LEDs that the fit allows; what the model
+        leaves on what is held out, as a `Misfit`; the root
         mean square that is left of each LED's light, K; and the figures:
         ``film_heldout_deg/...`` for each model tried, ``film_heldout_deg`` of the one chosen,
         in degrees between normals.
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
-    balls = _sample(light, flat, circle, radius, of, lights, pixel, steepest)
+    balls = _sample(light, flat, circle, radius, of, lights, noise, pixel, steepest)
     width = pixel * flat.shape[2]
     trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
     start = start_at(lights, strength, len(balls.centre))
@@ -169,10 +175,10 @@ def fit_film(
     closed = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
         closed.add("camera")
-    matt, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
+    best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
-    best, balls = _without_bad(trial, best)
+    best, balls, bad = _without_bad(trial, best)
     film = best.fitted.film
     if not best.parts and best.degree is None and camera_mm is None:
         # Nothing but matt: the LEDs stay where all pixels of the presses place them.
@@ -182,7 +188,10 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    typed["misfit"] = _misfit(best, matt, balls)
+    whole = _sample(light, flat, circle, radius, of, lights, noise, pixel, steepest, most=None)
+    typed["misfit"] = _misfit(
+        trial, best, whole, bad, np.asarray(others - lights, np.float64), pixel
+    )
     typed["grain"] = _grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
@@ -206,8 +215,15 @@ class _Trial(NamedTuple):
 
     def folds(self) -> list[NDArray[np.bool_]]:
         """The samples to hold out: balls in turn, or the quarters of a single one."""
-        of = self.balls.ball if len(self.balls.centre) > 1 else self.balls.sector
-        return [of % FOLDS == fold for fold in np.unique(of % FOLDS)]
+        of = self._held_by()
+        return [of % FOLDS == fold for fold in self.fold_numbers()]
+
+    def fold_numbers(self) -> NDArray[np.intp]:
+        """The remainders by `FOLDS` of the balls, or slices, that are held out in turn."""
+        return np.unique(self._held_by() % FOLDS)
+
+    def _held_by(self) -> NDArray[np.intp]:
+        return self.balls.ball if len(self.balls.centre) > 1 else self.balls.sector
 
 
 class _Model(NamedTuple):
@@ -217,8 +233,8 @@ class _Model(NamedTuple):
     degree: int | None
     fitted: Fitted
     error: float
-    left: float
-    """Mean square in degrees of what neighbours have in common of it."""
+    folds: list[Fitted]
+    """Fitted to all but what was held out, in the order of `_Trial.folds`."""
 
     def __str__(self) -> str:
         parts = [part for part in PARTS if part in self.parts] or ["matt"]
@@ -229,7 +245,7 @@ def _judge(
     trial: _Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None
 ) -> _Model:
     """Fit to all but a part of the samples, and measure the normals of that part."""
-    errors, left, weights = [], [], []
+    errors, folds, weights = [], [], []
     for held in trial.folds():
         train, test = trial.balls.only(~held), trial.balls.only(held)
         found = trial.fit(parts, fitted, train)
@@ -238,10 +254,9 @@ def _judge(
         if len(trial.balls.centre) > 1:
             found = place_balls(test, found, trial.shift_mm)
         errors.append(_normal_error(test, found))
-        left.append(_left(test, found))
+        folds.append(found)
         weights.append(held.sum())
-    error, square = (float(np.average(e, weights=weights)) for e in (errors, left))
-    return _Model(parts, degree, fitted, error, square)
+    return _Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
 
 
 def _normal_error(balls: Balls, fitted: Fitted) -> float:
@@ -255,20 +270,6 @@ def _normal_error(balls: Balls, fitted: Fitted) -> float:
     mean = np.stack([np.bincount(part, e) / number for e in found - truth])
     seen = np.bincount(part) > 0
     return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
-
-
-def _left(balls: Balls, fitted: Fitted) -> float:
-    """Mean square of the angle by which light misleads neighbours alike.
-
-    From products of different pixels of a part: their noise is independent and drops out.
-    """
-    truth, found = _normals(balls, fitted)
-    part = _parts(balls, truth)
-    number = np.bincount(part)
-    pairs = number * (number - 1.0)
-    products = [np.bincount(part, e) ** 2 - np.bincount(part, e * e) for e in found - truth]
-    many = pairs > 0
-    return float(np.mean(np.sum(products, axis=0)[many] / pairs[many]))
 
 
 def _normals(balls: Balls, fitted: Fitted) -> tuple[F8, F8]:
@@ -288,19 +289,37 @@ def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
     return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)
 
 
-def _misfit(best: _Model, matt: _Model, balls: Balls) -> F4:
-    """What share of the errors of a matt film the model leaves, and their width in mm."""
-    simplest = not best.parts and best.degree is None
-    share = 0 if simplest else np.sqrt(np.clip(best.left / matt.left, 0, 1))
-    return np.asarray([share, WIDE * np.median(balls.rim)], np.float32)
+def _misfit(
+    trial: _Trial,
+    best: _Model,
+    whole: Balls,
+    bad: NDArray[np.bool_],
+    away: F8,
+    pixel: float,
+) -> F4:
+    """What the model leaves on every pixel of what was held out, bad balls apart."""
+    of = whole.ball if len(whole.centre) > 1 else whole.sector
+    numbers = trial.fold_numbers()
+    held = [
+        (whole.only((of % FOLDS == number) & ~bad[whole.ball]), found)
+        for number, found in zip(numbers, best.folds, strict=True)
+    ]
+    # More pixels than a part was chosen by: what few of them leave open is not the model's.
+    if best.degree is None:
+        every = np.arange(whole.u.size) % (whole.u.size // SURELY + 1) == 0
+        some = whole.only(every & ~bad[whole.ball])
+        of = of[every & ~bad[whole.ball]]
+        held = [
+            (b, trial.fit(best.parts, f, some.only(of % FOLDS != number)))
+            for (b, f), number in zip(held, numbers, strict=True)
+        ]
+    placed = [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
+    return misfit(placed, away, pixel)
 
 
-def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, _Model, Metrics]:
-    """Take one part after another into the model, as long as that pays.
-
-    Returns the matt film's model and the best.
-    """
-    matt = best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
+def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metrics]:
+    """Take one part after another into the model, as long as that pays."""
+    best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
     while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in left]
@@ -312,7 +331,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, _Mode
         if not _pays(better.error, best.error, trial):
             break
         best = better
-    return matt, best, errors | {"film_heldout_deg": best.error}
+    return best, errors | {"film_heldout_deg": best.error}
 
 
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
@@ -334,14 +353,17 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
     return best
 
 
-def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls]:
-    """Leave out the balls of a grid that depart: scratched, dirty, or no balls."""
+def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls, NDArray[np.bool_]]:
+    """Leave out the balls of a grid that depart: scratched, dirty, or no balls.
+
+    Returns the samples of the others, too, and which balls are left out.
+    """
     balls, count = trial.balls, len(trial.balls.centre)
     left = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, left, count) / np.bincount(balls.ball))
     bad = by_ball > BAD * np.median(by_ball)
     if count < MANY or not bad.any():
-        return best, balls
+        return best, balls, np.zeros(count, bool)
     x, y = balls.centre[bad].T
     where = ", ".join(f"({a:.2f}, {b:.2f})" for a, b in zip(x, y, strict=True))
     warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")
@@ -361,7 +383,7 @@ def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls]:
     fitted = trial.fit(best.parts, start, good)
     if best.degree is not None:
         fitted = add_harmonics(good, fitted, best.degree, trial.width_mm / 2, trial.shift_mm)
-    return best._replace(fitted=fitted), good
+    return best._replace(fitted=fitted), good, bad
 
 
 def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) -> bool:
@@ -402,16 +424,19 @@ def _sample(
     radius: F4,
     of: NDArray[np.int32],
     lights: F4,
+    noise: F4,
     pixel: float,
     steepest: float,
+    most: int | None = SAMPLES,
 ) -> Balls:
-    """Choose samples of the balls, evenly over each."""
+    """Choose samples of the balls, evenly over each; all pixels if `most` is None."""
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
-    most = max(ENOUGH, SAMPLES // len(circle))
+    each = None if most is None else max(ENOUGH, most // len(circle))
     presses = cut(light, rows)
+    sigma = coarsen(light_noise(flat, flat, noise))
     thrown = {
-        i: _unit_bounce(presses[i], circle[of == i], radius[of == i], lights, pixel)
+        i: _unit_bounce(presses[i], sigma, circle[of == i], radius[of == i], lights, pixel)
         for i in np.unique(of)
     }
     found: list[tuple[NDArray[Any], ...]] = []
@@ -424,7 +449,7 @@ def _sample(
         ].reshape(2, -1)
         inside = np.flatnonzero(np.hypot(xx - u0, yy - v0) < reach)
         # A stride that is no divisor of rows spreads the samples over all columns.
-        inside = inside[:: inside.size // most + 1]
+        inside = inside[:: 1 if each is None else inside.size // each + 1]
         yy, xx = yy[inside], xx[inside]
         sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
         values, bounced = presses[i][:, yy, xx], thrown[i][:, yy, xx]
@@ -446,8 +471,11 @@ def _sample(
     )
 
 
-def _unit_bounce(press: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
-    """The light that balls in a film of albedo 1 throw on it and on the film around them."""
+def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
+    """The light that balls in a film of albedo 1 throw on it and on the film around them.
+
+    Less what `level_touches` has taken for drift: they brighten the film at rest, too.
+    """
     yy, xx = np.mgrid[: press.shape[1], : press.shape[2]]
     height = np.zeros(press.shape[1:], np.float32)
     for (x, y, contact), size in zip(circle, radius, strict=True):
@@ -455,4 +483,7 @@ def _unit_bounce(press: F4, circle: F4, radius: F4, lights: F4, pixel: float) ->
         rim = float(contact) * pixel
         depth = np.sqrt(np.maximum(size**2 - square, 0)) - np.sqrt(max(size**2 - rim**2, 0))
         height = np.where(square < rim**2, depth, height).astype(np.float32)
-    return film_bounce(press, height, lights, pixel, MOST_ALBEDO) / np.float32(MOST_ALBEDO)
+    thrown = film_bounce(press, height, lights, pixel, USUAL_ALBEDO)
+    drift = film_drift(coarsen(1 + thrown), sigma, degree=DEGREE, rough=ROUGH)
+    level = drift_gain(drift, height.shape) - 1
+    return (thrown - level * press) / np.float32(USUAL_ALBEDO)

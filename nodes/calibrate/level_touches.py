@@ -15,6 +15,9 @@ from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
 from tactograph.nodes.light.light_noise import light_noise
 
+DEGREE, ROUGH = 2, 0.01
+"""Of the polynomial that the light of the film at rest departs by, and how rough film is."""
+
 
 @node(neutral="light")
 def level_touches(
@@ -22,13 +25,13 @@ def level_touches(
     flat: Light,
     noise: Noise,
     *,
-    degree: Annotated[int, Interval(ge=0, le=2)] = 2,
-    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
+    degree: Annotated[int, Interval(ge=0, le=2)] = DEGREE,
+    rough: Annotated[float, Interval(ge=0, le=0.1)] = ROUGH,
 ) -> SheetLight:
-    """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
+    """Divide each press by its drift, so that untouched film has the flat frame's light.
 
-    Pressed film brightens the untouched film around it, LED by LED, by some per cent.  What a
-    film model is fitted to must be levelled as what it is used for.
+    Pressed film brightens the untouched film around it, LED by LED, by some per cent.  Level the
+    presses that a film model is fitted to as the touches that it is used for.
 
     Parameters
     ----------

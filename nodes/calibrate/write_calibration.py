@@ -106,8 +106,9 @@ CALIBRATION = FileKind(
             high=1,
         ),
         "misfit": Stored(
-            "2",
-            "share of what the film's model corrects that is wrong, and over how many mm alike",
+            "5",
+            "what the film's model leaves on presses held out: radians of a normal, over how many "
+            "mm alike, light, the share of bounced light that may be wrong, radians of all tilts",
             required=False,
             low=0,
             high=1e6,
@@ -122,7 +123,7 @@ CALIBRATION = FileKind(
     },
 )
 
-NO_MISFIT = np.array([0, 1], np.float32)
+NO_MISFIT = np.array([0, 1, 0, 0, 0], np.float32)
 """Of a model that leaves noise only."""
 
 
@@ -170,7 +171,7 @@ def write_calibration(
     quality
         How good the calibration is, for people and for ``result.json``.
     misfit
-        (share, width in mm), the error of what the film's model corrects; none without it.
+        What the film's model leaves on presses held out; without it, it is exact.
     file
         Where to; replaced as a whole.
 

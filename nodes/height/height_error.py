@@ -2,6 +2,8 @@
 
 Slopes at rims understate the climb together, so the errors that all rims share are one load that
 goes through the solver, not noise.
+
+Long because one node is one algorithm: every source of error goes through the same solver.
 """
 
 from __future__ import annotations
@@ -49,15 +51,23 @@ SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 SHARE = np.float32(1 / ERRORS)
-WAVES = 6.0, 12.0
+WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
-SIGNS = 1, -1, -1, 1, -1, 1, 1, -1
-"""Of an error that is whole in each, so that it hardly adds to another that is."""
+SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
+LEANING = 1, -1, 1, -1, 1, -1, 1, -1
+"""Of errors that are whole in each, so that they hardly add to one another."""
+TILTED = np.float32(0.1)
+"""Slope from which a model errs as it did on presses."""
+FLAT = np.float32(0.3)
+"""Share of that error on level film around a touch, which the flat frame knows but for the light
+that the touch throws on it."""
 NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
+SHARP = np.float32(0.5)
+"""Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
 """The share of the steps' energy that may be left to gain."""
 
@@ -92,8 +102,8 @@ def height_error(
     pixel: PixelSize,
     mask: Mask | None = None,
     misfit: Misfit | None = None,
-    seen: Light | None = None,
     bounced: Light | None = None,
+    earlier: Light | None = None,
     *,
     robust: Annotated[float, Gt(0)] = 2.5,
     bend: Annotated[float, Ge(0)] = 0.25,
@@ -102,11 +112,10 @@ def height_error(
     flat_noise: Annotated[float, Ge(0)] = 1.0,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
-    bounce: Annotated[float, Interval(ge=0, le=1)] = 0.25,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Send errors through the solver of `integrate_weighted` and see what they do.
+    """Return the standard deviation of the height: errors sent through the solver.
 
     The height is, given the weights, linear in what it is made of.  A few random errors of
     the right size are integrated like slopes; the mean square of what comes out, averaged
@@ -117,12 +126,17 @@ def height_error(
     - an error of the calibration, common to all pixels: by how much the film's light would
       differ from the one found if the LEDs were where the calibration allows them to be too
       (on the film at rest it would not, by the flat frame);
-    - an error of the film's model: a share of what it has taken from the light is wrong, over
-      some width alike.  Waves of two lengths in four directions, twice each, a quarter of a
-      wave apart, so that their squares add up to the same everywhere;
-    - an error of the light that the film throws on itself: so much of it is wrong all over;
+    - an error of the film's model: normals that lean by what was left over on presses held out,
+      and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
+      wave apart, so that their squares add up to the same everywhere.  Only the part of such a
+      field that leans along its wave moves a height, which is half of it.  And another by which
+      all normals lean too much, or too little;
+    - two errors of the light that the film throws on itself: the share of it by which the
+      calibration's presses disagree, and what the last pass has still changed;
     - what two or four slopes leave of a step, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
+    - where the slope differs by more than a half from pixel to pixel, that the edge may lie in
+      the pixel beside it;
     - and one that all steep steps have in common: where the slope turns within a pixel, at
       rims and ridges, the slopes understate what is climbed, and the cap behind the rim
       comes out low as a whole.  It grows with the cube of the turn, as far as two.
@@ -146,11 +160,10 @@ def height_error(
     others
         8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
     misfit
-        (share, width in mm) of the error of what the film's model takes from the light.
-    seen
-        K x H x W, the light before the model; without it, or `misfit`, the model is exact.
-    bounced
-        K x H x W, the light that the film throws on itself, which `light` is without.
+        What the film's model leaves; without it the model is exact.
+    bounced, earlier
+        K x H x W, the light that the film throws on itself, which `light` is without; and as the
+        pass before had it.
     flat_noise
         Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
         it is the mean of n.
@@ -158,8 +171,6 @@ def height_error(
         Error of a step, in px, per difference of the slopes at its ends.
     kink
         Common error of all steps, in px, where that difference is 1.
-    bounce
-        Share of the bounced light that is wrong: its cells are coarse and hide nothing.
     steps
         Conjugate gradients per error.
     seed
@@ -203,15 +214,19 @@ def height_error(
     total = np.zeros_like(level)
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
-    taken = None if seen is None or misfit is None else inside - window.of(seen) + thrown
+    changed: F4 | np.float32 = np.float32(0)
+    if bounced is not None and earlier is not None:
+        changed = window.of(bounced) - window.of(earlier)
+    wrong = np.float32(0) if misfit is None else misfit[3]
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
         keys = _keys(seed, number)
         common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
-        if misfit is not None and taken is not None:
-            common += taken * _wave_at(misfit, number, x, y)
-        common += np.float32(SIGNS[number] * bounce) * thrown
+        common += np.float32(SIGNS[number]) * wrong * thrown
+        common += np.float32(SETTLING[number]) * changed
         p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
+        if misfit is not None:
+            p, q = _leaning(p, q, slopes, misfit, number, x, y)
         across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
         right = (p[:, 1:] + p[:, :-1]) * half
         down = (q[1:] + q[:-1]) * half
@@ -225,8 +240,23 @@ def height_error(
     if mask is not None:
         free &= window.of(mask) != 0
     out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = _smooth_deviation(total, free.astype(np.float32))
+    spread = _smooth_deviation(total, free.astype(np.float32))
+    edge = window.of(_unresolved(height, pixel))
+    out[window.rows, window.columns] = np.sqrt(spread * spread + edge * edge) * free
     return out
+
+
+def _unresolved(height: Height, pixel: float) -> F4:
+    """Half of what the height at an edge differs from the mean of its neighbours, beyond a film's.
+
+    An edge that a pixel does not resolve may as well lie in the next.
+    """
+    around = np.pad(height, 1, mode="edge")
+    across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
+    along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
+    bend = np.sqrt(across * across + along * along) - SHARP * np.float32(pixel)
+    beyond = np.maximum(bend, np.float32(0)) * np.float32(0.5)
+    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
 
 
 class _Wave(NamedTuple):
@@ -244,12 +274,20 @@ def _wave(number: int) -> _Wave:
     return _Wave(*map(np.float32, numbers))
 
 
-def _wave_at(misfit: Misfit, number: int, x: F4, y: F4) -> F4:
-    """The share of the model's correction that is wrong."""
-    wave = _wave(number)
+def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4) -> tuple[F4, F4]:
+    """Slopes plus those by which normals lean that the model gets wrong."""
+    wave, (a, b) = _wave(number), slopes
     per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
     turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
-    return np.asarray(np.float32(math.sqrt(2)) * misfit[0] * np.cos(turn), np.float32)
+    slant = np.sqrt(a * a + b * b)
+    tilted = np.clip(slant / TILTED, FLAT, np.float32(1))
+    lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turn)
+    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
+    along = lean * (wave.across * a + wave.down * b) + steeper * (1 + a * a + b * b)
+    return (
+        np.clip(p + lean * wave.across + along * a, -STEEPEST, STEEPEST),
+        np.clip(q + lean * wave.down + along * b, -STEEPEST, STEEPEST),
+    )
 
 
 class _Keys(NamedTuple):
@@ -381,7 +419,7 @@ def _launch(run: Launch) -> None:
         solver.solve(wants, moved, settings["steps"], enough)
         run.kernel("add_square", (size,), moved, total, size, share)
 
-    misfit, seen = run.inputs.get("misfit"), run.inputs.get("seen")
+    misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
     def err_rises(error: float, key: int) -> None:
         if ties:
@@ -396,10 +434,10 @@ def _launch(run: Launch) -> None:
     for number in range(ERRORS):
         keys = _keys(settings["seed"], number)
         run.kernel(
-            "err_slopes", shape, of["light"], of["sigma"], of["height"], of["slope"],
-            of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
-            pixel, number, settings["flat_noise"], np.uint32(keys.light),
-            misfit, seen, run.inputs.get("bounced"), SIGNS[number] * settings["bounce"],
+            "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
+            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            misfit, bounced, earlier, SIGNS[number], SETTLING[number], LEANING[number],
             *_wave(number),
         )  # fmt: skip
         run.kernel(
@@ -425,11 +463,14 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
         "free_part", shape,
         run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
     )  # fmt: skip
+    by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
-        run.kernel("blur", shape, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
-        run.kernel("blur", shape, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+        run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
+        run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out = run.outputs["height_error"]
-    run.kernel("deviation", frame, total, weight, free, out, *frame, *solver.place)
+    pixel = float(run.inputs["pixel"])
+    planes = total, weight, free, run.inputs["height"], out
+    run.kernel("deviation", frame, *planes, *frame, *solver.place, pixel)
 
 
 @height_error.example

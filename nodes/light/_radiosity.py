@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 
 MOST_RIM_CELLS = 4
 """The film beyond the frame is far from most cells: this many cells across say enough."""
+BLOCK, SPAN = 4, 16
+"""Cells of a block's side, as which film far away counts; cells of a row that share what is near,
+as many as the lanes of a kernel."""
 NEAREST = np.float32(1e-12)
 """mm2, keeps a cell's distance from itself from being zero; its light on itself is zero anyway."""
 
@@ -54,11 +57,16 @@ def framed(grid: Grid) -> NDArray[np.intp]:
     return numbers[inside].ravel()
 
 
-def cells_of(height: F4, lights: F4, pixel: np.float32, grid: Grid) -> tuple[F4, F4, F4]:
-    """Return N x 3 middles, N x 3 area vectors and K x N irradiances of the film at rest."""
+def cells_of(
+    height: F4, lights: F4, pixel: np.float32, grid: Grid, slope: F4 | None = None
+) -> tuple[F4, F4, F4]:
+    """Return N x 3 middles, N x 3 area vectors and K x N irradiances of the film at rest.
+
+    Without `slope` (2 x H x W) the height's own differences are the slopes.
+    """
     x, across = _sides(height.shape[1], pixel, grid)
     y, down = _sides(height.shape[0], pixel, grid)
-    z, p, q = (np.pad(part, grid.rim) for part in _tilts(height, pixel, grid.factor))
+    z, p, q = (np.pad(part, grid.rim) for part in _tilts(height, slope, pixel, grid.factor))
     area = down[:, None] * across
     places = np.stack([np.broadcast_to(x, z.shape), np.broadcast_to(y[:, None], z.shape), z], -1)
     areas = np.stack([-p * area, -q * area, area], -1)
@@ -85,9 +93,12 @@ def _sides(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
     )
 
 
-def _tilts(height: F4, pixel: np.float32, factor: int) -> F4:
+def _tilts(height: F4, slope: F4 | None, pixel: np.float32, factor: int) -> F4:
     """Return the cells' mean height and mean slopes p and q, 3 x rows x columns."""
-    p, q = _difference(height, 1) / pixel, _difference(height, 0) / pixel
+    if slope is None:
+        p, q = _difference(height, 1) / pixel, _difference(height, 0) / pixel
+    else:
+        p, q = slope
     return means(np.stack([height, p, q]), factor)
 
 
@@ -129,23 +140,71 @@ def all_on_all(places: F4, areas: F4, sources: F4, targets: NDArray[np.intp]) ->
     return np.concatenate(in_blocks(on, len(targets), len(x))).T
 
 
-def between_cells(planes: F4, size: tuple[int, ...], factor: int) -> F4:
-    """Bring the values of cells to pixels."""
-    if factor == 1:
-        return planes
-    above, below, down = _between(size[0], planes.shape[1], factor)
-    left, right, across = _between(size[1], planes.shape[2], factor)
-    wide = _mixed(planes[..., left], planes[..., right], across)
-    return _mixed(wide[:, above], wide[:, below], down[:, None])
+def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F4:
+    """Return what `all_on_all` does for the frame's cells, those far away put into blocks.
+
+    SPAN cells side by side, and the block rows they lie in, see all cells at most `near` blocks
+    away one by one.
+    """
+    blocks = _blocks(places, areas, sources, grid)
+    rows, columns = grid.whole
+    whole = [part.reshape(*part.shape[:-1], rows, columns) for part in (places.T, areas.T, sources)]
+    framed_rows, framed_columns = (
+        slice(grid.rim, grid.rim + cells) for cells in (grid.rows, grid.columns)
+    )
+    fine = [part[..., framed_rows, framed_columns] for part in whole]
+    found = np.empty((len(sources), grid.rows, grid.columns), np.float32)
+    edge = rim_blocks(grid.rim)
+    for top in range(0, grid.rows, BLOCK):
+        for left in range(0, grid.columns, SPAN):
+            here = (slice(None), slice(top, top + BLOCK), slice(left, left + SPAN))
+            first = max(0, top // BLOCK - near), max(0, left // BLOCK - near)
+            last = top // BLOCK + near + 1, (left + SPAN) // BLOCK + near
+            down, across = (slice(BLOCK * a, BLOCK * b) for a, b in zip(first, last, strict=True))
+            far = np.ones_like(blocks[2][0], bool)
+            count = far.shape[0] - 2 * edge, far.shape[1] - 2 * edge
+            known = [
+                slice(edge + a, edge + min(b, c))
+                for a, b, c in zip(first, last, count, strict=True)
+            ]
+            far[known[0], known[1]] = False
+            at, normal = (part[here].reshape(3, -1) for part in fine[:2])
+            shown = sum(
+                _arriving(at, normal, *(part.reshape(len(part), -1) for part in seen))
+                for seen in (
+                    [part[:, down, across] for part in fine],
+                    [part[:, far] for part in blocks],
+                )
+            )
+            found[here] = np.asarray(shown).reshape(found[here].shape)
+    return found.reshape(len(sources), -1)
 
 
-def _between(count: int, cells: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
-    """The cells whose middles a pixel lies between, and how far from the first."""
-    place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
-    place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))
-    first = place.astype(np.intp)
-    return first, np.minimum(first + 1, cells - 1), place - first.astype(np.float32)
+def rim_blocks(rim: int) -> int:
+    """The blocks across the rim: the cell at the frame is one, those farther away another."""
+    return min(rim, 2)
 
 
-def _mixed(a: F4, b: F4, share: F4) -> F4:
-    return a + (b - a) * share
+def _blocks(places: F4, areas: F4, sources: F4, grid: Grid) -> list[F4]:
+    """Cells put together: mean place, whole area vector and mean light by area."""
+    area = areas[:, 2]
+    planes = np.concatenate([places.T * area, areas.T, sources * area]).reshape(-1, *grid.whole)
+    for axis, cells in ((1, grid.rows), (2, grid.columns)):
+        starts = np.arange(grid.rim, grid.rim + cells, BLOCK)
+        end, edge = grid.rim + cells, rim_blocks(grid.rim)
+        outside = [0, grid.rim - 1, end, end + 1]
+        starts = np.array([*outside[2 - edge : 2], *starts, *outside[2 : 2 + edge]])
+        planes = np.add.reduceat(planes, starts, axis)
+    place, vector, light = planes[:3], planes[3:6], planes[6:]
+    return [place / vector[2], vector, light / vector[2]]
+
+
+def _arriving(at: F4, normal: F4, places: F4, areas: F4, sources: F4) -> F4:
+    """Return what N sources throw on M places with normals of any length: K x M."""
+    dx, dy, dz = (there - here[:, None] for there, here in zip(places, at, strict=True))
+    square = dx * dx + dy * dy + dz * dz + NEAREST
+    nx, ny, nz = (normal / np.sqrt((normal * normal).sum(axis=0)))[..., None]
+    sx, sy, sz = areas
+    arriving = np.maximum(nx * dx + ny * dy + nz * dz, np.float32(0))
+    leaving = np.maximum(-(sx * dx + sy * dy + sz * dz), np.float32(0))
+    return np.asarray(sources @ (arriving * leaving / (square * square)).T)

@@ -9,14 +9,16 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Close, InputError, node
-from tactograph.nodes import Albedo, Height, Light, LightPositions, PixelSize
+from tactograph.nodes import Albedo, Height, Light, LightPositions, PixelSize, Slope
+from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._radiosity import (
-    all_on_all,
-    between_cells,
+    BLOCK,
     cell_grid,
     cells_of,
     framed,
     means,
+    near_and_far,
+    rim_blocks,
 )
 
 if TYPE_CHECKING:
@@ -36,8 +38,10 @@ def film_bounce(
     pixel: PixelSize,
     albedo: Albedo,
     before: Light | None = None,
+    slope: Slope | None = None,
     *,
-    cells: Annotated[int, Interval(ge=1, le=20000)] = 1200,
+    cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
+    near: Annotated[int, Interval(ge=0, le=8)] = 1,
     rim_mm: Annotated[float, Interval(ge=0, le=50)] = 2.0,
     share: Annotated[float, Interval(gt=0, le=1)] = 0.5,
 ) -> Light:
@@ -69,9 +73,14 @@ def film_bounce(
         Share of the light that the film reflects, 0 to 0.95; with 0 the result is 0.
     before
         K x H x W, the result of the round before, where height and bounce are found in turns.
+    slope
+        2 x H x W, where it is known better than from the differences of a height on large pixels.
     cells
-        Most cells; the sum grows with the square of their number.  They are squares of as many
-        pixels as it takes, and the result is interpolated between them.
+        Most cells.  They are squares of as many pixels as it takes, and the result is
+        interpolated between them.
+    near
+        So many blocks of 4 x 4 cells away film counts cell by cell; farther away a block counts
+        as one cell, for the sum would grow with the square of the cells' number.
     rim_mm
         How far the film goes on beyond the frame, flat and at rest.
     share
@@ -92,12 +101,12 @@ def film_bounce(
     if albedo == 0:
         return np.zeros_like(light)
     grid = cell_grid(height.shape, pixel, cells, rim_mm)
-    places, areas, rest = cells_of(height, lights, np.float32(pixel), grid)
+    places, areas, rest = cells_of(height, lights, np.float32(pixel), grid, slope)
     sources = rest.copy()
     inside = framed(grid)
     sources[:, inside] *= means(light, grid.factor).reshape(len(light), -1)
     gain = np.float32(albedo) / np.float32(math.pi)
-    bounced = gain * all_on_all(places, areas, sources, inside) / rest[:, inside]
+    bounced = gain * near_and_far(places, areas, sources, grid, near) / rest[:, inside]
     planes = bounced.reshape(len(light), grid.rows, grid.columns)
     found = between_cells(planes, height.shape, grid.factor)
     return found if before is None else before + np.float32(share) * (found - before)
@@ -117,14 +126,20 @@ def _launch(run: Launch) -> None:
         return
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
     table = run.scratch((6 + 2 * count, math.prod(grid.whole)))
+    edge = rim_blocks(grid.rim)
+    blocks = [math.ceil(side / BLOCK) + 2 * edge for side in (grid.rows, grid.columns)]
+    far = run.scratch((6 + count, math.prod(blocks)))
     bounced = run.scratch((count, grid.rows, grid.columns))
     shape = grid.rows, grid.columns, grid.rim
     local = (run.group,)
-    arguments = light, height, lights, pixel, table, *size, grid.factor, *shape, grid.rim_mm
+    slope = run.inputs.get("slope")
+    arguments = light, height, slope, lights, pixel, table, *size, grid.factor, *shape, grid.rim_mm
     run.kernel("lay_out", (math.prod(grid.whole),), *arguments, local=local, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)
     gain = float(np.float32(albedo) / np.float32(math.pi))
-    run.kernel("bounce", work, table, bounced, *shape, gain, local=local, constants=constants)
+    run.kernel("put_together", (math.prod(blocks),), table, far, *shape, constants=constants)
+    arguments = table, far, bounced, *shape, settings["near"], gain
+    run.kernel("near_and_far", work, *arguments, local=local, constants=constants)
     work = run.in_row_lanes(count, *size)
     share = settings["share"]
     arguments = bounced, run.inputs.get("before"), out, *size, grid.factor, *shape[:2], share

@@ -45,6 +45,7 @@ def film_drift(
     sigma: Light | None = None,
     before: Drift | None = None,
     grain: Grain | None = None,
+    bounced: Light | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
@@ -77,6 +78,9 @@ def film_drift(
         K x 6, the drift of the item before; none: 1 everywhere.
     grain
         Of the film; half of it counts as calm, too, since texture is wider than a cell.
+    bounced
+        K x H x W, the light that the film throws on itself, as `film_bounce` gives it: what a
+        touch throws on the film at rest is no drift.
     degree
         0: a factor per LED; 1 or 2: a polynomial in x and y.
     rate
@@ -97,6 +101,8 @@ def film_drift(
         K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the
         middle of the image divided by half its width.
     """
+    if bounced is not None:
+        light = light - bounced
     while light[0].size > MOST_CELLS:
         light = coarsen(light, factor=2)
         sigma = None if sigma is None else coarsen(sigma, factor=2)
@@ -222,7 +228,13 @@ def _launch(run: Launch) -> None:
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
     lights, height, width = (run.sizes[name] for name in "KHW")
-    noisy, factor = light if sigma is None else sigma, int(run.settings["factor"])
+    bounced, factor = run.inputs.get("bounced"), int(run.settings["factor"])
+    if bounced is not None:
+        everything, direct = lights * height * width, run.scratch((lights, height, width))
+        work = run.in_lanes(lights, height, width)
+        run.kernel("take_off", work, light, bounced, direct, everything)
+        light = direct
+    noisy = light if sigma is None else sigma
     while height * width > MOST_CELLS:
         light, noisy = (_launch_halved(run, plane, height, width) for plane in (light, noisy))
         height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
@@ -266,10 +278,13 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     drift = before + rng.uniform(-0.01, 0.01, (K, TERMS))
     light = np.tensordot(drift, terms(np.arange(H), np.arange(W), (H, W)), axes=1)
     light += rng.normal(0, 0.002, light.shape)
+    bounced = rng.uniform(0, 0.03, light.shape)
+    light += bounced
     light[:, : H // 2, : W // 2] *= rng.uniform(0.3, 1.5, (K, H // 2, W // 2))
     sigma = np.full((K, H, W), 0.002)
     return {
         "light": light.astype(np.float32),
         "sigma": sigma.astype(np.float32),
         "before": before.astype(np.float32),
+        "bounced": bounced.astype(np.float32),
     }

@@ -10,9 +10,9 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
+from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._radiosity import (
     all_on_all,
-    between_cells,
     cell_grid,
     cells_of,
     framed,
@@ -99,7 +99,18 @@ def _launch(run: Launch) -> None:
     local = (run.group,)
     run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)
     for cells in (direct, table):
-        arguments = relative, height, lights, pixel, cells, *size, grid.factor, *shape, grid.rim_mm
+        arguments = (
+            relative,
+            height,
+            None,
+            lights,
+            pixel,
+            cells,
+            *size,
+            grid.factor,
+            *shape,
+            grid.rim_mm,
+        )
         run.kernel("lay_out", (all_cells,), *arguments, local=local, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)
     gain = float(np.float32(settings["albedo"]) / np.float32(math.pi))

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.model import Entry, Graph
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.variant import changes_between, write_variant
 
 DEFAULTS = {"shadow": {"threshold": 3.0}}

@@ -75,7 +75,7 @@ def test_other_inputs_or_settings_are_made_anew(folder: Path) -> None:
 
 def test_other_code_is_made_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(made_now=True)
-    monkeypatch.setattr("tactograph.graph.run.origin.code_of", lambda node: "another")
+    monkeypatch.setattr("tactograph.graph.run.result_origin.code_of", lambda node: "another")
     made(made_now=True)
 
 

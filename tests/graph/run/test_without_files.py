@@ -15,8 +15,8 @@ import pytest
 from annotated_types import Gt
 
 from tactograph.graph import GraphError, InputError, NodeError, load, node, parity
-from tactograph.graph.files import read
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files import read_graph as read
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write
 

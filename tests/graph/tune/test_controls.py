@@ -9,10 +9,10 @@ import pytest
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import node
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import builtin_names, find_node
-from tactograph.graph.declare.settings import check_settings
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.model import Entry
+from tactograph.graph.files.flat_graph import Entry
 from tactograph.graph.tune.controls import Control, control_of
 from tactograph.nodes import Light
 

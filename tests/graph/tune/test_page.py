@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tests.conftest import Calibration, Raytraced
 from tests.graph.tune.browser import Browser
 

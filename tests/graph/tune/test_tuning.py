@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.tune.tuning import Tuning
 from tests.graph.conftest import Write
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tactograph.nodes import ShadowRises
+from tactograph.nodes import F4, ShadowRises
 from tactograph.nodes.height import _springs
 from tactograph.nodes.height._height_system import Window, height_system
 from tactograph.nodes.height._springs import Springs, Ties
@@ -23,7 +24,6 @@ from tactograph.nodes.shadow.shadow_constraints import shadow_constraints
 from tactograph.nodes.slope.pixel_mean_slope import pixel_mean_slope
 from tests.nodes.scenes import LIGHTS, lambert
 
-F4 = NDArray[np.float32]
 PIXEL = 0.1
 SHAPE = (40, 64)
 NO_RISES = ShadowRises(
@@ -341,40 +341,63 @@ def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest()
     assert not any(error[~inside].any() for error in found)
 
 
-def test_what_a_film_model_corrects_leaves_an_error_in_proportion() -> None:
+@pytest.mark.parametrize("part", [0, 4])
+def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
+    """Of normals that lean by so many radians over some width, or all too much."""
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    before = light.copy()
-    before[0] += np.float32(0.1)
     nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
     surroundings = (at_rest(z), NO_RISES, light, 1e-6 * light, used, lights, exact(lights), PIXEL)
-    none, some, more = (
-        height_error(
-            z, slope, variance_of(1e-4), *surroundings, misfit=np.float32([share, 0.5]),
-            seen=before, **nothing,
+    misfit = np.float32([0, 0.5, 0, 0, 0])
+    found = []
+    for level in (0.0, 0.01, 0.02):
+        misfit[part] = level
+        found.append(
+            height_error(z, slope, variance_of(1e-4), *surroundings, misfit=misfit, **nothing)
         )
-        for share in (0.0, 0.1, 0.2)
-    )  # fmt: skip
+    none, some, more = found
     inside = at_rest(z) == 0
     assert some[inside].min() > 10 * none[inside].max()
     assert np.allclose(more[inside], 2 * some[inside], rtol=0.05)
 
 
-def test_bounced_light_leaves_an_error_only_where_there_is_some() -> None:
+def bounced_error(**given: Any) -> F4:
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    thrown = np.zeros_like(light)
     surroundings = (at_rest(z), NO_RISES, light, 0.001 * light, used, lights, exact(lights), PIXEL)
-    without, with_none = (
-        height_error(z, slope, variance_of(1e-4), *surroundings, bounced=bounced)
-        for bounced in (None, thrown)
-    )
-    assert np.array_equal(without, with_none)
-    thrown[0] = 0.2
-    with_some = height_error(z, slope, variance_of(1e-4), *surroundings, bounced=thrown)
-    assert with_some.max() > 1.5 * without.max()
+    return np.asarray(height_error(z, slope, variance_of(1e-4), *surroundings, **given))
+
+
+def thrown(light: float) -> F4:
+    """Light that the film throws on the side of one LED."""
+    one = np.zeros((4, *SHAPE), np.float32)
+    one[0] = light
+    return one
+
+
+def test_bounced_light_is_as_wrong_as_the_presses_disagree() -> None:
+    doubt = np.float32([0, 1, 0, 0.1, 0])
+    exact_bounce = bounced_error(bounced=thrown(0.2), misfit=0 * doubt)
+    assert np.array_equal(exact_bounce, bounced_error())
+    assert np.array_equal(bounced_error(bounced=thrown(0.0), misfit=doubt), bounced_error())
+    assert bounced_error(bounced=thrown(0.2), misfit=doubt).max() > 1.5 * exact_bounce.max()
+
+
+def test_bounced_light_that_has_not_settled_is_an_error() -> None:
+    settled = bounced_error(bounced=thrown(0.2), earlier=thrown(0.2))
+    assert np.array_equal(settled, bounced_error())
+    assert bounced_error(bounced=thrown(0.2), earlier=thrown(0.16)).max() > 1.5 * settled.max()
+
+
+def test_an_edge_may_lie_in_the_pixel_beside_it() -> None:
+    z = np.zeros(SHAPE, np.float32)
+    z[10:30, 20:44] = 1
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
+    stated = error_of(z, slope, 100)
+    assert stated[11:29, [19, 20, 21, 42, 43]].min() > 0.4
+    assert stated[15:25, 24:40].max() < 0.1
 
 
 def test_all_that_a_rim_carries_shares_its_error() -> None:

@@ -56,7 +56,7 @@ def imprint(depth: float, radius: float = 4.0) -> tuple[F4, NDArray[np.bool_]]:
 def test_a_ball_s_imprint_is_lit_evenly_by_its_own_area(depth: float) -> None:
     # Inside a sphere every point lights every other alike: by its area over that of the sphere.
     height, middle = imprint(depth)
-    found = film_bounce(ones(height), height, FAR, PIXEL, 0.6, cells=121 * 121)
+    found = film_bounce(ones(height), height, FAR, PIXEL, 0.6, cells=121 * 121, near=8)
     expected = 0.6 * depth / (2 * 4.0)
     assert found[:, middle].mean() == pytest.approx(expected, rel=0.06)
     assert found[:, middle].std() < 0.02 * expected
@@ -66,7 +66,7 @@ def test_under_a_near_led_what_is_lit_more_throws_more() -> None:
     # Inside the sphere the sum still is the same everywhere, so that its share is not.
     height, middle = imprint(1.2)
     lights = np.float32([[-4, 0, 9]])
-    found = film_bounce(ones(height)[:1], height, lights, PIXEL, 0.6, cells=121 * 121)[0]
+    found = film_bounce(ones(height)[:1], height, lights, PIXEL, 0.6, cells=121 * 121, near=8)[0]
     y, x = (np.indices((121, 121)) - 60) * PIXEL
     rest = ((x + 4) ** 2 + y**2 + 9**2) ** -1.5
     assert found[middle].std() > 0.1 * found[middle].mean()

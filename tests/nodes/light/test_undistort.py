@@ -100,11 +100,12 @@ def test_labels_come_from_the_nearest_pixel(lens: F4) -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(
-    bend=st.tuples(*[st.floats(-0.12, 0.12)] * 2),
+    bend=st.tuples(*[st.floats(-0.06, 0.06)] * 2),
     centre=st.tuples(*[st.floats(-0.1, 0.1)] * 2),
     tilt=st.tuples(*[st.floats(-0.05, 0.05)] * 4),
 )
 def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
+    """Where it bends by at most 12 % at a corner; at 20 % a lens is about to fold the image."""
     lens = (*bend, *centre, *tilt)
     v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]
     du, dv = seen_offset(lens, u, v)

@@ -1,0 +1,82 @@
+"""A node's kernels, compiled for one device."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+from tactograph.graph.backends.device_queue import Queue
+from tactograph.graph.backends.kernel import Kernel
+from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source, scalar_type
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import NodeError
+
+Convert = Callable[[Any], list[Any]]
+"""From a parameter's value to kernel arguments."""
+
+
+class Compiled:
+    """A node's kernels on one device, and what its launches keep from one to the next."""
+
+    def __init__(self, node: Node, queue: Queue) -> None:
+        self.node = node
+        self.converters = _converters(node)
+        self.kept: dict[Any, Any] = {}
+        self._queue = queue
+        self._built: dict[tuple[tuple[str, int], ...], dict[str, Kernel]] = {}
+
+    def kernels_with(self, constants: Mapping[str, int]) -> dict[str, Kernel]:
+        """By name; built when first asked for, `constants` defined as macros besides LANES.
+
+        Raises
+        ------
+        NodeError
+            If the source does not match the declaration, or does not compile.
+        """
+        key = tuple(constants.items())
+        if key not in self._built:
+            self._built[key] = _build(self.node, self._queue, constants)
+        return self._built[key]
+
+
+def _build(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, Kernel]:
+    source = kernel_source(node)
+    signatures = kernel_signatures(source)
+    program = cl.Program(queue.context, source)
+    macros = [f"-D{name}={value}" for name, value in {"LANES": queue.lanes, **constants}.items()]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # compilers' remarks on their own speed
+        try:
+            program = program.build(options=[*queue.options, *macros])
+        except cl.RuntimeError as error:
+            lines = [line for line in str(error).splitlines() if "error" in line.lower()]
+            reason = lines[0] if lines else str(error)
+            raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
+    return {
+        kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
+        for kernel in program.all_kernels()
+    }
+
+
+def _converters(node: Node) -> dict[str, Convert]:
+    """By parameter; empty for a node with a launch function, which passes its own."""
+    if node.kernels.grid is None:
+        return {}
+    return {name: _converter(p.annotation) for name, p in node.parameters.items()}
+
+
+def _converter(annotation: Any) -> Convert:
+    """Pass a number itself, a tuple item by item, a choice by its index."""
+    found = scalar_type(annotation)
+    assert found is not None
+    c_type, count, choices = found
+    make = np.float32 if c_type == "float" else np.int32
+    if choices:
+        return lambda value: [np.int32(choices.index(value))]
+    if count > 1:
+        return lambda value: [make(v) for v in value]
+    return lambda value: [make(value)]

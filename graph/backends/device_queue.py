@@ -1,0 +1,204 @@
+"""One OpenCL device, one in-order queue, one pool of buffers.
+
+Nothing waits but a download.  Buffers return to the pool when the plan says that their value
+has been read for the last time; on an in-order queue the next owner cannot overtake.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import pyopencl as cl
+import pyopencl.tools
+from numpy.typing import NDArray
+
+from tactograph.graph.backends.arrays import (
+    DeviceArray,
+    bytes_for,
+    global_size,
+    in_lanes,
+    local_size,
+)
+from tactograph.graph.backends.device_backend import Timer
+from tactograph.graph.backends.devices import Device
+from tactograph.graph.backends.kernel import Kernel
+
+_FRACTION = """
+#if LANES == 16
+__attribute__((vec_type_hint(float16)))
+#endif
+__kernel void fraction(
+    __global const WHOLE *restrict whole, __global float *restrict out,
+    const int N, const float full)
+{
+    const int start = get_global_id(0) * LANES;
+#if LANES == 16
+    if (start + LANES <= N) {
+        vstore16(convert_float16(vload16(0, whole + start)) / full, 0, out + start);
+        return;
+    }
+#endif
+    for (int i = start; i < min(start + LANES, N); ++i)
+        out[i] = convert_float(whole[i]) / full;
+}
+"""
+
+
+_serials = itertools.count(1)
+
+
+class Queue:
+    """One OpenCL device with its queue and its buffers.
+
+    `lanes` is how many elements a work-item does side by side; None takes what suits the
+    device: CPUs' compilers do not all vectorise across work-items, GPUs want one each.
+    """
+
+    error: type[Exception] = cl.Error
+
+    def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
+        self.name = device.name
+        self.serial = f"{device.name} {next(_serials)}"
+        self.is_cpu = device.kind == "CPU"
+        self.lanes = lanes or (16 if self.is_cpu else 1)
+        self.context = cl.Context([device.handle])
+        profiling = cl.command_queue_properties.PROFILING_ENABLE
+        self.queue = cl.CommandQueue(self.context, properties=profiling)
+        self.pool = pyopencl.tools.MemoryPool(pyopencl.tools.ImmediateAllocator(self.queue))
+        self.poison: int | None = None
+        self.options = ["-cl-std=CL1.2"]
+        correctly_rounded = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
+        if device.handle.single_fp_config & correctly_rounded:
+            self.options.append("-cl-fp32-correctly-rounded-divide-sqrt")
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
+        """Take a buffer from the pool; an empty array still gets some bytes to point at.
+
+        With `poison` set, every byte of it holds that value, so that a test can tell an
+        element that a kernel failed to write.
+        """
+        return self.take(bytes_for(shape, dtype), shape, dtype)
+
+    def take(self, nbytes: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
+        """`empty`, with the result of `bytes_for` at hand."""
+        buffer: Any = self.pool.allocate(nbytes)
+        if self.poison is not None:
+            # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
+            cl.enqueue_copy(self.queue, buffer, np.full(nbytes, self.poison, np.uint8))
+        return DeviceArray(buffer, shape, dtype)
+
+    def upload(self, array: NDArray[Any]) -> DeviceArray:
+        """Copy a host array to the device."""
+        target, (_, copied) = self.start_upload(array)
+        copied.wait()
+        return target
+
+    def start_upload(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
+        """Begin to copy a host array, which must not change before the event."""
+        target = self.empty(array.shape, array.dtype)
+        if not array.size:
+            return target, self._now()
+        source = np.ascontiguousarray(array)
+        event = cl.enqueue_copy(self.queue, target.buffer, source, is_blocking=False)
+        return target, (event, event)
+
+    def start_upload_of_fraction(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
+        """Begin to copy unsigned integers, and there make them fractions of full scale.
+
+        A quarter of the bytes of float32 for 8 bits; the same values as on the host.
+        """
+        source, (started, _) = self.start_upload(array)
+        target = self.empty(array.shape, np.dtype(np.float32))
+        full = np.float32(np.iinfo(array.dtype).max)
+        kernel = self._fraction[array.dtype.itemsize]
+        local = local_size(1)
+        work_items = global_size(in_lanes(array.shape, self.lanes), local)
+        arguments = (source.buffer, target.buffer, np.int32(array.size), full)
+        return target, (started, kernel.enqueue(self.queue, work_items, local, arguments))
+
+    def _now(self) -> Timer:
+        marker = cl.enqueue_marker(self.queue)
+        return marker, marker
+
+    @cached_property
+    def _fraction(self) -> dict[int, Kernel]:
+        """The kernels of `start_upload_of_fraction`, by bytes per element."""
+        return {
+            size: Kernel(
+                cl.Program(self.context, _FRACTION)
+                .build(options=[*self.options, f"-DLANES={self.lanes}", f"-DWHOLE={whole}"])
+                .fraction
+            )
+            for size, whole in ((1, "uchar"), (2, "ushort"))
+        }
+
+    @cached_property
+    def clock_ahead(self) -> float:
+        """By how many seconds the device's clock is ahead of `time.perf_counter`."""
+        marker = cl.enqueue_marker(self.queue)
+        marker.wait()
+        ended: Any = marker.get_profiling_info(cl.profiling_info.END)
+        return 1e-9 * float(ended) - time.perf_counter()
+
+    def constant(self, array: NDArray[Any]) -> DeviceArray:
+        """Copy a host array to a buffer of its own, that the pool does not lack afterwards."""
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        buffer = cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+        return DeviceArray(buffer, array.shape, array.dtype)
+
+    def download(self, source: DeviceArray) -> NDArray[Any]:
+        """Wait for an array and copy it to the host."""
+        target, (_, copied) = self.start_download(source)
+        copied.wait()
+        return target
+
+    def start_download(self, source: DeviceArray) -> tuple[NDArray[Any], Timer]:
+        """Begin to copy an array to the host, where it is complete after the event."""
+        target = np.empty(source.shape, source.dtype)
+        if not target.size:
+            return target, self._now()
+        event = cl.enqueue_copy(self.queue, target, source.buffer, is_blocking=False)
+        return target, (event, event)
+
+    def fill(self, shape: tuple[int, ...], dtype: np.dtype[Any], value: float) -> DeviceArray:
+        """Make a constant array on the device."""
+        target = self.empty(shape, dtype)
+        pattern = np.array([value], dtype)
+        cl.enqueue_fill_buffer(
+            self.queue, target.buffer, pattern, 0, max(target.nbytes, dtype.itemsize)
+        )
+        return target
+
+    def finish(self) -> None:
+        self.queue.finish()
+
+    def has_failed(self, timer: Timer) -> bool:
+        """Whether what the two events stand for ended in an error."""
+        try:
+            return any(event.command_execution_status < 0 for event in timer)
+        except cl.Error:
+            return True
+
+    def span(self, timer: Timer) -> tuple[float, float]:
+        """When it began and ended, in seconds of the device's clock."""
+        first, last = timer
+        start: Any = first.get_profiling_info(cl.profiling_info.START)
+        end: Any = last.get_profiling_info(cl.profiling_info.END)
+        return 1e-9 * start, 1e-9 * end
+
+    def milliseconds(self, timer: Timer) -> float:
+        """The time between the start of the first event and the end of the last, on the device."""
+        first, last = timer
+        # Twice as fast as the attribute `profile`.
+        start: Any = first.get_profiling_info(cl.profiling_info.START)
+        end: Any = last.get_profiling_info(cl.profiling_info.END)
+        return float(end - start) * 1e-6
+
+    @property
+    def buffers(self) -> int:
+        """How many buffers were ever allocated: the pool hands back none."""
+        return int(self.pool.active_blocks + self.pool.held_blocks)

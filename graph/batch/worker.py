@@ -1,0 +1,249 @@
+"""What a worker does: open the graph once, then chunk after chunk."""
+
+from __future__ import annotations
+
+import platform
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tactograph.graph.batch.captures import at_hand, kept_at_hand
+from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
+from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.result import Result
+from tactograph.graph.run.result_origin import find_origin
+from tactograph.graph.run.source_stream import SourceStream
+
+_mine = threading.local()
+"""The pipeline that this thread keeps: a pipeline belongs to one thread."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Captures that one worker does and writes together."""
+
+    out: str
+    stamp: str
+    captures: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How a chunk went."""
+
+    done: int = 0
+    failed: int = 0
+    reason: str = ""
+    fallbacks: tuple[str, ...] = ()
+
+
+def do_chunk(chunk: Chunk) -> Tally:
+    """Reconstruct the captures of a chunk and write them into the store.
+
+    What another worker has done in the meantime is not done again.  A capture that fails is
+    written down with its reason.
+
+    Raises
+    ------
+    InputError
+        If the store has gone, or its graph cannot be opened here.
+    """
+    store, pipeline = _opened(chunk.out, chunk.stamp)
+    first, last = chunk.captures[0][0], chunk.captures[-1][0]
+    statuses = store.statuses_of(slice(first, last + 1))
+    open_ones = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
+    types = store.map_types()
+    entries: dict[int, Entry] = {}
+    with ThreadPoolExecutor(1, "read ahead") as reader:
+        read = [partial(_read, pipeline, store.job, place) for _, place in open_ones]
+        coming = reader.submit(read[0]) if read else None
+        for at, (number, place) in enumerate(open_ones):
+            assert coming is not None
+            ready = coming.result()
+            if at + 1 < len(read):
+                coming = reader.submit(read[at + 1])
+            # Opened again if a device failed: it may not recover otherwise.
+            _, pipeline = _opened(chunk.out, chunk.stamp)
+            with ready.kept:
+                entries[number] = _attempt(pipeline, place, types, ready)
+    if entries:
+        store.write(entries)
+    reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
+    done = len(chunk.captures) - len(reasons)
+    reason = reasons[0] if reasons else ""
+    return Tally(done, len(reasons), reason, tuple(pipeline.plan.fallbacks))
+
+
+def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, MapType]:
+    """The types of the graph's maps, from the first of the captures that can be done.
+
+    Raises
+    ------
+    InputError
+        If none can.
+    """
+    store, pipeline = _opened(out, stamp)
+    reason = ""
+    for place in captures:
+        try:
+            with (ready := _read(pipeline, store.job, place)).kept:
+                result = _run(pipeline, place, ready)
+        except TactographError as error:
+            reason = str(error)
+            continue
+        return {name: _type_of(result, name) for name in store.job.maps}
+    raise InputError(f"none of the first {len(captures)} captures can be done; the last: {reason}")
+
+
+def fail_chunk(chunk: Chunk, reason: str) -> Tally:
+    """Write down that a chunk's captures could not be done."""
+    store = open_store(chunk.out)
+    assert store is not None
+    store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})
+    return Tally(0, len(chunk.captures), reason)
+
+
+def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
+    if getattr(_mine, "stamp", None) != (out, stamp):
+        store = open_store(out)
+        if store is None or store.stamp != stamp:
+            raise InputError(f"{out}: the store of this batch is not there (any more)")
+        # Should opening fail, nothing is taken for open.
+        _mine.stamp = None
+        _mine.store, _mine.pipeline = store, _open(store.job)
+        _mine.stamp = out, stamp
+    return _mine.store, _mine.pipeline
+
+
+def _open(job: Job) -> Pipeline:
+    with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
+        file = Path(folder) / f"{job.name}.yaml"
+        file.write_text(job.graph, encoding="utf-8")
+        graph = replace(read_graph(str(file)), places={})
+    _check_origin(graph, job)
+    paths = {name for name, param in graph.params.items() if param.kind == "path"}
+    given = {
+        name: kept_at_hand(value) if name in paths and value is not None else value
+        for name, value in job.given.items()
+    }
+    return open_pipeline(
+        graph,
+        given,
+        backend=job.backend,
+        device=job.device,
+        strict=job.strict,
+        sinks=job.folders is not None,
+    )
+
+
+def _check_origin(graph: Graph, job: Job) -> None:
+    """Refuse to add to a store what other code, or other versions, would make."""
+    here = find_origin(graph, backend=job.backend, device=job.device)
+    for kind, then, now in (
+        ("code of", job.code, here.code),
+        ("version of", job.versions, here.versions),
+    ):
+        others = sorted(n for n in {*then, *now} if then.get(n) != now.get(n))
+        if others:
+            raise InputError(
+                f"this worker ({platform.node()}) has another {kind} {', '.join(others)} than "
+                "the batch was started with; install the same, or give another --out"
+            )
+
+
+class _Ready(NamedTuple):
+    """A capture that was read: for which values of the graph's params, or why it was not.
+
+    What is `kept` for it is given back when its block ends.
+    """
+
+    kept: ExitStack
+    aims: dict[str, Any]
+    stream: SourceStream | None
+    error: TactographError | MemoryError | None
+
+
+def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
+    """Fetch and read a capture, in whichever thread, while the one before it is computed."""
+    with ExitStack() as kept:
+        try:
+            folder = kept.enter_context(at_hand(place))
+            aims = {job.param: folder}
+            if job.folders is not None:
+                aims["out"] = str(Path(job.folders) / folder_name(place))
+            stream = pipeline.begin(**aims)
+            if stream is not None:
+                stream.read_ahead()
+        except (TactographError, MemoryError) as error:
+            return _Ready(ExitStack(), {}, None, error)
+        return _Ready(kept.pop_all(), aims, stream, None)
+
+
+def _attempt(pipeline: Pipeline, place: str, types: dict[str, MapType], ready: _Ready) -> Entry:
+    start = time.perf_counter()
+    try:
+        result = _run(pipeline, place, ready)
+        maps = {name: result[name] for name in types}
+        for name, array in maps.items():
+            if array.shape != types[name].shape:
+                raise InputError(
+                    f"{place}: '{name}' is {_by(array.shape)}, but the store holds "
+                    f"{_by(types[name].shape)}; give images of another size another --out"
+                )
+    except DeviceError as error:
+        _mine.stamp = None
+        return Entry(FAILED, str(error))
+    except TactographError as error:
+        return Entry(FAILED, str(error))
+    except MemoryError:
+        return Entry(FAILED, f"{place}: out of memory")
+    figures = {
+        name: float(figure)
+        for value in result.outputs.values()
+        if isinstance(value, dict)
+        for name, figure in value.items()
+    }
+    spent = 1e3 * (time.perf_counter() - start)
+    return Entry(DONE, "", figures, result.warnings, spent, maps)
+
+
+def _run(pipeline: Pipeline, place: str, ready: _Ready) -> Result:
+    if ready.error is not None:
+        raise ready.error
+    pipeline.aim(**ready.aims)
+    results = list(pipeline.items(stream=ready.stream))
+    if len(results) != 1:
+        raise InputError(
+            f"{place}: holds {len(results)} captures; let --over match each of them, "
+            f"as in --over '{place}/*'"
+        )
+    return results[0]
+
+
+def folder_name(place: str) -> str:
+    """Where a capture's results go below the batch's folder: its path without the root."""
+    return place.partition("://")[2] or place.lstrip("/")
+
+
+def _type_of(result: Result, name: str) -> MapType:
+    value = result.plan.outputs[name]
+    port = result.plan.tasks[value.node].node.outputs[value.port]
+    if result[name] is None:
+        raise NodeError(f"{result.plan.graph.name}: its output '{name}' may be absent")
+    dims = tuple(str(dim) for dim in port.dims)
+    return MapType(result[name].shape, str(result[name].dtype), port.unit, dims)
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))

@@ -1,0 +1,167 @@
+"""Check a node's parameters against its annotations, by pydantic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
+
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
+from tactograph.graph.files.strict_yaml import parse_scalar
+
+_WRAPPERS = (Annotated, Union, UnionType)
+
+
+SMALLEST, LARGEST = 1e-12, 1e12
+"""Magnitudes that a node's parameters may have."""
+
+
+def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dict[str, Any]:
+    """Return the node's parameters, defaults filled in, each of its declared type.
+
+    Raises
+    ------
+    GraphError
+        If one is unknown, missing, of a wrong type or out of its range.  One that is
+        `NOT_GIVEN` yet is taken to be right.
+    """
+    for name in settings:
+        if name not in node.parameters:
+            raise GraphError(
+                f"{entry.where(f'with.{name}')}: node '{node.name}' has no parameter '{name}'"
+                f"{did_you_mean(name, node.parameters)}"
+            )
+    try:
+        model = settings_model(node.name, _Key(node)).model_validate(dict(settings))
+    except ValidationError as error:
+        wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
+        if wrong:
+            raise GraphError(_message(node, entry, wrong[0])) from None
+        defaults = {name: p.default for name, p in node.parameters.items()}
+        return {**defaults, **settings}
+    found = {name: getattr(model, name) for name in node.parameters}
+    for name, value in found.items():
+        _check_numbers(value, entry, name)
+    return found
+
+
+def _check_numbers(value: Any, entry: Entry, name: str) -> None:
+    """Refuse a number whose square or inverse 32-bit floats, or 64-bit integers, cannot hold."""
+    for part in value if isinstance(value, list | tuple) else ():
+        _check_numbers(part, entry, name)
+    if isinstance(value, float) and value and not SMALLEST <= abs(value) <= LARGEST:
+        raise GraphError(
+            f"{entry.where(f'with.{name}')}: a number from {SMALLEST:g} to {LARGEST:g} (or 0) is "
+            f"needed, not {value:g}"
+        )
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise GraphError(f"{entry.where(f'with.{name}')}: the whole number is too large")
+
+
+def _message(node: Node, entry: Entry, first: Any) -> str:
+    name = str(first["loc"][0])
+    if first["type"] == "missing" and len(first["loc"]) == 1:
+        return f"{entry.where(f'with.{name}')}: node '{node.name}' needs the parameter '{name}'"
+    said = first["msg"].removeprefix("Value error, ")
+    value = repr(first["input"])
+    shown = value if len(value) <= 60 else f"{value[:57]}..."
+    return f"{entry.where(f'with.{name}')}: {said[0].lower()}{said[1:]}, not {shown}"
+
+
+class _Key:
+    """Lets a Node, which is no hashable value, key the cache by identity."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+
+    def __hash__(self) -> int:
+        return id(self.node)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and other.node is self.node
+
+
+@cache
+def settings_model(name: str, key: _Key) -> type[BaseModel]:
+    """The pydantic model of a node's parameters; also the source of the JSON schema."""
+    fields: dict[str, Any] = {
+        p.name: (_lenient(p.annotation), ... if p.required else p.default)
+        for p in key.node.parameters.values()
+    }
+    config = ConfigDict(extra="forbid", allow_inf_nan=False, protected_namespaces=())
+    return create_model(name, __config__=config, **fields)
+
+
+def model_of(node: Node) -> type[BaseModel]:
+    """The parameters of `node` as a pydantic model."""
+    return settings_model(node.name, _Key(node))
+
+
+def _lenient(annotation: Any) -> Any:
+    """Let ``160,120`` from a command line stand for a tuple; keep true and false from numbers."""
+    parts = _parts(annotation)
+    tuples = [part for part in parts if get_origin(part) is tuple]
+    if tuples:
+        members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
+        split = _split_numbers if {int, float} & members else _split_commas
+        return Annotated[annotation, BeforeValidator(split)]
+    if float in parts or (int in parts and bool not in parts):
+        text = str in parts or Path in parts
+        return Annotated[annotation, BeforeValidator(_refuse_bool if text else _only_number)]
+    if bool in parts and not {str, int} & {*parts}:
+        return Annotated[annotation, BeforeValidator(_only_flag)]
+    return annotation
+
+
+def _parts(annotation: Any) -> list[Any]:
+    """An annotation and all that its unions and `Annotated` wrap."""
+    inner = get_args(annotation) if get_origin(annotation) in _WRAPPERS else ()
+    if get_origin(annotation) is Annotated:
+        inner = inner[:1]
+    return [annotation, *(part for each in inner for part in _parts(each))]
+
+
+def _split_commas(value: Any) -> Any:
+    return value.split(",") if isinstance(value, str) else value
+
+
+def _split_numbers(value: Any) -> Any:
+    if isinstance(value, str):
+        return [_scalar_of(part.strip()) for part in value.split(",")]
+    if isinstance(value, list | tuple):
+        for part in value:
+            _only_number(part)
+    return value
+
+
+def _scalar_of(text: str) -> Any:
+    """A part of a text with commas, read as it would be read alone."""
+    try:
+        return _refuse_bool(parse_scalar(text))
+    except InputError:
+        return text
+
+
+def _only_number(value: Any) -> Any:
+    """Text is no number, whatever could be made of it."""
+    if isinstance(value, str):
+        raise ValueError("a number is needed")
+    return _refuse_bool(value)
+
+
+def _only_flag(value: Any) -> Any:
+    if value is not None and not isinstance(value, bool):
+        raise ValueError("true or false is needed")
+    return value
+
+
+def _refuse_bool(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("a number is needed")
+    return value

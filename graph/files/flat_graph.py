@@ -1,0 +1,155 @@
+"""A graph as data: what a graph file says once `extends` and `patch` are worked in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.files.strict_yaml import Place
+
+if TYPE_CHECKING:
+    from tactograph.graph.declare.node import Node
+
+FORMAT = 1
+NOT_GIVEN = object()
+"""Stands for the value of a param where only the plan matters, not the data."""
+PREVIOUS = "previous"
+"""``previous.node.port`` is the value that the port had at the item before."""
+
+
+@dataclass(frozen=True)
+class Param:
+    """A value the user gives to a graph: ``name=value`` on the command line."""
+
+    kind: str
+    help: str = ""
+    required: bool = True
+    default: Any = None
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One node of a graph file."""
+
+    op: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    backend: str | None = None
+    neutral: bool = False
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False)
+
+    def where(self, key: str = "") -> str:
+        """``file:line:column: path`` of a key such as ``with.threshold``, or of the node."""
+        parts = key.split(".") if key else []
+        while True:
+            place = self.places.get(".".join(parts))
+            if place is not None:
+                return str(
+                    replace(place, path=f"{place.path}.{key}" if key and not parts else place.path)
+                )
+            if not parts:
+                return key
+            parts.pop()
+
+    def as_dict(self) -> dict[str, Any]:
+        plain: dict[str, Any] = {"op": self.op}
+        if self.inputs:
+            plain["in"] = dict(self.inputs)
+        if self.settings:
+            plain["with"] = dict(self.settings)
+        if self.backend:
+            plain["backend"] = self.backend
+        if self.neutral:
+            plain["neutral"] = True
+        return plain
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A flat graph: what `tactograph resolve` prints and what the hash is taken of."""
+
+    name: str
+    title: str
+    params: Mapping[str, Param]
+    prefer: tuple[str, ...]
+    nodes: Mapping[str, Entry]
+    outputs: Mapping[str, str]
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False)
+    own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
+    """Nodes that no package brings, by name; see `load`."""
+
+    def where(self, key: str) -> str:
+        """``file:line:column: path`` of a key such as ``outputs.height``."""
+        return str(self.places.get(key, f"{self.name}: {key}"))
+
+    def as_dict(self) -> dict[str, Any]:
+        params: dict[str, Any] = {}
+        for name, param in self.params.items():
+            params[name] = {"kind": param.kind}
+            if not param.required:
+                params[name]["default"] = param.default
+            if param.help:
+                params[name]["help"] = param.help
+        return {
+            "format": FORMAT,
+            "title": self.title,
+            "params": params,
+            "prefer": list(self.prefer),
+            "nodes": {node_id: entry.as_dict() for node_id, entry in self.nodes.items()},
+            "outputs": dict(self.outputs),
+        }
+
+    def _repr_svg_(self) -> str:
+        from tactograph.graph.plan.draw_svg import to_svg
+        from tactograph.graph.plan.make_plan import make_plan
+
+        anywhere = replace(
+            self,
+            prefer=("numpy",),
+            nodes={name: replace(entry, backend=None) for name, entry in self.nodes.items()},
+        )
+        needed = {name: NOT_GIVEN for name, param in self.params.items() if param.required}
+        return to_svg(make_plan(anywhere, needed, device=None))
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 (first 16 digits) of what the graph computes: its words for people left out."""
+        plain = self.as_dict()
+        del plain["title"]
+        for param in plain["params"].values():
+            param.pop("help", None)
+        text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def backends(self) -> list[str]:
+        """The back ends that it prefers, in order, then those that its nodes are bound to."""
+        bound = (entry.backend for entry in self.nodes.values())
+        return list(dict.fromkeys([*self.prefer, *filter(None, bound)]))
+
+    def entry(self, node_id: str) -> Entry:
+        """The node called `node_id`, or an error that names the ones there are."""
+        if node_id not in self.nodes:
+            raise GraphError(
+                f"{self.name}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
+            )
+        return self.nodes[node_id]
+
+    def with_entry(self, node_id: str, entry: Entry) -> Graph:
+        return replace(self, nodes={**self.nodes, node_id: entry})
+
+
+def split_reference(reference: str) -> tuple[str, str | None]:
+    """Split ``cal.flat`` into node and port; a bare ``cal`` has no port."""
+    node_id, _, port = reference.partition(".")
+    return node_id, port or None
+
+
+def split_previous(reference: str) -> tuple[str, bool]:
+    """Take the ``previous.`` off a reference, and say whether it was there."""
+    bare = reference.removeprefix(f"{PREVIOUS}.")
+    return bare, bare != reference

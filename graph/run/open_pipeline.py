@@ -1,0 +1,184 @@
+"""Open a graph: read, verify, plan and compile it, for Python or for a command."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph.backends import BACKENDS
+from tactograph.graph.backends.device_backend import open_device
+from tactograph.graph.declare.find_node import find_node, own_nodes
+from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.changes import plain, with_changes
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
+from tactograph.graph.files.read_graph import Source, read_graph
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.cache import Cache
+from tactograph.graph.run.pipeline import Pipeline
+
+
+def load(
+    graph: Source,
+    params: Mapping[str, Any] | None = None,
+    /,
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+    changes: Mapping[str, Any] | None = None,
+    outputs: Collection[str] | None = None,
+    cache: Cache | None = None,
+    nodes: Iterable[Node] = (),
+    **given: Any,
+) -> Pipeline:
+    """Read, verify, plan and compile a graph, to be called with arrays.
+
+    Parameters
+    ----------
+    graph
+        A graph file, the bare name of a pipeline that ships, ``package/name`` of one that a
+        package brings, plain data such as a graph file holds, or a `Graph`.
+    params
+        The graph's own params that are called like an argument here, such as ``device``.
+    backend
+        "numpy" or "opencl" in place of what the graph prefers.
+    device
+        A part of the name of the OpenCL device to use.
+    strict
+        Refuse to run anything elsewhere than it was wanted.
+    changes
+        ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
+    outputs
+        Names of those of the graph's outputs that are wanted; what only the others need is
+        not computed, nor copied from the device.
+    cache
+        Where results of nodes are kept, so that equal work is done once; pipelines of one
+        thread may share it.  Without it a pipeline gets one of its own at the first `set`.
+    nodes
+        Nodes of the script or notebook itself: functions under `node`.
+    **given
+        The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
+        params are not given is left to the caller: ``pipeline(frames=stack)``.
+
+    Returns
+    -------
+    Pipeline
+        What runs elsewhere than it was wanted is told by a warning.
+
+    Raises
+    ------
+    InputError
+        If the graph, a value or a file is wrong; the message says what and where.
+
+    Examples
+    --------
+    >>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP
+    >>> pipeline(frames=stack)["height"].shape  # doctest: +SKIP
+    (480, 640)
+    """
+    for word in given.keys() & (params or {}).keys():
+        raise InputError(f"{word} is given twice")
+    given = {word: plain(value) for word, value in {**(params or {}), **given}.items()}
+    read = read_graph(graph)
+    read = replace(read, own={**read.own, **own_nodes(nodes)})
+    graph = with_changes(read, changes or {})
+    if outputs is not None:
+        graph = _with_outputs(graph, outputs)
+    pipeline = open_pipeline(
+        graph,
+        given,
+        backend=backend,
+        device=device,
+        strict=strict,
+        sinks=False,
+        cache=cache,
+        stand_ins=_ungiven_streams(graph, given),
+    )
+    for line in pipeline.plan.fallbacks:
+        warnings.warn(f"fallback: {line}", stacklevel=2)
+    return pipeline
+
+
+def open_pipeline(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+    sinks: bool = True,
+    cache: Cache | None = None,
+    stand_ins: frozenset[str] = frozenset(),
+) -> Pipeline:
+    """Plan and compile a graph that has been read; see `load`.
+
+    Raises
+    ------
+    InputError
+        Also if `strict` and a node would fall back to another back end.
+    """
+    if backend is not None:
+        if backend not in BACKENDS:
+            raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
+        graph = replace(graph, prefer=(backend,))
+    open_it = open_device if cache is None else cache.device
+    found, reason = open_it(graph.backends, device)
+    if found is None and backend not in (None, "numpy"):
+        raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
+    if sinks:
+        _check_out(graph, given)
+    plan = make_plan(graph, given, device=found, no_device=reason, sinks=sinks, stand_ins=stand_ins)
+    if strict and plan.fallbacks:
+        raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
+    return Pipeline(plan, found, cache)
+
+
+def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
+    """Refuse to write results into what is read: they would be taken for images, or replace it."""
+    params = {name: param for name, param in graph.params.items() if param.kind == "path"}
+    places = {name: given.get(name, param.default) for name, param in params.items()}
+    out = places.pop("out", None)
+    if not isinstance(out, str | Path):
+        return
+    for name, place in places.items():
+        if isinstance(place, str | Path) and Path(place).resolve() == Path(out).resolve():
+            raise InputError(f"out={out}: is what {name}={place} reads; give another place")
+
+
+def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
+    if isinstance(wanted, str | bytes) or not wanted:
+        raise InputError(f"outputs={wanted!r}: a list of names is needed: {list(graph.outputs)}")
+    for name in wanted:
+        if not isinstance(name, str):
+            raise InputError(f"outputs: {name!r} is no name; there are {', '.join(graph.outputs)}")
+        if name not in graph.outputs:
+            raise InputError(
+                f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
+                f" (it has: {', '.join(graph.outputs) or 'none'})"
+            )
+    return replace(graph, outputs={name: graph.outputs[name] for name in wanted})
+
+
+def placeholders(graph: Graph) -> dict[str, Any]:
+    """Values that stand for needed params where only the plan matters, not the data."""
+    return {name: NOT_GIVEN for name, param in graph.params.items() if param.required}
+
+
+def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
+    """The stream sources that refer to a required param which was not given."""
+
+    def is_missing(setting: Any) -> bool:
+        if not isinstance(setting, str) or not setting.startswith("$"):
+            return False
+        param = graph.params.get(setting[1:])
+        return param is not None and param.required and setting[1:] not in given
+
+    return frozenset(
+        node_id
+        for node_id, entry in graph.nodes.items()
+        if any(map(is_missing, entry.settings.values())) and find_node(entry.op, graph.own).stream
+    )

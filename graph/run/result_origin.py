@@ -1,0 +1,229 @@
+"""What makes a result.  A stored result may replace a new one only if all of this is the same."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from typing import Any
+
+import tactograph.graph
+from tactograph.graph.backends import devices
+from tactograph.graph.backends.kernel_source import kernel_text
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.provenance import versions
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.plan.draft import Draft
+
+ENGINE = "tactograph.graph"
+INSTALLED = ("site-packages", "dist-packages")
+_FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What makes a graph's results, apart from the graph and its data.
+
+    Attributes
+    ----------
+    code
+        By node, and for the engine: a hash of all source that it consists of.
+    versions
+        Of Python, this package, what it needs and what the nodes' packages need.
+    device
+        Name and driver of the device; empty where none is used.
+    """
+
+    code: dict[str, str]
+    versions: dict[str, str]
+    device: str
+
+
+def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Origin:
+    """Say what would make this graph's results here and now.
+
+    Raises
+    ------
+    InputError
+        If a node or the device is not there.
+    """
+    nodes = [
+        find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
+    ]
+    code = {node.name: code_of(node) for node in nodes}
+    found = versions()
+    for package in {node.package for node in nodes}:
+        found |= _versions_around(package)
+    names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
+    uses_device = names != ["numpy"] or device is not None
+    name = _device(devices.choose_device, device) if uses_device else ""
+    return Origin({"engine": _engine(), **code}, dict(sorted(found.items())), name)
+
+
+def named_files(draft: Draft, given: Iterable[str]) -> dict[str, Path]:
+    """The files and folders that the graph itself names to nodes that read, by ``node.param``."""
+    words = {f"${name}" for name in given}
+    return {
+        f"{task.id}.{name}": value
+        for task in draft.tasks.values()
+        for name, value in task.settings.items()
+        if isinstance(value, Path)
+        and not task.node.sink
+        and task.entry.settings.get(name) not in words
+    }
+
+
+def digest(about: Mapping[str, Any]) -> str:
+    """SHA-256 (first 16 digits) of plain data."""
+    text = json.dumps(about, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def code_of(node: Node) -> str:
+    """A hash of all source that a node consists of.
+
+    That is its module and whatever this imports out of the same package or from this project,
+    the packages' data files, and its kernels with their headers.
+    """
+    seen = {file: _hash(file) for file in _closure(node)}
+    kernels = kernel_text(node) if node.has_kernel else ""
+    if not seen:  # what nobody can read is never the same
+        return os.urandom(8).hex()
+    return digest({"files": sorted(seen.values()), "kernels": kernels})
+
+
+def _closure(node: Node) -> set[Path]:
+    """The files of a node's module and of all that it imports, directly or not."""
+    module = node.function.__module__
+    waiting = [_spec(module)]
+    files: set[Path] = set()
+    while waiting:
+        spec = waiting.pop()
+        if spec is None or not spec.has_location or not spec.origin:
+            continue
+        file = Path(spec.origin)
+        if file in files or not file.is_file():
+            continue
+        files.add(file)
+        if spec.submodule_search_locations is not None:
+            files |= set(_data_files(file.parent))
+        parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
+        for name in (*parents, *_imports(file, spec.name)):
+            if _belongs(name, module):
+                waiting.append(_spec(name))
+    return files
+
+
+def _belongs(name: str, module: str) -> bool:
+    """Whether a module is a part of the project, or of what a node's own module belongs to."""
+    top, own = name.partition(".")[0], module.partition(".")[0]
+    if name == ENGINE or name.startswith(f"{ENGINE}."):
+        return False
+    if top in ("tactograph", own):
+        return True
+    here = _folder(top)
+    return here is not None and here == _folder(own) and not {*INSTALLED} & {*here.parts}
+
+
+@cache
+def _folder(top: str) -> Path | None:
+    """Where a top-level module or package lies."""
+    spec = _spec(top)
+    if spec is None or not spec.has_location or not spec.origin:
+        return None
+    file = Path(spec.origin)
+    return file.parent.parent if spec.submodule_search_locations is not None else file.parent
+
+
+def _spec(name: str) -> ModuleSpec | None:
+    try:
+        return importlib.util.find_spec(name)
+    except (ImportError, ValueError, AttributeError):
+        return None
+
+
+def _imports(file: Path, module: str) -> list[str]:
+    """The modules that a file may import, by their full names."""
+    if file.suffix != ".py":
+        return []
+    stat = file.stat()
+    return _imported(file, module, stat.st_mtime_ns, stat.st_size)
+
+
+@cache
+def _imported(file: Path, module: str, changed: int, size: int) -> list[str]:
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError):
+        return []
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    found: dict[str, None] = {}
+    for statement in ast.walk(tree):
+        if isinstance(statement, ast.Import):
+            found.update(dict.fromkeys(alias.name for alias in statement.names))
+        elif isinstance(statement, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) + 1 - statement.level]
+            parts = [*(above if statement.level else []), *filter(None, [statement.module])]
+            base = ".".join(parts)
+            found[base] = None
+            found.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
+    return [name for name in found if name]
+
+
+def _data_files(folder: Path) -> Iterator[Path]:
+    """What a package holds besides source."""
+    for file in folder.iterdir():
+        if file.is_file() and file.suffix not in (".py", ".pyc", ".cl", ".clh"):
+            yield file
+
+
+def _hash(file: Path) -> str:
+    stat = file.stat()
+    return _content(file, stat.st_mtime_ns, stat.st_size)
+
+
+@cache
+def _content(file: Path, changed: int, size: int) -> str:
+    return f"{file.name}:{hashlib.sha256(file.read_bytes()).hexdigest()}"
+
+
+def _engine() -> str:
+    """A hash of the engine, its commands left out."""
+    folders = [Path(place) for place in tactograph.graph.__path__]
+    files = sorted(file for folder in folders for file in folder.rglob("*.py"))
+    return digest({"files": [_hash(file) for file in files if file.parent.name != "commands"]})
+
+
+@cache
+def _versions_around(package: str) -> Mapping[str, str]:
+    """The versions of an installed package and of what it may need."""
+    try:
+        needs = importlib.metadata.requires(package) or []
+    except importlib.metadata.PackageNotFoundError:
+        return {}
+    found: dict[str, str] = {}
+    for need in (package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))):
+        name = re.split(r"[^\w.-]", need, maxsplit=1)[0]
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+@cache
+def _device(
+    choose: Callable[[str | None], tuple[devices.Device | None, str]], text: str | None
+) -> str:
+    found, _ = choose(text)
+    return f"{found.name}, driver {found.handle.driver_version}" if found else ""

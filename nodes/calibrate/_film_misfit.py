@@ -1,0 +1,149 @@
+"""What a film's model leaves on presses that it was not fitted to, and over how much film alike."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate._film_fit import Balls, Fitted
+from tactograph.nodes.light._film import direct_share, predict, touch_gain, turned
+from tactograph.nodes.light._near_light import F8
+
+STEPS = 4
+"""Of a normal, from the ball's own."""
+NEAREST_PX = 2
+"""The noise of pixels so far apart is independent, after a lens was undistorted, too."""
+FARTHEST, LAGS = 0.7, 12
+"""Longest lag by a contact's radius; how many there are."""
+EVERY = 7
+"""Pixel that LEDs elsewhere are tried on."""
+LEVEL = 0.1
+"""Sine of a tilt from which the model errs as on steeper film."""
+
+
+class Held(NamedTuple):
+    """What was held out, and the film fitted to the rest."""
+
+    balls: Balls
+    fitted: Fitted
+
+
+class _Sums(NamedTuple):
+    """Products over pairs of pixels by lag, of normals and of light; and how many pairs."""
+
+    lags: NDArray[np.intp]
+    normal: F8
+    light: F8
+    pairs: F8
+
+
+def misfit(held: list[Held], others: F8, pixel: float) -> F4:
+    """Return (level, width, light, bounce, tilt) as a `Misfit` has them.
+
+    Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
+    distance is the covariance of what the model leaves, apart from what it leaves all around a
+    ball alike: normals that lean too much, or too little.
+
+    Parameters
+    ----------
+    held
+        Every pixel of what was held out, in turn.
+    others
+        8 x K x 3 in mm, by how much the LEDs may lie elsewhere: an error that is told apart.
+    pixel
+        mm per px.
+    """
+    rim = float(np.median(np.concatenate([h.balls.rim for h in held])))
+    farthest = max(FARTHEST * rim / pixel, NEAREST_PX + 1)
+    lags = np.unique(np.geomspace(NEAREST_PX, farthest, LAGS).round().astype(int))
+    total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
+    tilts, spread, count = [], 0.0, 0
+    for part in held:
+        errors, left, truth = left_over(part)
+        spread += float(np.square(errors).sum())
+        count += errors.shape[1]
+        for ball in np.unique(part.balls.ball):
+            at = part.balls.ball == ball
+            place = np.stack([part.balls.v[at], part.balls.u[at]]) / pixel
+            outward = _outward(truth[:, at])
+            tilt = float((errors[:, at] * outward).sum() / np.square(outward).sum())
+            _add(total, place, errors[:, at] - tilt * outward, left[:, at])
+            tilts.append(tilt)
+    pairs = np.maximum(total.pairs, 1)
+    normal, light = total.normal / pairs, total.light / pairs
+    chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
+    reach = _half_way(lags, normal) * pixel
+    near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
+    level, known = _root(normal[0] - chance), np.mean([_led_tilt(part, others) for part in held])
+    tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
+    return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
+
+
+def _led_tilt(part: Held, others: F8) -> float:
+    """Mean square of what LEDs that lie elsewhere do to `tilt`."""
+    film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % EVERY == 0)
+    truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
+    z = np.maximum(z, film.contact)
+    light, outward = predict(film, truth, x, y, z), _outward(truth)
+    found = []
+    for away in others:
+        n = turned(film._replace(lights=cast(F4, film.lights + away)), light, truth, (x, y, z))
+        found.append(((n - truth) * outward).sum() / np.square(outward).sum())
+    return float(np.square(found).mean())
+
+
+def _outward(normal: F8) -> F8:
+    """The direction in which a normal leans more, in its tangent plane; zero on level film."""
+    nx, ny, nz = normal
+    sine = np.maximum(np.hypot(nx, ny), 1e-6)
+    rising = np.minimum(sine / LEVEL, 1)
+    return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
+
+
+def left_over(held: Held) -> tuple[F8, F8, F8]:
+    """Return errors of the normals and true ones, 3 x N; between, the light left, as if matt."""
+    film, balls = held.fitted.film, held.balls
+    truth, x, y, z = balls.seen(held.fitted.shifts, film.camera)
+    direct, n, z = balls.light - film.albedo * balls.bounced, truth, np.maximum(z, film.contact)
+    for _ in range(STEPS):
+        n = turned(film, direct, n, (x, y, z))
+    left = direct - predict(film, n, x, y, z)
+    return n - truth, left / (touch_gain(film, z) * direct_share(film)[:, None]), truth
+
+
+def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
+    """Add the products of one ball's pixels with those to the right and below."""
+    row, column = (np.rint(p - p.min()).astype(int) for p in place)
+    planes = np.zeros((1 + len(errors) + len(left), row.max() + 1, column.max() + 1))
+    planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, left])
+    normals, lights = slice(1, 1 + len(errors)), slice(1 + len(errors), None)
+    for i, lag in enumerate(total.lags):
+        for turned_planes in (planes, planes.transpose(0, 2, 1)):
+            product = turned_planes[:, lag:] * turned_planes[:, :-lag]
+            total.pairs[i] += product[0].sum()
+            total.normal[i] += product[normals].sum() / 2
+            total.light[i] += product[lights].sum() / len(left)
+
+
+def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
+    """The lag, between those measured, at which the covariance has fallen to a half."""
+    low = np.flatnonzero(covariance < 0.5 * covariance[0])
+    if not low.size:
+        return float(lags[-1])
+    i = int(low[0])
+    over = covariance[i - 1] - 0.5 * covariance[0]
+    share = over / (covariance[i - 1] - covariance[i])
+    return float(lags[i - 1] + share * (lags[i] - lags[i - 1]))
+
+
+def _doubt(held: list[Held]) -> float:
+    """By what share the film's albedo differs between parts of the presses."""
+    albedo = np.array([h.fitted.film.albedo for h in held])
+    return float(albedo.std() / albedo.mean()) if albedo.mean() > 0 else 0.0
+
+
+def _root(square: float) -> float:
+    return float(np.sqrt(max(square, 0)))

@@ -1,0 +1,189 @@
+"""Watching a person at the sensor: when the film is left alone, and when it is pressed."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from typing import Literal
+
+import numpy as np
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.live._frames import Touch
+from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
+from tactograph.nodes.live._sensor import Rig
+from tactograph.nodes.live._touch_stream import SAYS, Stream
+
+SETTLE_S = 0.25
+"""For so long a camera may deliver frames from before an LED was switched."""
+AVERAGED = 10
+"""Frames of the untouched film per LED."""
+DARKEST = 0.02
+"""Mean light of an LED, of full scale, below which it is of no use."""
+MOST_CELLS = 0.998
+"""Changes are judged by this quantile of the cells: the noise of the others says nothing."""
+MOVES = 0.05
+"""Change of the light, 1 on the film at rest, above which something moves."""
+RESTS, TOUCHES = 0.08, 0.2
+"""Departures from the untouched film: it is back at rest below, and pressed above."""
+REMIND_S = 15.0
+"""What is waited for is said again after so long."""
+POLL_S = 0.25
+HARMLESS = ("lost", "dropped", "moved")
+"""Faults that mean nothing where a press is held still, and calibrated while nobody looks."""
+
+State = Literal["untouched", "pressed", "between"]
+
+
+def tell(line: str) -> None:
+    """Say something to the person at the sensor, at once."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, Dark]:
+    """Take the untouched film, one LED lit after the other, and none.
+
+    The image does not show yet which LED a frame belongs to, and need not.
+
+    Returns
+    -------
+    K x H x W and H x W, means of some frames, fractions of full scale.
+
+    Raises
+    ------
+    InputError
+        If an LED gives no light; if something moves for longer than `patience_s`.
+    """
+    end = time.monotonic() + patience_s
+    leds = sorted(led for led in rig.cycle if led)
+    while time.monotonic() < end:
+        # The first is taken again at the end: nothing may have come down meanwhile.
+        means = [_mean(rig, led, bits) for led in (0, *leds, leds[0])]
+        taken = [mean for mean in means if mean is not None]
+        if len(taken) < len(means):
+            continue
+        dark, image, again = taken[0], np.stack(taken[1:-1]), taken[-1]
+        for led, plane in zip(leds, image, strict=True):
+            if float((plane - dark).mean()) < DARKEST:
+                raise InputError(
+                    f"LED {led} gives no light on the film; look at its wires and at the "
+                    "exposure ('tactograph run check_leds' lights each in turn)"
+                )
+        if _change(_cells(image[0], dark), _cells(again, dark), _cells(image[0], dark)) < MOVES:
+            return image, dark
+    raise InputError(
+        f"the film does not come to rest within {patience_s:g} s; take everything off it, keep "
+        "other light out, and turn the camera's automatic exposure off"
+    )
+
+
+def _mean(rig: Rig, led: int, bits: int | None) -> F4 | None:
+    """The mean of some frames under one LED; None if the light changes meanwhile."""
+    rig.lamps.hold(led)
+    settled = time.monotonic() + SETTLE_S
+    total: F4 | None = None
+    first: F4 | None = None
+    count = 0
+    while count < AVERAGED:
+        shots = rig.camera.shots(POLL_S)
+        if not shots and time.monotonic() - settled > AVERAGED * POLL_S:
+            raise InputError("the camera delivers no frames any more; look at its cable")
+        for shot in shots:
+            if shot.time < settled:
+                continue
+            full = 2**bits - 1 if bits else np.iinfo(shot.data.dtype).max
+            plane = shot.data * np.float32(1 / full)
+            seen = cells(plane)
+            if first is None or total is None:
+                first, total = seen, np.zeros_like(plane)
+            if _change(seen, first, first) > MOVES:
+                return None
+            total += plane
+            count += 1
+    assert total is not None
+    return total / np.float32(count)
+
+
+def _cells(plane: F4, dark: F4) -> F4:
+    return cells(plane) - cells(dark)
+
+
+def _change(one: F4, other: F4, rest: F4) -> float:
+    """By how much light differs, 1 on the film at rest; all but the noisiest cells."""
+    share = np.abs(one - other) / np.maximum(rest, np.float32(FAINTEST))
+    return float(np.quantile(share, MOST_CELLS))
+
+
+class Guide:
+    """Watches touches until the person at the sensor has done what is asked.
+
+    Parameters
+    ----------
+    film
+        The untouched film.
+    stream
+        Touches, one per cycle of the LEDs.
+    still_s
+        Nothing may change for so long.
+    patience_s
+        So long is waited.
+    """
+
+    def __init__(self, film: Film, stream: Stream, still_s: float, patience_s: float) -> None:
+        self._film, self._stream = film, stream
+        self._still, self._patience = still_s, patience_s
+        self._seen: deque[tuple[float, F4]] = deque()
+        self._told = {SAYS[fault] for fault in HARMLESS}
+        self._ready = False
+
+    def next_press(self) -> Touch | None:
+        """The next press, held still, after the film was left alone; None if there is none."""
+        if self._await("untouched", "Let go: the film has to come to rest.") is None:
+            return None
+        line = "Press the ball into the film, and hold it still."
+        tell(line)
+        return self._await("pressed", line)
+
+    def _await(self, state: State, line: str) -> Touch | None:
+        """Wait for a state that lasts; say what is waited for every now and then."""
+        self._seen.clear()
+        reminded = time.monotonic()
+        touches = self._stream.touches(POLL_S, self._patience)
+        faults: list[str] = []
+        while True:
+            with collect_warnings(faults):
+                touch = next(touches, None)
+            if touch is None:
+                return None
+            self._tell_once(faults)
+            if self._state(touch) == state:
+                self._ready = True
+                return touch
+            if time.monotonic() - reminded > REMIND_S:
+                reminded = time.monotonic()
+                tell(line)
+
+    def _tell_once(self, faults: list[str]) -> None:
+        """Tell each fault once, but not those of finding the LEDs' phase at the start."""
+        for fault in faults:
+            if self._ready and fault not in self._told:
+                self._told.add(fault)
+                tell(f"warning: {fault}")
+        faults.clear()
+
+    def _state(self, touch: Touch) -> State:
+        """What the film has been in for long enough."""
+        film = self._film
+        now = np.stack([cells(plane) for plane in touch.image]) - film.dark
+        self._seen.append((touch.time, now))
+        if touch.time - self._seen[0][0] < self._still:
+            return "between"
+        while len(self._seen) > 1 and touch.time - self._seen[1][0] >= self._still:
+            self._seen.popleft()
+        if any(_change(now, before, film.patterns) > MOVES for _, before in self._seen):
+            return "between"
+        departure = _change(now, film.patterns, film.patterns)
+        return "untouched" if departure < RESTS else "pressed" if departure > TOUCHES else "between"

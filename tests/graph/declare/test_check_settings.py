@@ -1,0 +1,126 @@
+"""Parameters of nodes: checked by their annotations before anything runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactograph.graph import GraphError
+from tactograph.graph.declare.check_settings import check_settings
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
+from tactograph.graph.files.strict_yaml import Place
+from tests.graph.toys import choosy
+
+ENTRY = Entry("choosy", places={"": Place("g.yaml", 3, 5, "nodes.c")})
+
+
+def check(**settings: Any) -> dict[str, Any]:
+    return check_settings(choosy, {"way": "left", **settings}, ENTRY)
+
+
+def refusal(**settings: Any) -> str:
+    with pytest.raises(GraphError) as caught:
+        check(**settings)
+    return str(caught.value)
+
+
+def test_defaults_are_filled_in() -> None:
+    assert check() == {
+        "way": "left", "share": None, "corner": (0, 0), "level": 1.0, "bright": False
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("corner", [[3, 4], "3,4", (3, 4)])
+def test_a_tuple_may_be_a_list_or_words_with_commas(corner: Any) -> None:
+    assert check(corner=corner)["corner"] == (3, 4)
+
+
+def test_a_whole_number_will_do_for_a_fraction() -> None:
+    assert check(level=2)["level"] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"way": "up"}, "with.way: input should be 'left' or 'right', not 'up'"),
+        ({"share": 0.6}, "with.share: input should be less than or equal to 0.5, not 0.6"),
+        ({"share": True}, "with.share: a number is needed, not True"),
+        ({"share": float("nan")}, "with.share: input should be a finite number, not nan"),
+        ({"level": True}, "with.level: a number is needed, not True"),
+        ({"level": "much"}, "with.level: a number is needed, not 'much'"),
+        ({"level": "1e-3"}, "with.level: a number is needed, not '1e-3'"),
+        ({"level": "1_0.0"}, "with.level: a number is needed, not '1_0.0'"),
+        ({"share": "0.1"}, "with.share: a number is needed, not '0.1'"),
+        ({"bright": "no"}, "with.bright: true or false is needed, not 'no'"),
+        ({"bright": 1}, "with.bright: true or false is needed, not 1"),
+        ({"corner": ["1", 2]}, "with.corner: a number is needed"),
+        ({"level": float("inf")}, "with.level: input should be a finite number, not inf"),
+        ({"level": None}, "with.level: input should be a valid number"),
+        ({"level": 10**400}, "with.level:"),
+        ({"corner": [1]}, "with.corner: field required"),
+        ({"corner": [True, 1]}, "with.corner: a number is needed"),
+        ({"corner": "1,x"}, "with.corner: input should be a valid integer"),
+        ({"corner": [0.5, 1]}, "with.corner: input should be a valid integer"),
+        ({"corner": 5}, "with.corner: input should be a valid tuple"),
+        ({"shares": 0.1}, "node 'choosy' has no parameter 'shares'; did you mean 'share'?"),
+    ],
+)
+def test_a_wrong_value_is_refused_with_its_place(settings: dict[str, Any], message: str) -> None:
+    said = refusal(**settings)
+    assert said.startswith("g.yaml:3:5: nodes.c.with.")
+    assert message in said
+    assert len(said) < 250
+
+
+def test_a_parameter_that_is_needed_is_asked_for() -> None:
+    with pytest.raises(GraphError, match="node 'choosy' needs the parameter 'way'"):
+        check_settings(choosy, {}, ENTRY)
+
+
+def test_a_value_that_is_not_given_yet_is_taken_to_be_right() -> None:
+    assert check(way=NOT_GIVEN)["way"] is NOT_GIVEN
+    assert check(way=NOT_GIVEN, level=NOT_GIVEN)["corner"] == (0, 0)
+
+
+def test_a_wrong_value_beside_one_that_is_not_given_is_refused() -> None:
+    assert "with.share" in refusal(way=NOT_GIVEN, share=7)
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=6),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=4,
+)
+
+
+@given(
+    st.sampled_from(["way", "share", "corner", "level", "bright", "x", "model_config", "__init__"]),
+    VALUES,
+)
+def test_any_value_is_checked_or_refused(name: str, value: Any) -> None:
+    try:
+        found = check(**{name: value})
+    except GraphError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert isinstance(found["level"], float)
+        assert isinstance(found["bright"], bool)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_the_defaults_of_a_node_pass_its_own_check(name: str) -> None:
+    node = find_node(name)
+    needed = {n: NOT_GIVEN for n, p in node.parameters.items() if p.required}
+    check_settings(node, needed, ENTRY)
+    defaults = {n: p.default for n, p in node.parameters.items() if not p.required}
+    check_settings(node, {**needed, **defaults}, ENTRY)
+
+
+def test_a_path_is_a_path() -> None:
+    found = check_settings(find_node("read_height"), {"file": "a/b.npy"}, ENTRY)
+    assert found["file"] == Path("a/b.npy")

@@ -1,0 +1,42 @@
+"""A node says of itself what a user has to know."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import pytest
+from annotated_types import Ge, Gt, Interval, Lt
+
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node import Parameter
+from tactograph.graph.declare.node_page import describe, node_page, range_of
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_input_and_parameter_is_described(name: str) -> None:
+    about = describe(find_node(name))
+    silent = [argument for argument, words in about.arguments.items() if not words]
+    assert about.summary.endswith(".")
+    # A node whose inputs are told in its text need not repeat them.
+    assert not [argument for argument in silent if argument in find_node(name).parameters]
+
+
+@pytest.mark.parametrize(
+    ("annotation", "words"),
+    [
+        (Annotated[float, Interval(ge=0, le=1)], "0 to 1"),
+        (Annotated[float, Gt(0)], "above 0"),
+        (Annotated[int, Ge(1), Lt(9)], "at least 1 and below 9"),
+        (Literal["a", "b"], "one of a, b"),
+        (Literal["a", "b"] | None, "one of a, b"),
+        (float, ""),
+    ],
+)
+def test_a_range_in_words(annotation: object, words: str) -> None:
+    assert range_of(Parameter("x", annotation)) == words
+
+
+def test_a_page_tells_units_ranges_and_defaults() -> None:
+    page = node_page(find_node("flat_field"))
+    assert "`flat` (float32 K x H x W [1]): K x H x W, the untouched film" in page
+    assert "`floor` (default 0.02, above 0): Smallest value" in page

@@ -1,0 +1,173 @@
+"""Patch verbs: what each changes, and what each refuses."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactograph.graph import GraphError
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
+from tests.graph.conftest import SLOPES, Write
+
+
+def patched(write: Write, *changes: str) -> Graph:
+    write(SLOPES, "base.yaml")
+    lines = "".join(f"\n  - {change}" for change in changes)
+    return read_graph(write(f"format: 1\nextends: base.yaml\npatch:{lines}", "variant.yaml"))
+
+
+def refusal(write: Write, *changes: str) -> str:
+    with pytest.raises(GraphError) as caught:
+        patched(write, *changes)
+    return str(caught.value)
+
+
+def test_set_changes_a_parameter_and_keeps_the_others(write: Write) -> None:
+    graph = patched(
+        write, "{set: height, with: {crop: [0, 0, 2, 2]}}", "{set: slope, with: {steepest: 2}}"
+    )
+    assert graph.nodes["height"].settings == {"file": "$file", "crop": [0, 0, 2, 2]}
+    assert graph.nodes["slope"].settings == {"steepest": 2}
+
+
+def test_set_can_set_nothing(write: Write) -> None:
+    graph = patched(write, "{set: height, with: {crop: null}}")
+    assert graph.nodes["height"].settings == {"file": "$file", "crop": None}
+
+
+def test_replace_keeps_the_inputs_unless_it_states_them(write: Write) -> None:
+    graph = patched(write, "{replace: again, op: integrate_frankot_chellappa}")
+    assert graph.nodes["again"].op == "integrate_frankot_chellappa"
+    assert graph.nodes["again"].inputs == {"slope": "slope.slope", "pixel": "pixel"}
+    graph = patched(write, "{replace: again, op: rest_at_border, in: {height: height}}")
+    assert graph.nodes["again"].inputs == {"height": "height"}
+
+
+def test_insert_after_a_value_redirects_all_its_readers(write: Write) -> None:
+    graph = patched(
+        write, "{insert: rest, op: rest_at_border, in: {height: height}, after: height}"
+    )
+    assert graph.nodes["slope"].inputs["height"] == "rest"
+    assert graph.nodes["rest"].inputs["height"] == "height"
+
+
+def test_insert_after_an_output_redirects_the_output(write: Write) -> None:
+    graph = patched(write, "{insert: rest, op: rest_at_border, in: {height: again}, after: again}")
+    assert graph.outputs["height"] == "rest"
+
+
+def test_insert_without_after_only_adds(write: Write) -> None:
+    graph = patched(write, "{insert: rest, op: rest_at_border, in: {height: height}}")
+    assert graph.nodes["slope"].inputs["height"] == "height"
+    assert "rest" in graph.nodes
+
+
+def test_remove_removes(write: Write) -> None:
+    assert "again" not in patched(write, "{remove: again}").nodes
+
+
+def test_backend_binds(write: Write) -> None:
+    assert patched(write, "{backend: slope, to: numpy}").nodes["slope"].backend == "numpy"
+
+
+def test_neutral_takes_out(write: Write) -> None:
+    assert patched(write, "{neutral: slope}").nodes["slope"].neutral
+
+
+def test_changes_are_made_in_order(write: Write) -> None:
+    graph = patched(
+        write,
+        "{insert: rest, op: rest_at_border, in: {height: height}, after: height}",
+        "{set: rest, with: {width_px: 5}}",
+        "{remove: again}",
+    )
+    assert graph.nodes["rest"].settings == {"width_px": 5}
+
+
+@pytest.mark.parametrize("verb", ["set", "replace", "remove", "backend", "neutral"])
+def test_a_verb_whose_target_is_absent_is_an_error(write: Write, verb: str) -> None:
+    more = {"set": ", with: {a: 1}", "replace": ", op: pixel_size", "backend": ", to: numpy"}
+    said = refusal(write, f"{{{verb}: slopes{more.get(verb, '')}}}")
+    assert f"patch[0]: {verb}: there is no node 'slopes'; did you mean 'slope'?" in said
+    assert "variant.yaml:4:5:" in said
+
+
+def test_insert_takes_no_name_that_is_taken(write: Write) -> None:
+    said = refusal(write, "{insert: slope, op: pixel_size}")
+    assert "insert: there is a node 'slope' already" in said
+
+
+def test_insert_after_what_nobody_reads_is_an_error(write: Write) -> None:
+    said = refusal(write, "{insert: rest, op: rest_at_border, after: slope.nothing}")
+    assert "insert: after: nothing reads 'slope.nothing'; of this node 'slope.slope'" in said
+
+
+@pytest.mark.parametrize(
+    ("after", "message"),
+    [
+        ("slope", "nothing reads 'slope'; of this node 'slope.slope', 'slope.mask' can be named"),
+        ("slop", "there is no node 'slop'; did you mean 'slope'?"),
+        ("hieght.read_height", "there is no node 'hieght'; did you mean 'height'?"),
+    ],
+)
+def test_insert_after_says_what_can_be_named(write: Write, after: str, message: str) -> None:
+    assert message in refusal(write, f"{{insert: rest, op: rest_at_border, after: {after}}}")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("{set: slope}", "set needs 'with'"),
+        ("{set: slope, with: {a: 1}, op: x}", "set takes no 'op'"),
+        ("{replace: slope}", "replace needs 'op'"),
+        ("{replace: slope, op: x, after: height}", "replace takes no 'after'"),
+        ("{insert: x}", "insert needs 'op'"),
+        ("{insert: x, op: y, to: numpy}", "insert takes no 'to'"),
+        ("{remove: slope, in: {a: b}}", "remove takes no 'in'"),
+        ("{backend: slope}", "backend needs 'to'"),
+        ("{neutral: slope, with: {}}", "neutral takes no 'with'"),
+        ("{}", "this one has none"),
+        ("{op: x}", "this one has none"),
+        ("{set: a, remove: b}", "this one has set and remove"),
+        ("{sett: slope}", "unknown key 'sett'; did you mean 'set'?"),
+        ("{set: slope, with: 5}", "a mapping is needed, not 5"),
+        ("{backend: slope, to: gpu}", "'numpy' or 'opencl' is needed, not 'gpu'"),
+        ("remove", "a mapping is needed, not 'remove'"),
+    ],
+)
+def test_a_change_that_says_too_little_or_too_much_is_refused(
+    write: Write, change: str, message: str
+) -> None:
+    said = refusal(write, change)
+    assert "variant.yaml:4:" in said
+    assert message in said
+
+
+def test_an_error_in_a_set_value_is_placed_in_the_patch(write: Write) -> None:
+    graph = patched(write, "{set: slope, with: {steepest: 0}}")
+    assert "variant.yaml:4:25: patch[0].with.steepest" in graph.nodes["slope"].where(
+        "with.steepest"
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["{set: pixel, with: {other: 1}}", "{backend: pixel, to: numpy}", "{neutral: pixel}"],
+)
+def test_an_error_in_what_a_patch_left_alone_is_placed_in_the_base(
+    write: Write, change: str
+) -> None:
+    graph = patched(write, change)
+    where = graph.nodes["pixel"].where("with.mm")
+    assert "base.yaml" in where
+    assert where.endswith("nodes.pixel.with.mm")
+    assert graph.nodes["pixel"].where("op").endswith("nodes.pixel.op")
+
+
+def test_an_output_knows_the_file_that_states_it(write: Write) -> None:
+    write(SLOPES, "base.yaml")
+    graph = read_graph(
+        write("format: 1\nextends: base.yaml\noutputs: {other: slope.slope}", "variant.yaml")
+    )
+    assert "variant.yaml:3:11: outputs.other" in graph.where("outputs.other")
+    assert "base.yaml" in graph.where("outputs.height")

@@ -1,0 +1,93 @@
+"""A pipeline belongs to one thread, goes through one stream, and ends when it is closed."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, load
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tests.graph.conftest import STREAM, Write
+from tests.graph.toys import Gate
+
+WAITING = STREAM.replace(", default: 3}", "}")
+STACK = np.ones((3, 4, 5), np.float32)
+
+
+def opened(graph: str) -> Pipeline:
+    return open_pipeline(read_graph(graph), {}, backend="numpy")
+
+
+def test_a_second_thread_is_refused_while_the_first_is_at_work(
+    toys: list[str], write: Write
+) -> None:
+    text = WAITING.replace(
+        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
+        "op: gated, in: {image: frames.image}",
+    )
+    pipeline = load(write(text), backend="numpy")
+    found: list[float] = []
+    Gate.close()
+    thread = threading.Thread(target=lambda: found.append(pipeline(frames=STACK)["light"].max()))
+    thread.start()
+    Gate.wait_until_reached()
+    try:
+        for use in (lambda: pipeline(frames=STACK), pipeline.forget, pipeline.close):
+            with pytest.raises(InputError, match=r"at work already; .* load one for each"):
+                use()
+    finally:
+        Gate.open()
+        thread.join()
+    assert found == [1]
+    assert pipeline(frames=STACK)["light"].max() == 1
+
+
+@pytest.mark.parametrize("use", ["call", "items", "aim", "forget"])
+def test_a_pipeline_that_was_closed_is_of_no_more_use(
+    toys: list[str], write: Write, use: str
+) -> None:
+    pipeline = opened(write(STREAM)) if use == "items" else load(write(WAITING), backend="numpy")
+    pipeline.close()
+    pipeline.close()
+    uses = {
+        "call": lambda: pipeline(frames=STACK),
+        "items": lambda: list(pipeline.items()),
+        "aim": lambda: pipeline.aim(count=1),
+        "forget": pipeline.forget,
+    }
+    with pytest.raises(InputError, match="the pipeline was closed; load the graph again"):
+        uses[use]()
+
+
+def test_a_pipeline_goes_through_one_stream_at_a_time(toys: list[str], write: Write) -> None:
+    pipeline = opened(write(STREAM))
+    first = pipeline.items()
+    next(first)
+    with pytest.raises(InputError, match="going through its stream already"):
+        next(pipeline.items())
+    assert [result["score"]["mean"] for result in first] == [2, 3]
+    assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
+
+
+def test_an_item_that_fails_leaves_the_pipeline_free(toys: list[str], write: Write) -> None:
+    pipeline = load(write(WAITING), backend="numpy")
+    with pytest.raises(InputError):
+        pipeline(frames=np.ones((3, 9, 9), np.float32))
+    assert pipeline(frames=STACK)["light"].max() == 1
+
+
+def test_what_runs_once_and_keeps_something_opens_it_again_with_each_stream(
+    toys: list[str], write: Write
+) -> None:
+    text = STREAM.replace("  save:", "  once: {op: opens_once}\n  save:").replace(
+        "score: score}", "score: score, once: once}"
+    )
+    pipeline = opened(write(text))
+    for _ in range(2):
+        list(pipeline.items())
+    diary = [line for line in toys if "once" in line or "diary" in line]
+    assert diary == ["diary opened", "opens_once", "diary closed"] * 2

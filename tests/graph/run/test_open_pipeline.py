@@ -1,0 +1,192 @@
+"""Opening a graph: what is wanted of it, changed in it, and where it may run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import GraphError, InputError, load
+from tactograph.graph.files.changes import with_changes
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tests.graph.conftest import STREAM, Write
+
+WAITING = STREAM.replace(", default: 3}", "}")
+
+
+@pytest.fixture
+def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device",
+        lambda text=None: (None, "no OpenCL device works"),
+    )
+
+
+def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) -> None:
+    load(write(WAITING), backend="numpy")(frames=np.ones((3, 4, 5), np.float32))
+    assert not [word for word in toys if word.startswith("noted")]
+
+
+def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
+    pipeline = load("reconstruct", backend="numpy", calibration="no.npz", outputs=["slope"])
+    assert "slope" in pipeline.plan.tasks
+    assert not {"raw", "height", "score"} & set(pipeline.plan.tasks)
+    with pytest.raises(InputError, match=r"has no output 'hight'; did you mean 'height'\?"):
+        load("reconstruct", backend="numpy", calibration="no.npz", outputs=["hight"])
+
+
+def test_a_fallback_is_in_the_plan(toys: list[str], write: Write, no_device: None) -> None:
+    pipeline = open_pipeline(read_graph(write(STREAM)), {})
+    assert pipeline.plan.fallbacks == [
+        "light runs on numpy: opencl is preferred, but no OpenCL device works"
+    ]
+    assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
+
+
+def test_a_loaded_pipeline_warns_of_a_fallback(
+    toys: list[str], write: Write, no_device: None
+) -> None:
+    with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
+        load(write(WAITING))
+
+
+def test_what_falls_back_for_one_reason_is_one_line() -> None:
+    given = {"capture": "x", "calibration": "x"}
+    plan = make_plan(read_graph("paper"), given, device=None, no_device="none")
+    whole = [line for line in plan.fallbacks if "run on numpy" in line]
+    assert len(plan.fallbacks) <= 2
+    assert len(whole) == 1
+    assert whole[0].count(",") > 3
+
+
+@pytest.mark.parametrize("outputs", ["height", [], [1]])
+def test_outputs_are_a_list_of_names(outputs: Any) -> None:
+    with pytest.raises(InputError, match="outputs"):
+        load("reconstruct", backend="numpy", calibration="no.npz", outputs=outputs)
+
+
+def test_strict_refuses_a_fallback(toys: list[str], write: Write, no_device: None) -> None:
+    with pytest.raises(InputError, match="--strict: light runs on numpy: opencl is preferred"):
+        load(write(WAITING), strict=True)
+
+
+def test_strict_is_content_where_nothing_falls_back(toys: list[str], write: Write) -> None:
+    load(write(WAITING), strict=True)
+    load(write(WAITING), strict=True, backend="numpy")
+
+
+def test_opencl_that_was_demanded_and_is_not_there_is_an_error(
+    toys: list[str], write: Write, no_device: None
+) -> None:
+    with pytest.raises(InputError, match="--backend opencl: no OpenCL device works"):
+        load(write(WAITING), backend="opencl")
+
+
+def test_a_back_end_that_does_not_exist_is_refused(toys: list[str], write: Write) -> None:
+    with pytest.raises(InputError, match="there is no back end 'cuda'"):
+        load(write(WAITING), backend="cuda")
+
+
+def test_a_device_that_does_not_exist_is_refused(toys: list[str], write: Write) -> None:
+    with pytest.raises(InputError, match="no OpenCL device's name contains 'abacus'"):
+        load(write(WAITING), device="abacus")
+
+
+def test_numpy_looks_for_no_device(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tactograph.graph.backends.opencl.choose_device", None)
+    assert load(write(WAITING), backend="numpy").plan.device is None
+
+
+def test_changes_change_parameters_of_nodes(toys: list[str], write: Write) -> None:
+    pipeline = load(write(WAITING), backend="numpy", changes={"cal.level": 0.5})
+    assert float(pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max()) == 2
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [
+        ("call.level", "--set: call.level: set: there is no node 'call'; did you mean 'cal'?"),
+        ("cal", "--set cal: write it as node.param=value"),
+        ("cal.", "--set cal.: write it as node.param=value"),
+    ],
+)
+def test_a_change_of_what_is_not_there_is_refused(
+    toys: list[str], write: Write, target: str, message: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        with_changes(read_graph(write(STREAM)), {target: 1})
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cal.levle": 1}, "--set: cal.levle: node 'at_rest' has no parameter 'levle'; did you"),
+        ({"cal.level": "x"}, "--set: cal.level: a number is needed"),
+    ],
+)
+def test_a_change_that_is_wrong_is_blamed_on_the_change(
+    toys: list[str], write: Write, change: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(GraphError) as caught:
+        load(write(WAITING), backend="numpy", changes=change)
+    assert str(caught.value).startswith(message)
+
+
+OWN_NAMES = """
+format: 1
+params:
+  name: {kind: number}
+  device: {kind: number}
+  outputs: {kind: number, default: 1}
+  self: {kind: number, default: 1}
+nodes:
+  one: {op: choosy, with: {way: left, level: $name}}
+  two: {op: choosy, with: {way: left, level: $device}}
+outputs: {one: one, two: two}
+"""
+
+
+def test_a_graph_may_be_named_by_a_path(toys: list[str], write: Write) -> None:
+    pipeline = load(Path(write(WAITING)), backend="numpy")
+    assert pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max() == 1
+
+
+def test_params_of_any_name_can_be_given(toys: list[str], write: Write) -> None:
+    pipeline = load(write(OWN_NAMES), {"device": 3, "outputs": 1, "self": 1}, name=2)
+    with pipeline:
+        (result,) = pipeline.items()
+    assert (result["one"].max(), result["two"].max()) == (2, 3)
+    with pytest.raises(InputError, match="name is given twice"):
+        load(write(OWN_NAMES), {"device": 3, "name": 1}, name=2)
+
+
+@pytest.mark.parametrize("make", [np.float32, np.float64, np.int64, np.array])
+def test_numbers_of_numpy_are_numbers(toys: list[str], write: Write, make: Any) -> None:
+    pipeline = load(write(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)})
+    (result,) = pipeline.items()
+    assert (result["one"].max(), result["two"].max()) == (2, 4)
+    changed = load(write(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()})
+    assert pipeline.plan.graph.hash == changed.plan.graph.hash
+
+
+def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
+    """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
+    script = (
+        "import sys;"
+        "from tactograph.graph.files.read_graph import read_graph;"
+        "from tactograph.graph.run.open_pipeline import open_pipeline, placeholders;"
+        "graph = read_graph('reconstruct');"
+        "open_pipeline(graph, placeholders(graph));"
+        "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

@@ -1,0 +1,152 @@
+"""A stored result stands in for a new one only if everything that made it is the same."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.batch.batch import make_job, open_batch
+from tactograph.graph.declare import find_node as find
+from tactograph.graph.errors import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run import result_origin
+from tactograph.graph.run.result_origin import Origin, find_origin
+from tests.graph.conftest import Command, Write
+
+GRAPH = """
+format: 1
+params: {capture: {kind: path, default: null}, out: {kind: path, default: out}}
+prefer: [numpy]
+nodes:
+  made: {op: halved, with: {text: made.txt}}
+outputs: {made: made}
+"""
+FILES = {
+    "felt/__init__.py": "",
+    "felt/halved.py": """
+        from pathlib import Path
+        import numpy as np
+        import felt_beside
+        from tactograph.graph import node
+        from tactograph.nodes import Height
+        from felt import _helper
+        from ._levels import LEVEL
+
+        @node
+        def halved(*, text: Path = Path("made.txt"), level: float = 1.0) -> Height:
+            return np.full((2, 2), _helper.half(LEVEL), np.float32)
+
+        halved.opencl(grid="H W")
+        """,
+    "felt/_helper.py": "from felt._deeper import TWO\n\ndef half(x): return x / TWO\n",
+    "felt/_deeper.py": "TWO = 2\n",
+    "felt/_levels.py": "LEVEL = 3\n",
+    "felt/table.txt": "1 2 3\n",
+    "felt/_unread.py": "ONE = 1\n",
+    "felt/halved.cl": '#include "half.clh"\n__kernel void halved(__global float *out, const int H,'
+    " const int W, const float level) { out[get_global_id(0)] = level; }\n",
+    "felt/half.clh": "#define HALF 0.5f\n",
+    "felt_beside.py": "",
+}
+
+
+@pytest.fixture
+def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package of somebody else's, with one node and all that it is made of."""
+    root = tmp_path / "plug_in"
+    for name, text in FILES.items():
+        file = root / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("\n".join(line.removeprefix(" " * 8) for line in text.split("\n")))
+    monkeypatch.syspath_prepend(root)
+    points = {"halved": [EntryPoint("halved", "felt.halved:halved", find.GROUP)]}
+    monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
+    monkeypatch.chdir(tmp_path)
+    Path("made.txt").write_text("made")
+    result_origin._folder.cache_clear()
+    for name in [name for name in sys.modules if name.partition(".")[0].startswith("felt")]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    return root
+
+
+def origin_of(graph: str) -> Origin:
+    return find_origin(read_graph(graph), backend=None, device=None)
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name != "felt/_unread.py"])
+def test_every_file_that_a_node_is_made_of_counts(plug_in: Path, write: Write, name: str) -> None:
+    graph = write(GRAPH)
+    before = origin_of(graph)
+    with (plug_in / name).open("a") as file:
+        file.write("\n")
+    assert origin_of(graph).code["halved"] != before.code["halved"]
+    assert origin_of(graph).code["engine"] == before.code["engine"]
+
+
+def test_a_file_that_the_node_does_not_read_does_not_count(plug_in: Path, write: Write) -> None:
+    graph = write(GRAPH)
+    before = origin_of(graph)
+    (plug_in / "felt" / "_unread.py").write_text("ONE = 2")
+    assert origin_of(graph) == before
+
+
+def test_a_device_counts_where_it_is_used(plug_in: Path, write: Write) -> None:
+    assert origin_of(write(GRAPH)).device == ""
+    assert "driver" in origin_of(write(GRAPH.replace("[numpy]", "[opencl]"))).device
+
+
+def count_runs(tactograph: Command, *words: object) -> int:
+    done = tactograph("compare", *words)
+    assert done.code == 0, done.err
+    return 0 if "1 of 1 runs were there already" in done.err else 1
+
+
+@pytest.mark.parametrize("what", ["helper", "kernel", "version", "file of the graph", "nothing"])
+def test_a_comparison_runs_again_whatever_changed(
+    plug_in: Path,
+    write: Write,
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    what: str,
+) -> None:
+    words = write(GRAPH.replace("capture: {kind: path, default: null}, ", "")), "--out", "report"
+    assert count_runs(tactograph, *words) == 1
+    if what == "helper":
+        (plug_in / "felt/_helper.py").write_text("def half(x): return x / 4")
+    elif what == "kernel":
+        (plug_in / "felt/halved.cl").write_text(FILES["felt/halved.cl"].replace("level;", "1;"))
+    elif what == "version":
+        monkeypatch.setattr(result_origin, "versions", lambda: {"scipy": "99"})
+    elif what == "file of the graph":
+        Path("made.txt").write_text("another")
+    assert count_runs(tactograph, *words) == (what != "nothing")
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("code", "other code of halved"),
+        ("version", "another version of scipy"),
+        ("file", "another content of made.text"),
+    ],
+)
+def test_a_batch_goes_on_only_with_what_began_it(
+    plug_in: Path, write: Write, monkeypatch: pytest.MonkeyPatch, what: str, said: str
+) -> None:
+    graph = read_graph(write(GRAPH))
+    first = make_job(graph, {}, out="x.zarr")
+    store = open_batch("x.zarr", first, ["a"])
+    store._array("status")[:] = 1
+    if what == "code":
+        (plug_in / "felt/_deeper.py").write_text("TWO = 4")
+    elif what == "version":
+        monkeypatch.setattr(result_origin, "versions", lambda: {**first.versions, "scipy": "99"})
+    else:
+        Path("made.txt").write_text("another")
+    with pytest.raises(InputError, match=said):
+        open_batch("x.zarr", make_job(graph, {}, out="x.zarr"), ["a", "b"])

@@ -1,0 +1,64 @@
+"""What a film's model leaves on a ball that it was not fitted to."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted, start_at
+from tactograph.nodes.calibrate._film_misfit import Held, misfit
+from tests.nodes.scenes import LIGHTS
+
+PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
+LEDS = 60 * LIGHTS
+"""In mm."""
+NOWHERE_ELSE = np.zeros((8, len(LIGHTS), 3))
+
+
+def held(noise: float = 0.0, **changed: Any) -> Held:
+    """A ball in a film of certain properties, held against a matt film under the same LEDs."""
+    v, u = np.mgrid[-50:51, -50:51] * PIXEL
+    inside = np.hypot(u, v) < 0.9 * RIM
+    u, v = u[inside], v[inside]
+    none = np.zeros((len(LIGHTS), u.size))
+    balls = Balls(
+        u, v, none, np.zeros(u.size, int), np.zeros((1, 2)), np.array([RIM]), np.array([RADIUS]),
+        none, np.zeros(u.size, int),
+    )  # fmt: skip
+    fitted = start_at(cast(F4, LEDS), np.ones(len(LIGHTS), np.float32), 1)
+    true = fitted._replace(film=fitted.film._replace(**changed))
+    rng = np.random.default_rng(3)
+    light = (
+        predicted(balls, true) + rng.normal(0, noise, none.shape)
+        if noise
+        else predicted(balls, true)
+    )
+    return Held(Balls(**{**balls.__dict__, "light": light}), cast(Fitted, fitted))
+
+
+def test_noise_is_no_misfit() -> None:
+    level, _, light, bounce, tilt = misfit([held(0.01)], NOWHERE_ELSE, PIXEL)
+    assert level < 1e-3
+    assert light < 1e-3
+    assert tilt < 1e-3
+    assert bounce == 0
+
+
+def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small() -> None:
+    diffuse = np.full(len(LIGHTS), 0.05)
+    *_, tilt = misfit([held(0.01, diffuse=diffuse)], NOWHERE_ELSE, PIXEL)
+    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], NOWHERE_ELSE, PIXEL)
+    assert tilt > 0.01
+    assert twice == pytest.approx(2 * tilt, rel=0.2)
+
+
+def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
+    parts = []
+    for albedo in (0.6, 0.66):
+        part = held(0.01)
+        film = part.fitted.film._replace(albedo=albedo)
+        parts.append(part._replace(fitted=part.fitted._replace(film=film)))
+    assert misfit(parts, NOWHERE_ELSE, PIXEL)[3] == pytest.approx(0.03 / 0.63, rel=1e-3)

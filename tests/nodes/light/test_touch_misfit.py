@@ -1,0 +1,48 @@
+"""A touch that departs from the film's model more than the calibration's presses did."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4
+from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.light.touch_misfit import touch_misfit
+from tests.nodes.scenes import LIGHTS
+
+PIXEL, SHAPE = 0.1, (80, 90)
+LEFT = np.float32([0.004, 1.0, 0.003, 0.02, 0.001])
+
+
+def touch(departure: float, noise: float = 0.0) -> tuple[F4, F4, list[str]]:
+    """The misfit and the warnings of a slope whose first LED is too bright by `departure`."""
+    rng = np.random.default_rng(1)
+    slope = np.full((2, *SHAPE), 0.3, np.float32)
+    height, used = np.zeros(SHAPE, np.float32), np.full(SHAPE, 15, np.uint8)
+    light = expected_light(light_vectors(LIGHTS, height, PIXEL), slope)
+    light[0] += np.float32(departure)
+    light += rng.normal(0, noise, light.shape).astype(np.float32)
+    told: list[str] = []
+    with collect_warnings(told):
+        found = touch_misfit(light, slope, height, used, LIGHTS, LEFT, PIXEL)
+    return found, light, told
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_a_touch_like_the_presses_keeps_their_misfit(noise: float) -> None:
+    found, _, told = touch(0.004, noise)
+    assert np.array_equal(found, LEFT)
+    assert not told
+
+
+def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() -> None:
+    found, _, told = touch(0.04)
+    left = 0.04 / 2
+    beyond = (LEFT[0] / LEFT[2]) ** 2 * (left**2 - LEFT[2] ** 2)
+    assert found == pytest.approx(
+        [np.sqrt(LEFT[0] ** 2 + beyond), 1, left, 0.02, np.sqrt(LEFT[4] ** 2 + beyond)], rel=1e-3
+    )
+    (line,) = told
+    assert "departs from the film's model by 2.0 %" in line
+    assert "times as wide" in line
