@@ -26,11 +26,14 @@ from tactograph.graph.errors import (
 )
 
 if TYPE_CHECKING:
+    from tactograph.graph.declare import parity
+    from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
 
 __all__ = [
     "EVERYTHING",
+    "Cache",
     "Close",
     "EndOfStream",
     "Exact",
@@ -49,6 +52,7 @@ __all__ = [
     "Wanted",
     "load",
     "node",
+    "parity",
     "warn",
 ]
 
@@ -59,6 +63,14 @@ def __getattr__(name: str) -> Any:
         from tactograph.graph.run.open_pipeline import load
 
         return load
+    if name == "Cache":
+        from tactograph.graph.run.cache import Cache
+
+        return Cache
+    if name == "parity":
+        from tactograph.graph.declare import parity
+
+        return parity
     if name == "Pipeline":
         from tactograph.graph.run.pipeline import Pipeline
 

@@ -15,6 +15,7 @@ from tactograph.graph.errors import TactographError, printable
 COMMANDS = (
     "demo",
     "run",
+    "tune",
     "compare",
     "batch",
     "check",

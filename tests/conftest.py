@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
+# Tests must neither see nor leave what is kept from start to start.
+os.environ["TACTOGRAPH_CACHE"] = "off"
 MadeOnce = Callable[[str, Callable[[Path], object]], Path]
 Calibration = Callable[[str], str]
 RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}

@@ -54,6 +54,8 @@ class DeviceBackend(Protocol):
         What graph files call it.
     name
         The device's own name.
+    serial
+        Tells it and its compiled kernels from any other in this process.
     error
         What the device's library raises.
     lanes
@@ -64,6 +66,7 @@ class DeviceBackend(Protocol):
 
     backend: str
     name: str
+    serial: str
     error: type[Exception]
     lanes: int
     is_cpu: bool
@@ -107,6 +110,15 @@ class DeviceBackend(Protocol):
     def has_failed(self, timer: Timer) -> bool: ...
 
     def milliseconds(self, timer: Timer) -> float: ...
+
+    def span(self, timer: Timer) -> tuple[float, float]:
+        """When it began and ended, in seconds of the device's clock."""
+        ...
+
+    @property
+    def clock_ahead(self) -> float:
+        """By how many seconds the device's clock is ahead of `time.perf_counter`."""
+        ...
 
 
 def open_device(

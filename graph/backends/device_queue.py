@@ -6,6 +6,8 @@ has been read for the last time; on an in-order queue the next owner cannot over
 
 from __future__ import annotations
 
+import itertools
+import time
 from functools import cached_property
 from typing import Any, Literal
 
@@ -46,6 +48,9 @@ __kernel void fraction(
 """
 
 
+_serials = itertools.count(1)
+
+
 class Queue:
     """One OpenCL device with its queue and its buffers.
 
@@ -57,6 +62,7 @@ class Queue:
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         self.name = device.name
+        self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or (16 if self.is_cpu else 1)
         self.context = cl.Context([device.handle])
@@ -130,6 +136,14 @@ class Queue:
             for size, whole in ((1, "uchar"), (2, "ushort"))
         }
 
+    @cached_property
+    def clock_ahead(self) -> float:
+        """By how many seconds the device's clock is ahead of `time.perf_counter`."""
+        marker = cl.enqueue_marker(self.queue)
+        marker.wait()
+        ended: Any = marker.get_profiling_info(cl.profiling_info.END)
+        return 1e-9 * float(ended) - time.perf_counter()
+
     def constant(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to a buffer of its own, that the pool does not lack afterwards."""
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
@@ -168,6 +182,13 @@ class Queue:
             return any(event.command_execution_status < 0 for event in timer)
         except cl.Error:
             return True
+
+    def span(self, timer: Timer) -> tuple[float, float]:
+        """When it began and ended, in seconds of the device's clock."""
+        first, last = timer
+        start: Any = first.get_profiling_info(cl.profiling_info.START)
+        end: Any = last.get_profiling_info(cl.profiling_info.END)
+        return 1e-9 * start, 1e-9 * end
 
     def milliseconds(self, timer: Timer) -> float:
         """The time between the start of the first event and the end of the last, on the device."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
@@ -55,3 +56,4 @@ class Kernels:
     whole: str | None = None
     launch: LaunchFunction | None = None
     can_run: CanRun = can_run_anywhere
+    source: str | os.PathLike[str] | None = None

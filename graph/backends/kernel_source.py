@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import typing
 from importlib import resources
+from pathlib import Path
 from typing import Any, Literal
 
 from tactograph.graph.declare.node import Node, Parameter
@@ -56,9 +58,8 @@ def _with_headers(node: Node, file: str, written: set[str]) -> str:
 
     ``#line`` tells the compiler which file and line it reads, so that its messages do.
     """
-    package, text = _find(node, file)
+    name, text = _find(node, file)
     written.add(file)
-    name = f"{package.removeprefix('tactograph.').replace('.', '/')}/{file}"
     parts = [f'#line 1 "{name}"']
     for number, line in enumerate(text.splitlines(), start=1):
         header = _INCLUDE.match(line)
@@ -76,12 +77,31 @@ def _read(node: Node, file: str) -> str:
 
 
 def _find(node: Node, file: str) -> tuple[str, str]:
-    """The package that holds a kernel's file or header, and its text."""
-    for package in (node.kernel_package, "tactograph.kernels.headers"):
+    """What a kernel's file or header is called in messages, and its text."""
+    source = node.kernels.source
+    if source is not None and file == f"{node.name}.cl":
+        return _own(node, source)
+    packages = () if node.kernel_package == "__main__" else (node.kernel_package,)
+    for package in (*packages, "tactograph.kernels.headers"):
         found = resources.files(package) / file
         if found.is_file():
-            return package, found.read_text(encoding="utf-8")
+            name = f"{package.removeprefix('tactograph.').replace('.', '/')}/{file}"
+            return name, found.read_text(encoding="utf-8")
+    if not packages:
+        raise NodeError(f"node '{node.name}': there is no {file}; say opencl(source=…)")
     raise NodeError(f"node '{node.name}': there is no {file} in {node.kernel_package}")
+
+
+def _own(node: Node, source: str | os.PathLike[str]) -> tuple[str, str]:
+    """The kernels that a declaration gives itself: their text, or a path."""
+    if isinstance(source, str) and ("{" in source or "\n" in source):
+        return f"source of {node.name}", source
+    try:
+        return str(source), Path(source).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise NodeError(
+            f"node '{node.name}': the kernel {source} cannot be read: {error}"
+        ) from None
 
 
 def expected_arguments(node: Node) -> list[Argument]:

@@ -14,6 +14,7 @@ from tactograph.graph.errors import printable
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
+    from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
 
 
@@ -33,13 +34,20 @@ class RunOptions:
 
     def read(self, graph: str) -> Graph:
         """Read a graph with ``--set`` worked in."""
+        from tactograph.graph.files.changes import with_changes
         from tactograph.graph.files.read_graph import read_graph
-        from tactograph.graph.run.open_pipeline import with_changes
         from tactograph.graph.run.typed_values import read_settings
 
         return with_changes(read_graph(graph), read_settings(self.settings))
 
-    def open(self, graph: Graph, given: Mapping[str, Any], *, sinks: bool = True) -> Pipeline:
+    def open(
+        self,
+        graph: Graph,
+        given: Mapping[str, Any],
+        *,
+        sinks: bool = True,
+        cache: Cache | None = None,
+    ) -> Pipeline:
         """Plan and compile a graph where the options say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
@@ -50,6 +58,7 @@ class RunOptions:
             device=self.device,
             strict=self.strict,
             sinks=sinks,
+            cache=cache,
         )
 
 

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
     from tactograph.graph.backends.device_backend import open_device
+    from tactograph.graph.files.changes import with_changes
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.run.open_pipeline import placeholders, with_changes
+    from tactograph.graph.run.open_pipeline import placeholders
     from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))

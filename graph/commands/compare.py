@@ -152,7 +152,9 @@ def _run_all(study: Study, out: Path) -> list[Row]:
     from rich.progress import Progress
 
     from tactograph.graph.compare.compare import make_jobs, run_job
+    from tactograph.graph.run.cache import Cache
 
+    cache = Cache()
     jobs = make_jobs(study)
     rows: list[Row] = []
     kept = 0
@@ -160,7 +162,7 @@ def _run_all(study: Study, out: Path) -> list[Row]:
         bar = progress.add_task("comparing", total=len(jobs))
         for job in jobs:
             progress.update(bar, description=job.label)
-            row, was_there = run_job(job, study, out)
+            row, was_there = run_job(job, study, out, cache)
             if row.error:
                 progress.console.print(f"failed: {job.label}", markup=False, highlight=False)
             rows.append(row)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +14,8 @@ import click
 from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
+    from tactograph.graph.files.flat_graph import Graph
+    from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
 
@@ -26,23 +30,103 @@ if TYPE_CHECKING:
     default=1,
     help="Compute each item so often; the times are then medians of all but the first.",
 )
+@click.option(
+    "--trace",
+    "trace_file",
+    metavar="FILE",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write what ran when, for ui.perfetto.dev.",
+)
+@click.option(
+    "--keep",
+    metavar="PORTS",
+    help="Write values from inside, such as label.misfit,light, into OUT/kept.",
+)
+@click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
+@click.option("--watch", is_flag=True, help="Run again when the graph or what it reads changes.")
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
 def command(
     graph: str,
     values: tuple[str, ...],
     options: RunOptions,
     repeats: int,
+    trace_file: Path | None,
+    keep: str | None,
+    until: str | None,
+    watch: bool,
     quiet: bool,
 ) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
+    wanted = _Wanted(graph, values, options, repeats, trace_file, keep, until, quiet)
+    if not watch:
+        _run(wanted)
+        return
+    from tactograph.graph.run.cache import Cache
+
+    cache = Cache()
+    try:
+        while True:
+            _run_and_wait(wanted, cache)
+    except KeyboardInterrupt:
+        say("stopped", err=True)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The words of the command."""
+
+    graph: str
+    values: tuple[str, ...]
+    options: RunOptions
+    repeats: int
+    trace_file: Path | None
+    keep: str | None
+    until: str | None
+    quiet: bool
+
+
+def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
+    """Run once, say what is wrong, and wait until a file changes."""
+    from tactograph.graph.errors import TactographError
+    from tactograph.graph.files.read_graph import graph_file, read_graph
+    from tactograph.graph.run.typed_values import read_words
+    from tactograph.graph.run.watch import files_of, stamp, wait_for_change
+
+    files = {graph_file(wanted.graph)}
+    before = stamp(files)
+    try:
+        read = read_graph(wanted.graph)
+        files |= files_of(read, read_words(read, wanted.values))
+        before = stamp(files)
+        _run(wanted, cache)
+    except TactographError as error:
+        say(f"tactograph: {' '.join(str(error).split())}", err=True)
+    say(f"watching {len(files)} files and folders; Ctrl-C ends", err=True)
+    wait_for_change(files, before)
+
+
+def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
+    """Run the graph over all its items."""
     from tactograph.graph.errors import InputError
+    from tactograph.graph.run.keep_values import read_kept, with_kept, write_kept
     from tactograph.graph.run.typed_values import read_words
 
-    read = options.read(graph)
-    pipeline = options.open(read, read_words(read, values))
+    repeats, quiet = wanted.repeats, wanted.quiet
+    read = wanted.options.read(wanted.graph)
+    given = read_words(read, wanted.values)
+    kept = read_kept(wanted.keep) if wanted.keep is not None else {}
+    ported = with_kept(read, kept)
+    if wanted.until is not None:
+        ported = with_kept(read, {**_ports_of(read, wanted.until), **kept}, only=True)
+    pipeline = wanted.options.open(ported, given, sinks=wanted.until is None, cache=cache)
+    # What is looked at besides makes no other graph of it.
+    pipeline.plan.graph = replace(pipeline.plan.graph, outputs=read.outputs)
+    trace = pipeline.trace() if wanted.trace_file is not None else None
+    default = read.params["out"].default if "out" in read.params else "."
+    folder = Path(str(given.get("out", default))) / "kept"
     for line in pipeline.plan.fallbacks:
         say(f"fallback: {line}", err=True)
     told: set[str] = set()
@@ -54,13 +138,28 @@ def command(
                     say(f"warning: {warning}", err=True)
             # A camera's fault is reported whenever it comes back.
             told = {*(() if pipeline.endless else told), *result.warnings}
+            if kept:
+                write_kept(result, kept, folder / str(count))
             if not quiet and (not pipeline.endless or count == 1):
                 say(_summary(count, result))
     if not count:
         raise InputError(f"{read.name}: its stream ended before a first item came")
-    ending = _ending(pipeline, told)
+    if trace is not None and wanted.trace_file is not None:
+        trace.write(wanted.trace_file)
+    ending = _ending(pipeline, told) if wanted.until is None else ""
     if ending and not quiet:
         say(ending)
+
+
+def _ports_of(graph: Graph, node: str) -> dict[str, str]:
+    """All that a node makes, by reference."""
+    from tactograph.graph.declare.find_node import find_node
+    from tactograph.graph.errors import InputError
+
+    outputs = find_node(graph.entry(node).op, graph.own).outputs
+    if not outputs:
+        raise InputError(f"--until {node}: it only writes; name a node that makes something")
+    return {f"{node}.{port}" if len(outputs) > 1 else node: f"{node}.{port}" for port in outputs}
 
 
 def _ending(pipeline: Pipeline, told: set[str]) -> str:

@@ -18,11 +18,13 @@ from tactograph.graph.compare.drawable_arrays import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, TactographError, WriteError
+from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
-from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
+from tactograph.graph.run.cache import Cache
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.result_origin import digest, find_origin, named_files
 
@@ -155,8 +157,10 @@ def make_jobs(study: Study) -> list[Job]:
     return jobs
 
 
-def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
+def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]:
     """Run one job, or take its row from a former run with the same key.
+
+    Nodes whose results are in `cache`, from another job, are not run again.
 
     Returns
     -------
@@ -170,7 +174,7 @@ def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
         done = _done(folder, row)
         if done is not None:
             return done, True
-        results = _run(job, values, study.device, row)
+        results = _run(job, values, study.device, row, cache)
     except WriteError:
         raise  # no other run can be kept either
     except Exception as error:  # whatever it is, it must not end the other runs
@@ -183,9 +187,9 @@ def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
     return row, False
 
 
-def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> Result:
+def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cache: Cache) -> Result:
     """Run all items, enter them into the row, and return the first for its pictures."""
-    pipeline = open_pipeline(job.changed, values, backend=job.backend, device=device)
+    pipeline = open_pipeline(job.changed, values, backend=job.backend, device=device, cache=cache)
     first: Result | None = None
     figures: dict[str, list[float]] = {}
     times: dict[str, list[float]] = {}

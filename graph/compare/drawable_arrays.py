@@ -49,7 +49,7 @@ def views_of(result: Result) -> list[View]:
     return [
         View(name, kind, port.unit, array)
         for name, (array, port) in named.items()
-        if array is not None and (kind := _kind(port)) is not None
+        if array is not None and (kind := kind_of(port)) is not None
     ]
 
 
@@ -86,7 +86,8 @@ def load_views(folder: Path) -> dict[str, View]:
         return {}
 
 
-def _kind(port: PortType) -> Kind | None:
+def kind_of(port: PortType) -> Kind | None:
+    """How the array of a port can be drawn, if it can."""
     if port.kind != "array" or port.dtype is None or port.dims[-2:] != ("H", "W"):
         return None
     is_float = port.dtype.kind == "f"

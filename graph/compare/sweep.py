@@ -99,7 +99,11 @@ def has_parameter(graph: Graph, target: str) -> bool:
     """Whether the graph has this ``node.param``, in a node that is not taken out."""
     node_id, _, name = target.partition(".")
     entry = graph.nodes.get(node_id)
-    return entry is not None and not entry.neutral and name in find_node(entry.op).parameters
+    return (
+        entry is not None
+        and not entry.neutral
+        and name in find_node(entry.op, graph.own).parameters
+    )
 
 
 def seed_like(graphs: Iterable[Graph]) -> list[str]:
@@ -149,7 +153,7 @@ def _number(text: str) -> int | float:
 def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
     node_id, _, name = target.partition(".")
     entry = graph.nodes[node_id]
-    value = entry.settings.get(name, find_node(entry.op).parameters[name].default)
+    value = entry.settings.get(name, find_node(entry.op, graph.own).parameters[name].default)
     if isinstance(value, str) and value.startswith("$"):
         return given.get(value[1:], graph.params[value[1:]].default)
     return value
@@ -164,7 +168,7 @@ def _what_there_is(graphs: Sequence[Graph], target: str) -> str:
     entry = holders[0].nodes[node_id]
     if entry.neutral:
         return f"node '{node_id}' is taken out of every graph"
-    return _no_parameter(node_id, name, find_node(entry.op))
+    return _no_parameter(node_id, name, find_node(entry.op, holders[0].own))
 
 
 def _no_parameter(node_id: str, name: str, node: Node) -> str:

@@ -12,7 +12,7 @@ import importlib.util
 import pkgutil
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -57,8 +57,8 @@ def node_names() -> list[str]:
     return sorted({*builtin_names(), *plugin_entry_points()})
 
 
-def find_node(name: str) -> Node:
-    """Import and return the node called `name`.
+def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
+    """Import and return the node called `name`; one of `own`, where it is there, as it is.
 
     Raises
     ------
@@ -68,6 +68,8 @@ def find_node(name: str) -> Node:
     NodeError
         If its module does not hold a node of that name.
     """
+    if own and name in own:
+        return own[name]
     points = plugin_entry_points().get(name, [])
     room = builtin_rooms().get(name)
     packages = [_package(point) for point in points]
@@ -78,7 +80,8 @@ def find_node(name: str) -> Node:
             stacklevel=2,
         )
     if room is None and not packages:
-        raise GraphError(f"no node is called '{name}'{did_you_mean(name, node_names())}")
+        known = [*(own or ()), *node_names()]
+        raise GraphError(f"no node is called '{name}'{did_you_mean(name, known)}")
     if room is None and len(packages) > 1:
         both = " and ".join(sorted(packages))
         raise InputError(f"two nodes are called '{name}', in {both}; uninstall one of them")
@@ -101,6 +104,27 @@ def find_node(name: str) -> Node:
         else (point.module.rpartition(".")[0] or point.module)
     )
     return node
+
+
+def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
+    """Nodes that a program hands over itself, by name.
+
+    Raises
+    ------
+    InputError
+        If one is no node, or its name is that of a shipped one or of another: graphs keep
+        their meaning.
+    """
+    found: dict[str, Node] = {}
+    for each in nodes:
+        if not isinstance(each, Node):
+            raise InputError(f"nodes: {each!r} is no node; decorate the function with @node")
+        if each.name in builtin_rooms():
+            raise InputError(f"nodes: a shipped node is called '{each.name}'; rename the function")
+        if each.name in found:
+            raise InputError(f"nodes: two are called '{each.name}'; rename one")
+        found[each.name] = each
+    return found
 
 
 def _checked(found: object, name: str) -> Node:

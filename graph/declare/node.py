@@ -9,6 +9,8 @@ is a source of a stream; one that returns None is a sink.  The NumPy body is the
 from __future__ import annotations
 
 import inspect
+import itertools
+import os
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -62,6 +64,9 @@ class Parameter:
         return self.default is inspect.Parameter.empty
 
 
+_serials = itertools.count(1)
+
+
 @dataclass
 class Node:
     """The declaration of a node, callable as the plain NumPy function it wraps."""
@@ -91,6 +96,11 @@ class Node:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         return self.function(*args, **kwargs)
+
+    @cached_property
+    def serial(self) -> int:
+        """A number that no other declaration in this process has."""
+        return next(_serials)
 
     @property
     def input_names(self) -> list[str]:
@@ -179,6 +189,7 @@ class Node:
         grid: str,
         lanes: Lanes | None = None,
         whole: str | None = None,
+        source: str | os.PathLike[str] | None = None,
     ) -> Node: ...
 
     @typing.overload
@@ -186,6 +197,7 @@ class Node:
         self,
         *,
         can_run: CanRun = can_run_anywhere,
+        source: str | os.PathLike[str] | None = None,
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(
@@ -195,6 +207,7 @@ class Node:
         lanes: Lanes | None = None,
         whole: str | None = None,
         can_run: CanRun = can_run_anywhere,
+        source: str | os.PathLike[str] | None = None,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/<name>.cl``.
 
@@ -215,13 +228,17 @@ class Node:
         can_run
             From a device's traits to an `Obstacle`: what the launch function needs and is
             missing, or why the NumPy function is faster there.  None: it can run.
+        source
+            The kernels themselves, as text or as a path, for a node of a script or notebook.
         """
         if grid is not None:
-            self.implementations["opencl"] = Kernels(tuple(grid.split()), lanes, whole)
+            self.implementations["opencl"] = Kernels(
+                tuple(grid.split()), lanes, whole, source=source
+            )
             return self
 
         def take(launch: LaunchFunction) -> LaunchFunction:
-            self.implementations["opencl"] = Kernels(launch=launch, can_run=can_run)
+            self.implementations["opencl"] = Kernels(launch=launch, can_run=can_run, source=source)
             return launch
 
         return take

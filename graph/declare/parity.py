@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.backends.device_backend import DeviceBackend, open_device
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
+from tactograph.graph.errors import InputError
 
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
@@ -29,6 +30,8 @@ FILLS = ("random", "zero", "low", "high", "edges", "nan")
 WHOLE: dict[str, tuple[type, int]] = {"8 bits": (np.uint8, 255), "16 bits": (np.uint16, 65535)}
 """Fills of nodes whose kernels read a camera's integers as they came."""
 RUBBISH = 0xA5
+SHOWN = 5
+"""Differences that a message tells."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,43 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
         for names in _demands(node)
     ]
     return found
+
+
+def check(node: Node, device: str | None = None) -> int:
+    """Compare a node's kernel with its NumPy function over all generated cases.
+
+    For a test of one's own node: ``def test_brighten(): parity.check(brighten)``.
+
+    Parameters
+    ----------
+    device
+        A part of the name of the OpenCL device to use; the first that works if left out.
+
+    Returns
+    -------
+    How many cases were compared.
+
+    Raises
+    ------
+    AssertionError
+        Naming the cases that differ, and how.
+    InputError
+        If the node has no kernel, or no device works.
+    NodeError
+        If the kernel does not match the declaration, or does not compile.
+    """
+    if not node.has_kernel:
+        raise InputError(f"node '{node.name}' has no kernel to compare; declare it with .opencl")
+    opencl, reason = open_device(["opencl"], device)
+    if opencl is None:
+        raise InputError(f"no kernel can be compared: {reason}")
+    compared = cases(node)
+    differences = [(case, compare(node, opencl, case)) for case in compared]
+    wrong = [f"  {case}: {what}" for case, what in differences if what]
+    more = [f"  and {len(wrong) - SHOWN} more"] if len(wrong) > SHOWN else []
+    said = f"node '{node.name}' differs on {opencl.name} in {len(wrong)} of {len(compared)} cases:"
+    assert not wrong, "\n".join([said, *wrong[:SHOWN], *more])
+    return len(compared)
 
 
 def _absences(node: Node) -> list[tuple[str, ...]]:

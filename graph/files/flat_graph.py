@@ -6,10 +6,13 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.strict_yaml import Place
+
+if TYPE_CHECKING:
+    from tactograph.graph.declare.node import Node
 
 FORMAT = 1
 NOT_GIVEN = object()
@@ -76,6 +79,8 @@ class Graph:
     nodes: Mapping[str, Entry]
     outputs: Mapping[str, str]
     places: Mapping[str, Place] = field(default_factory=dict, compare=False)
+    own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
+    """Nodes that no package brings, by name; see `load`."""
 
     def where(self, key: str) -> str:
         """``file:line:column: path`` of a key such as ``outputs.height``."""
@@ -97,6 +102,18 @@ class Graph:
             "nodes": {node_id: entry.as_dict() for node_id, entry in self.nodes.items()},
             "outputs": dict(self.outputs),
         }
+
+    def _repr_svg_(self) -> str:
+        from tactograph.graph.plan.draw_svg import to_svg
+        from tactograph.graph.plan.make_plan import make_plan
+
+        anywhere = replace(
+            self,
+            prefer=("numpy",),
+            nodes={name: replace(entry, backend=None) for name, entry in self.nodes.items()},
+        )
+        needed = {name: NOT_GIVEN for name, param in self.params.items() if param.required}
+        return to_svg(make_plan(anywhere, needed, device=None))
 
     @property
     def hash(self) -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
 from collections.abc import Mapping
 from importlib import resources
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,6 +23,7 @@ from tactograph.graph.backends import PREFERRED, Backend
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph, Param
+from tactograph.graph.files.plain_data import as_document
 from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
@@ -27,6 +31,8 @@ Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]
 Input = Annotated[str, StringConstraints(pattern=r"^(previous\.)?[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 
+
+GROUP = "tactograph.pipelines"
 
 _WANTED = {
     "model_type": "a mapping is needed",
@@ -118,13 +124,25 @@ def shipped_names() -> list[str]:
 
 
 def graph_file(name: str, beside: Path | None = None) -> Path:
-    """Resolve a path or a bare name to a graph file.
+    """Resolve a path, a bare name or ``package/name`` to a graph file.
+
+    A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
+    point's name is what is said before the slash, its value the package with the files.
 
     Raises
     ------
     InputError
         If there is neither such a file nor a shipped pipeline of that name.
     """
+    package, slash, graph = name.partition("/")
+    if slash and "/" not in graph and (folder := _plugin_folder(package)) is not None:
+        if (folder / f"{graph}.yaml").is_file():
+            return folder / f"{graph}.yaml"
+        known = sorted(file.stem for file in folder.glob("*.yaml"))
+        raise InputError(
+            f"the package {package} brings no pipeline '{graph}'{did_you_mean(graph, known)}"
+            f" (it brings: {', '.join(known) or 'none'})"
+        )
     if name.endswith((".yaml", ".yml")) or "/" in name:
         path = Path(name)
         if beside is not None and not path.is_absolute():
@@ -143,6 +161,18 @@ def graph_file(name: str, beside: Path | None = None) -> Path:
     return Path(str(resources.files("tactograph.pipelines") / f"{name}.yaml"))
 
 
+def _plugin_folder(package: str) -> Path | None:
+    """The folder of pipelines that an installed package brings under a name."""
+    for point in entry_points(group=GROUP, name=package):
+        spec = importlib.util.find_spec(point.value)
+        for place in (spec and spec.submodule_search_locations) or ():
+            return Path(place)
+        raise InputError(
+            f"the pipelines of {package} should lie in {point.value}; it is no package"
+        )
+    return None
+
+
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
@@ -150,8 +180,12 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def read_graph(name: str) -> Graph:
-    """Read the graph file `name` (a path, or the bare name of a shipped pipeline).
+Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
+"""A graph by name, by path, as plain data, or as it is."""
+
+
+def read_graph(source: Source) -> Graph:
+    """Read a graph: a path, the bare name of a shipped pipeline, or plain data like a file's.
 
     Raises
     ------
@@ -160,29 +194,37 @@ def read_graph(name: str) -> Graph:
     GraphError
         With file, line, column, path and reason, if it is not a graph file.
     """
-    return _read(graph_file(name), ())
+    if isinstance(source, Graph):
+        return source
+    if isinstance(source, Mapping):
+        return _resolved(as_document(source), "graph", Path(), ())
+    return _read(graph_file(os.fspath(source)), ())
 
 
 def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
     if file.resolve() in chain:
         loop = " -> ".join(p.name for p in (*chain, file))
         raise GraphError(f"{file}: 'extends' runs in a loop: {loop}")
-    document = read_yaml(file)
-    model = _validate(document, file)
+    return _resolved(read_yaml(file), file.stem, file.parent, (*chain, file.resolve()))
+
+
+def _resolved(document: Document, name: str, folder: Path, chain: tuple[Path, ...]) -> Graph:
+    """The graph of a document that lies in `folder`, with `extends` followed."""
+    model = _validate(document)
     if model.extends is None:
-        return _flat(model, document, file)
+        return _flat(model, document, name)
     if model.nodes is not None:
         raise GraphError(
             f"{document.place(('nodes',))}: a file that extends another has no 'nodes'; "
             "add one with '- insert: ID' under 'patch'"
         )
     try:
-        parent_file = graph_file(model.extends, beside=file.parent)
+        parent_file = graph_file(model.extends, beside=folder)
     except InputError as error:
         raise GraphError(f"{document.place(('extends',))}: {error}") from None
-    parent = _read(parent_file, (*chain, file.resolve()))
+    parent = _read(parent_file, chain)
     merged = Graph(
-        name=file.stem,
+        name=name,
         title=model.title or parent.title,
         params={**parent.params, **_params(model, document)},
         prefer=tuple(model.prefer) if model.prefer is not None else parent.prefer,
@@ -197,13 +239,13 @@ def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
     return merged
 
 
-def _flat(model: GraphModel, document: Document, file: Path) -> Graph:
+def _flat(model: GraphModel, document: Document, name: str) -> Graph:
     if model.patch is not None:
         raise GraphError(f"{document.place(('patch',))}: 'patch' needs 'extends'")
     if not model.nodes:
         raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")
     return Graph(
-        name=file.stem,
+        name=name,
         title=model.title,
         params=_params(model, document),
         prefer=tuple(model.prefer if model.prefer is not None else PREFERRED),
@@ -242,7 +284,7 @@ def _params(model: GraphModel, document: Document) -> dict[str, Param]:
     }
 
 
-def _validate(document: Document, file: Path) -> GraphModel:
+def _validate(document: Document) -> GraphModel:
     if not isinstance(document.data, dict):
         raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")
     try:

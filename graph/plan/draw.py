@@ -44,15 +44,20 @@ def to_mermaid(plan: Plan) -> str:
     return "\n".join([*lines, ""])
 
 
-def edges(plan: Plan) -> list[tuple[str, str, str]]:
-    """Every edge between steps as (from, to, port), transfers in between."""
-    transfers = {s.reads[0]: s for s in plan.steps if s.kind in ("upload", "download")}
+def edges(plan: Plan, *, transfers: bool = True) -> list[tuple[str, str, str]]:
+    """Every edge between steps as (from, to, port), with the transfers in between or without."""
+    if not transfers:
+        names = plan.tasks.items()
+        return [
+            (v.node, n, v.port) for n, task in names for v in dict.fromkeys(task.reads.values())
+        ]
+    moves = {s.reads[0]: s for s in plan.steps if s.kind in ("upload", "download")}
     on_device = {step.name: step.on_device for step in plan.steps}
     found: dict[tuple[str, str, str], None] = {}
     for step in plan.steps:
         for value in step.reads:
             maker = value.node
-            moved = transfers.get(value)
+            moved = moves.get(value)
             if moved is not None and step is not moved:
                 kind = (
                     "array"

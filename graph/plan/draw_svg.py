@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.draw import COLOURS, edges, recalls
-from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.plan import Plan, Step
 
 WIDTH, HEIGHT = 150, 34
 """Of a box, in px."""
@@ -14,9 +16,15 @@ COLUMN, ROW = 210, 52
 EDGE = 20
 
 
-def to_svg(plan: Plan) -> str:
-    """The plan as an SVG image, boxes coloured by back end."""
-    at = _places(plan)
+def to_svg(plan: Plan, times: Mapping[str, float] | None = None, *, transfers: bool = True) -> str:
+    """The plan as an SVG image, boxes coloured by back end, with `times` in ms where known.
+
+    The group of a node's box says in ``data-node`` which it is.
+    """
+    times = times or {}
+    joined = edges(plan, transfers=transfers)
+    steps = [step for step in plan.steps if transfers or step.name in plan.tasks]
+    at = _places(steps, joined)
     right = max((x for x, _ in at.values()), default=0) + WIDTH + EDGE
     bottom = max((y for _, y in at.values()), default=0) + HEIGHT + 0.08 * right + EDGE
     lines = [
@@ -27,33 +35,42 @@ def to_svg(plan: Plan) -> str:
         'markerHeight="7" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
         f'<rect width="{right}" height="{bottom}" fill="white"/>',
     ]
-    lines += [_edge(at[a], at[b], port, "") for a, b, port in edges(plan)]
+    lines += [_edge(at[a], at[b], port, "") for a, b, port in joined]
     dashed = ' stroke-dasharray="4 3"'
     lines += [_edge(at[a], at[b], f"previous {port}", dashed) for a, b, port in recalls(plan)]
-    for step in plan.steps:
+    for step in steps:
         task = plan.tasks.get(step.name)
         x, y = at[step.name]
         lines += [
-            f'<g><rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
+            f'<g data-node="{escape(step.name)}">',
+            f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
             f'fill="{COLOURS[step.backend]}" stroke="#555"/>',
             _text(x + WIDTH / 2, y + 14, step.name if task else step.kind, ' font-weight="bold"'),
-            _text(x + WIDTH / 2, y + 27, task.node.name if task else step.name.split(" ")[-1], ""),
+            _text(x + WIDTH / 2, y + 27, _words(step, task, times), ""),
             "</g>",
         ]
     return "\n".join([*lines, "</svg>", ""])
 
 
-def _places(plan: Plan) -> dict[str, tuple[int, int]]:
+def _words(step: Step, task: Task | None, times: Mapping[str, float]) -> str:
+    """What a box says below its name."""
+    what = task.node.name if task else step.name.split(" ")[-1]
+    return f"{what}, {times[step.name]:.2g} ms" if times.get(step.name) else what
+
+
+def _places(
+    steps: Sequence[Step], joined: Iterable[tuple[str, str, str]]
+) -> dict[str, tuple[int, int]]:
     """The upper left corner of each step's box.
 
     A step stands one column behind the last that it reads, and in its column in the order of
     the mean row of those that it reads, so that few edges cross.
     """
-    before: dict[str, list[str]] = {step.name: [] for step in plan.steps}
-    for a, b, _ in edges(plan):
+    before: dict[str, list[str]] = {step.name: [] for step in steps}
+    for a, b, _ in joined:
         before[b].append(a)
     column: dict[str, int] = {}
-    for step in plan.steps:  # in order: what a step reads comes before it
+    for step in steps:  # in order: what a step reads comes before it
         column[step.name] = 1 + max((column[a] for a in before[step.name]), default=-1)
     row: dict[str, int] = {}
     for number in sorted(set(column.values())):

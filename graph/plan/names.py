@@ -41,7 +41,7 @@ def bind(
                 f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
                 f" (it takes: {', '.join(graph.params) or 'none'})"
             )
-    found = {node_id: _find(entry) for node_id, entry in graph.nodes.items()}
+    found = {node_id: _find(entry, graph) for node_id, entry in graph.nodes.items()}
     for name in stand_ins:
         if name not in found or not found[name].source:
             sources = ", ".join(n for n, node in found.items() if node.source)
@@ -84,9 +84,9 @@ def bind(
     return Draft(graph, tasks, outputs, passed, unused)
 
 
-def _find(entry: Entry) -> Node:
+def _find(entry: Entry, graph: Graph) -> Node:
     try:
-        return find_node(entry.op)
+        return find_node(entry.op, graph.own)
     except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
 

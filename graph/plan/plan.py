@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.flat_graph import Graph, split_reference
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
@@ -57,12 +58,36 @@ class Plan:
     device: str | None
     passed: dict[str, Value]
     unused: list[str]
+    inspected: set[Value] = field(default_factory=set)
 
     def wanted(self, node: str) -> Wanted:
-        """The outputs of a node that another node reads, or the caller."""
+        """The outputs of a node that another node reads, or the caller, or who inspects it."""
         edges = [value for task in self.tasks.values() for value in task.edges.values()]
-        read = {v.port for v in (*edges, *self.outputs.values()) if v.node == node}
+        read = {v.port for v in (*edges, *self.outputs.values(), *self.inspected) if v.node == node}
         return Wanted(frozenset(read))
+
+    def value(self, reference: str) -> Value:
+        """The value that ``node.port`` names, or ``node`` where that has one output.
+
+        Raises
+        ------
+        InputError
+            If the plan makes no such value.
+        """
+        name, port = split_reference(reference)
+        where = f"{self.graph.name}: {reference}"
+        if name not in self.tasks:
+            if name in self.passed:
+                raise InputError(f"{where}: '{name}' is taken out; it is {self.passed[name]}")
+            hint = did_you_mean(name, self.tasks)
+            raise InputError(f"{where}: no node '{name}' is run{hint}")
+        ports = self.tasks[name].node.outputs
+        if port is None and len(ports) == 1:
+            return Value(name, next(iter(ports)))
+        if port not in ports:
+            has = ", ".join(f"{name}.{each}" for each in ports) or "nothing"
+            raise InputError(f"{where}: say which value; '{name}' makes {has}")
+        return Value(name, port)
 
     @property
     def fallbacks(self) -> list[str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from numpy.typing import NDArray
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode, Timer
@@ -31,6 +34,32 @@ class DeviceValues:
         for task in plan.tasks.values():
             if plan.placements[task.id].on_device and not task.filled:
                 device.compile(task.node)
+
+    @property
+    def serial(self) -> str:
+        """Tells this device and its compiled kernels from any other."""
+        return self._device.serial
+
+    def get(self, value: Value) -> DeviceArray | None:
+        """A value on the device; None for one that is absent from this item."""
+        return self._values.get(value)
+
+    def put(self, value: Value, found: DeviceArray | None) -> None:
+        """Enter what was made before."""
+        self._values.pop(value, None)
+        if found is not None:
+            self._values[value] = found
+
+    def download(self, found: DeviceArray) -> NDArray[Any]:
+        """A copy of an array on the host, read-only."""
+        array = self._device.download(found)
+        array.flags.writeable = False
+        return array
+
+    def drop(self, values: Iterable[Value]) -> None:
+        """Give back the buffers of values that nothing reads any more."""
+        for value in values:
+            self._values.pop(value, None)
 
     def begin(self) -> None:
         """Time what is enqueued from now on."""
@@ -89,16 +118,17 @@ class DeviceValues:
             return dict(launch.shapes)
         return {name: array.shape for name, array in outputs.items()}
 
-    def release(self, step: Step) -> None:
-        """Give back the buffers that are read for the last time."""
-        for value in step.release:
-            self._values.pop(value, None)
-
     def finish(self) -> dict[str, float]:
         """Wait for all that was begun; return its milliseconds by step."""
         if self._timers:
             self._device.finish()
         return {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
+
+    def spans(self) -> list[tuple[str, float, float]]:
+        """Step, start and end of all that is timed, as times of `time.perf_counter`."""
+        ahead = self._device.clock_ahead
+        spans = ((name, *self._device.span(timer)) for name, timer in self._timers.items())
+        return [(name, start - ahead, end - ahead) for name, start, end in spans]
 
     def failed(self) -> list[str]:
         """The steps that failed: a device tells of them long after they began."""
@@ -109,9 +139,14 @@ class DeviceValues:
         """The steps that are timed."""
         return list(self._timers)
 
-    def drop_launch(self, task: str) -> None:
+    def want(self, node: str) -> None:
+        """Ask a node for what is read of it now."""
+        self._wanted[node] = self._plan.wanted(node)
+        self.drop_launch(node)
+
+    def drop_launch(self, node: str) -> None:
         """Forget how a node is launched: its settings changed."""
-        self._launches.pop(task, None)
+        self._launches.pop(node, None)
 
     def remember(self) -> None:
         """Keep what the next item recalls."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from tactograph.graph.errors import NodeError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
+from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
 from tactograph.graph.run.previous_values import recall, recalled_values
 from tactograph.graph.run.stand_ins import is_whole
+from tactograph.graph.run.store import recall_or_make
 
 
 class HostValues:
@@ -30,6 +33,7 @@ class HostValues:
     """
 
     def __init__(self, plan: Plan) -> None:
+        self._plan = plan
         self._values: dict[Value, Any] = {}
         self._arriving: dict[Value, Event] = {}
         self._before: dict[Value, Any] = {}
@@ -40,6 +44,15 @@ class HostValues:
 
     def __getitem__(self, value: Value) -> Any:
         return self._values[value]
+
+    def want(self, node: str) -> None:
+        """Ask a node for what is read of it now."""
+        self._wanted[node] = self._plan.wanted(node)
+
+    def put(self, value: Value, found: Any) -> None:
+        """Enter what was made before."""
+        self._arriving.pop(value, None)
+        self._values[value] = found
 
     def lent(self, value: Value) -> Any:
         """A value for the caller: of lists and mappings a copy."""
@@ -84,7 +97,11 @@ class HostValues:
         start = time.perf_counter()
         with Blaming(task):
             arguments = _positional(task, self._values, recalled, self._objects[task.id])
-            made = node(*arguments, **keywords)
+            if step.stream or looks_outside(task):
+                made = node(*arguments, **keywords)
+            else:
+                make = partial(node, *arguments, **keywords)
+                made = recall_or_make(node, keywords, arguments, make)
         return made, 1e3 * (time.perf_counter() - start)
 
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import os
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.backends.device_backend import open_device
-from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.find_node import find_node, own_nodes
+from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.changes import plain, with_changes
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
-from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.strict_yaml import Place
+from tactograph.graph.files.read_graph import Source, read_graph
 from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.pipeline import Pipeline
 
 
 def load(
-    name: str | os.PathLike[str],
+    graph: Source,
     params: Mapping[str, Any] | None = None,
     /,
     *,
@@ -33,14 +31,17 @@ def load(
     strict: bool = False,
     changes: Mapping[str, Any] | None = None,
     outputs: Collection[str] | None = None,
+    cache: Cache | None = None,
+    nodes: Iterable[Node] = (),
     **given: Any,
 ) -> Pipeline:
     """Read, verify, plan and compile a graph, to be called with arrays.
 
     Parameters
     ----------
-    name
-        A graph file, or the bare name of a pipeline that ships.
+    graph
+        A graph file, the bare name of a pipeline that ships, ``package/name`` of one that a
+        package brings, plain data such as a graph file holds, or a `Graph`.
     params
         The graph's own params that are called like an argument here, such as ``device``.
     backend
@@ -48,12 +49,17 @@ def load(
     device
         A part of the name of the OpenCL device to use.
     strict
-        Raise an error where a node would fall back to another back end.
+        Refuse to run anything elsewhere than it was wanted.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
         Names of those of the graph's outputs that are wanted; what only the others need is
         not computed, nor copied from the device.
+    cache
+        Where results of nodes are kept, so that equal work is done once; pipelines of one
+        thread may share it.  Without it a pipeline gets one of its own at the first `set`.
+    nodes
+        Nodes of the script or notebook itself: functions under `node`.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -61,7 +67,7 @@ def load(
     Returns
     -------
     Pipeline
-        A warning names each node that falls back to another back end, and why.
+        What runs elsewhere than it was wanted is told by a warning.
 
     Raises
     ------
@@ -77,7 +83,9 @@ def load(
     for word in given.keys() & (params or {}).keys():
         raise InputError(f"{word} is given twice")
     given = {word: plain(value) for word, value in {**(params or {}), **given}.items()}
-    graph = with_changes(read_graph(os.fspath(name)), changes or {})
+    read = read_graph(graph)
+    read = replace(read, own={**read.own, **own_nodes(nodes)})
+    graph = with_changes(read, changes or {})
     if outputs is not None:
         graph = _with_outputs(graph, outputs)
     pipeline = open_pipeline(
@@ -87,6 +95,7 @@ def load(
         device=device,
         strict=strict,
         sinks=False,
+        cache=cache,
         stand_ins=_ungiven_streams(graph, given),
     )
     for line in pipeline.plan.fallbacks:
@@ -102,6 +111,7 @@ def open_pipeline(
     device: str | None = None,
     strict: bool = False,
     sinks: bool = True,
+    cache: Cache | None = None,
     stand_ins: frozenset[str] = frozenset(),
 ) -> Pipeline:
     """Plan and compile a graph that has been read; see `load`.
@@ -115,7 +125,8 @@ def open_pipeline(
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
-    found, reason = open_device(graph.backends, device)
+    open_it = open_device if cache is None else cache.device
+    found, reason = open_it(graph.backends, device)
     if found is None and backend not in (None, "numpy"):
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
@@ -123,7 +134,7 @@ def open_pipeline(
     plan = make_plan(graph, given, device=found, no_device=reason, sinks=sinks, stand_ins=stand_ins)
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
-    return Pipeline(plan, found)
+    return Pipeline(plan, found, cache)
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
@@ -136,33 +147,6 @@ def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
     for name, place in places.items():
         if isinstance(place, str | Path) and Path(place).resolve() == Path(out).resolve():
             raise InputError(f"out={out}: is what {name}={place} reads; give another place")
-
-
-def with_changes(graph: Graph, changes: Mapping[str, Any]) -> Graph:
-    """Apply ``node.param=value`` changes, as a patch file's `set` would.
-
-    Raises
-    ------
-    GraphError
-        If a change names no node of the graph.
-    """
-    for target, value in changes.items():
-        node_id, dot, setting = target.partition(".")
-        if not dot or not setting:
-            raise InputError(f"--set {target}: write it as node.param=value")
-        places = {"": Place("--set", 0, 0, target)}
-        change = {"set": node_id, "settings": {setting: plain(value)}}
-        graph = apply_patch(graph, change, places)
-    return graph
-
-
-def plain(value: Any) -> Any:
-    """A value as a graph file would hold it: numbers for NumPy's, text for paths."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
@@ -196,5 +180,5 @@ def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
     return frozenset(
         node_id
         for node_id, entry in graph.nodes.items()
-        if any(map(is_missing, entry.settings.values())) and find_node(entry.op).stream
+        if any(map(is_missing, entry.settings.values())) and find_node(entry.op, graph.own).stream
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import InputError, collect_warnings
+from tactograph.graph.files.changes import with_changes
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
@@ -21,6 +24,7 @@ from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream
 from tactograph.graph.run.stand_ins import StandIns
+from tactograph.graph.run.trace import Trace
 
 
 class Pipeline:
@@ -31,12 +35,17 @@ class Pipeline:
     what its nodes keep; after that it is of no more use.
     """
 
-    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
+    def __init__(
+        self, plan: Plan, device: DeviceBackend | None, cache: Cache | None = None
+    ) -> None:
         self.plan = plan
         self._device = device
         self._turn = Turn(plan.graph.name)
         self._stand_ins = StandIns(plan)
         self._items = Items(plan, device)
+        if cache is not None:
+            self._items.keep(cache)
+        self._has_run = False
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stream: SourceStream | None = None
@@ -66,14 +75,18 @@ class Pipeline:
             )
         with self._turn:
             stacks = self._stand_ins.check(stand_ins)
+            if self._items.keeps:  # what is kept must not change with the caller's arrays
+                stacks = {name: own(stack) for name, stack in stacks.items()}
             self._items.prepare()
             self._items.begin()
+            self._has_run = False
             result = self._items.item(self._stand_ins.item(stacks))
             # What a node passes on is still the caller's own memory.
             for name, value in result.outputs.items():
                 if isinstance(value, np.ndarray) and shares(value, stacks.values()):
                     result.outputs[name] = own(value)
             result.item = {}
+            self._has_run = True
             return result
 
     def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
@@ -112,6 +125,7 @@ class Pipeline:
             if self._source is None:
                 with self._turn:
                     result = self._items.item({}, repeats)
+                    self._has_run = True
                 yield result
             else:
                 yield from self._all_items(self._source, repeats, mine, stream)
@@ -135,7 +149,11 @@ class Pipeline:
                 if item is None:
                     return
                 self._items.times[source.id] = stream.milliseconds
+                if self._items.trace is not None:
+                    self._items.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
+                self._has_run = False
                 result = self._items.item({source.id: item}, repeats)
+                self._has_run = True
             yield result
 
     def _rehearse(self, source: Task) -> None:
@@ -165,6 +183,115 @@ class Pipeline:
             return None
         given = {**self.plan.given, **values}
         return SourceStream(source, settings_of(source.entry, self.plan.graph, source.node, given))
+
+    def set(self, node: str, /, **settings: Any) -> None:
+        """Change parameters of a node, for the items to come.
+
+        From then on the pipeline keeps what its nodes make, up to 512 MB (see `Cache`), and
+        computes only what a change concerns.
+
+        Parameters
+        ----------
+        node
+            Its name in the graph.
+        **settings
+            Its parameters, as ``with`` of a graph file gives them.
+
+        Raises
+        ------
+        InputError
+            If there is no such node or parameter, or the value is not one that it takes;
+            then nothing has changed.
+
+        Examples
+        --------
+        >>> pipeline.set("shadow", threshold=4)  # doctest: +SKIP
+        """
+        place = "set"
+        changes = {f"{node}.{name}": value for name, value in settings.items()}
+        graph = with_changes(self.plan.graph, changes, place)
+        graph.entry(node)
+        with self._turn:
+            task = self.plan.tasks.get(node)
+            if task is not None and not task.stand_in:
+                found = settings_of(graph.nodes[node], graph, task.node, self.plan.given)
+                task.entry, task.settings = graph.nodes[node], found
+            self.plan.graph = graph
+            if not self._items.keeps:
+                self._items.keep(Cache())
+                self._has_run = False
+            if task is not None:
+                self._items.settings_changed([node])
+
+    def again(self, outputs: Collection[str] | None = None) -> Result:
+        """Run the last item once more: settings as they are now, its sources as they were.
+
+        Only what changed is computed.  Sinks write again.
+
+        Parameters
+        ----------
+        outputs
+            Of the graph's outputs, those that are wanted this time; sinks are then left out.
+
+        Raises
+        ------
+        InputError
+            If there is no item yet of which results were kept (``load(…, cache=Cache())``, or
+            after the first `set`).
+        """
+        with self._turn:
+            self._refuse_without_item("again")
+            self._items.prepare()
+            return self._items.again(outputs)
+
+    def inspect(self, reference: str) -> Any:
+        """A value from inside the graph, of the last item: ``"label.misfit"``.
+
+        Parameters
+        ----------
+        reference
+            ``node.port``, or ``node`` if that has one output.
+
+        Returns
+        -------
+        An array is read-only.  None if the item has no such value.
+
+        Raises
+        ------
+        InputError
+            If there is no such value, or no item yet of which results were kept.
+        """
+        value = self.plan.value(reference)
+        with self._turn:
+            if not self._items.keeps:
+                self._items.keep(Cache())
+                self._has_run = False
+            self._refuse_without_item(f"inspect {reference}")
+            return self._items.inspect(value)
+
+    def _refuse_without_item(self, what: str) -> None:
+        if not self._has_run:
+            raise InputError(
+                f"{self.plan.graph.name}: {what}: no item has run since results are kept; run "
+                "one now, or load the graph with cache=Cache()"
+            )
+
+    def trace(self) -> Trace:
+        """Take down, from now on, what runs when; return what it is written into.
+
+        Examples
+        --------
+        >>> trace = pipeline.trace()  # doctest: +SKIP
+        >>> trace.write(Path("trace.json"))  # doctest: +SKIP
+        """
+        with self._turn:
+            self._items.trace = Trace(self.plan)
+            return self._items.trace
+
+    def _repr_svg_(self) -> str:
+        from tactograph.graph.plan.draw_svg import to_svg
+
+        return to_svg(self.plan, self._items.times)
 
     @property
     def buffers(self) -> int:

@@ -57,7 +57,9 @@ def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Ori
     InputError
         If a node or the device is not there.
     """
-    nodes = [find_node(op) for op in sorted({entry.op for entry in graph.nodes.values()})]
+    nodes = [
+        find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
+    ]
     code = {node.name: code_of(node) for node in nodes}
     found = versions()
     for package in {node.package for node in nodes}:

@@ -13,6 +13,9 @@ from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.previous_values import recalled_values
 
+MOST_LIGHTS = 32
+"""More images than that are taken for the rows of one."""
+
 
 class StandIns:
     """The source nodes that a caller stands in for, and how each one's images travel."""
@@ -85,6 +88,21 @@ def is_whole(array: Any) -> bool:
 def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
     """K x H x W: 8 or 16 bits as they came, everything else as float32."""
     found = np.asarray(array)
+    if found.ndim == 3 and found.shape[2] in (3, 4) and found.shape[0] > MOST_LIGHTS:
+        raise InputError(
+            f"a stack of images is K x H x W; {found.shape} looks like a colour image, H x W x 3: "
+            "np.moveaxis(image[..., :3], 2, 0) makes a light of each channel"
+        )
+    if found.ndim == 4 and found.shape[3] in (3, 4):
+        raise InputError(
+            f"a stack of images is K x H x W; {found.shape} looks like K colour images: "
+            "stack[..., 1] takes one channel of each"
+        )
+    if found.ndim == 2:
+        raise InputError(
+            f"a stack of images is K x H x W, not one image of {found.shape}: "
+            "np.stack([led1, led2, …]) makes one of an image per LED"
+        )
     if found.ndim != 3:
         raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
     if not found.size:

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError, InputError, load
+from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import STREAM, Write
 
 WAITING = STREAM.replace(", default: 3}", "}")

@@ -156,7 +156,7 @@ def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> No
 @pytest.mark.parametrize(
     ("stack", "message"),
     [
-        (np.zeros((4, 5), np.float32), r"K x H x W, not of shape \(4, 5\)"),
+        (np.zeros((4, 5), np.float32), r"K x H x W, not one image of \(4, 5\)"),
         (np.zeros((3, 0, 5), np.float32), "holds no pixel"),
         (np.full((3, 4, 5), np.nan), "holds NaN or infinite values"),
         (np.full((3, 4, 5), np.inf), "holds NaN or infinite values"),

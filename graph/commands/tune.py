@@ -1,0 +1,61 @@
+"""``tactograph tune``: change a graph in the browser while its result is seen."""
+
+from __future__ import annotations
+
+import importlib.util
+import secrets
+import socket
+
+import click
+
+from tactograph.graph.commands import say
+
+
+@click.command("tune", short_help="Change a graph in the browser, and see what it gives.")
+@click.argument("graph")
+@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
+@click.option(
+    "--backend",
+    type=click.Choice(["numpy", "opencl"]),
+    help="Run on this back end instead of the graph's preference.",
+)
+@click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
+@click.option("--no-browser", is_flag=True, help="Only print the address.")
+def command(
+    graph: str,
+    values: tuple[str, ...],
+    beside: str | None,
+    backend: str | None,
+    device: str | None,
+    port: int,
+    no_browser: bool,
+) -> None:
+    """Open GRAPH on a page of this machine: its nodes, their parameters, its result.
+
+    Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
+    """
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.run.typed_values import read_words
+
+    given = read_words(read_graph(graph), values)
+    if importlib.util.find_spec("nicegui") is None:
+        raise InputError("tune needs NiceGUI: pip install 'tactograph[tune]'")
+    from tactograph.graph.tune.page import serve
+    from tactograph.graph.tune.tuning import Tuning
+
+    number = port or _free_port()
+    token = secrets.token_urlsafe(24)
+    tuning = Tuning(graph, given, beside=beside, backend=backend, device=device)
+    say(f"http://127.0.0.1:{number}/?token={token}")
+    say("only this machine reaches the page; Ctrl-C ends it", err=True)
+    serve(tuning, port=number, token=token, show=not no_browser)
+
+
+def _free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        number: int = found.getsockname()[1]
+        return number

@@ -1,0 +1,43 @@
+"""Change single settings of a graph, as a command line or a program asks for it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph.errors import InputError
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.strict_yaml import Place
+
+
+def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set") -> Graph:
+    """Apply ``node.param=value`` changes, as a patch file's `set` would.
+
+    `asked` says in messages who wants them.
+
+    Raises
+    ------
+    GraphError
+        If a change names no node of the graph.
+    """
+    for target, value in changes.items():
+        node_id, dot, setting = target.partition(".")
+        if not dot or not setting:
+            raise InputError(f"{asked} {target}: write it as node.param=value")
+        places = {"": Place(asked, 0, 0, target)}
+        change = {"set": node_id, "settings": {setting: plain(value)}}
+        graph = apply_patch(graph, change, places)
+    return graph
+
+
+def plain(value: Any) -> Any:
+    """A value as a graph file would hold it: numbers for NumPy's, text for paths."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return [plain(each) for each in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,92 @@
+"""Write a changed graph as a variant of another: `extends`, and the fewest changes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.main import YAML
+
+from tactograph.graph.errors import InputError
+from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.files.whole_files import whole_file
+
+Change = dict[str, Any]
+
+
+def changes_between(
+    base: Graph, graph: Graph, defaults: Mapping[str, Mapping[str, Any]]
+) -> list[Change]:
+    """The patch that makes `graph` of `base`, which has the same nodes.
+
+    Parameters
+    ----------
+    defaults
+        By node, the parameters that a node has without a word in the file.
+    """
+    found: list[Change] = []
+    for name, entry in graph.nodes.items():
+        old = base.nodes[name]
+        if old.neutral and not entry.neutral:
+            # No verb puts a node back: it is put in its own place.
+            found.append(_whole(name, entry))
+            old = Entry(entry.op, entry.inputs, entry.settings)
+        known = {**defaults.get(name, {}), **old.settings}
+        changed = {
+            setting: value
+            for setting, value in entry.settings.items()
+            if setting not in known or known[setting] != value
+        }
+        if changed:
+            found.append({"set": name, "with": changed})
+        if entry.backend is not None and entry.backend != old.backend:
+            found.append({"backend": name, "to": entry.backend})
+        if entry.neutral and not old.neutral:
+            found.append({"neutral": name})
+    return found
+
+
+def write_variant(file: Path, base: Graph, source: str, changes: list[Change], title: str) -> Graph:
+    """Write the variant of `base`, which `source` names, and read it back.
+
+    Raises
+    ------
+    InputError
+        If nothing was changed, or the file is one that the variant extends.
+    WriteError
+        If it cannot be written.
+    """
+    if not changes:
+        raise InputError("nothing was changed: there is no variant to save")
+    if file.suffix not in (".yaml", ".yml"):
+        raise InputError(f"{file}: the name of a graph file has to end in .yaml")
+    named = source in shipped_names() or (source.count("/") == 1 and not source.endswith(".yaml"))
+    if not named or Path(source).is_file():
+        if file.resolve() == Path(source).resolve():
+            raise InputError(f"{file}: is the graph that was changed; give another name")
+        source = os.path.relpath(source, file.parent)
+        source = source if "/" in source or source.endswith((".yaml", ".yml")) else f"./{source}"
+    document = CommentedMap(format=FORMAT, extends=source, title=title)
+    patch = CommentedSeq()
+    for change in changes:
+        entry = CommentedMap(change)
+        if "with" in change:
+            entry["with"] = CommentedMap(change["with"])
+            entry["with"].fa.set_flow_style()
+        patch.append(entry)
+    document["patch"] = patch
+    yaml = YAML()
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    yaml.width = 100
+    with whole_file(file) as stage, stage.open("w", encoding="utf-8") as stream:
+        yaml.dump(document, stream)
+    return read_graph(file)
+
+
+def _whole(name: str, entry: Entry) -> Change:
+    change: Change = {"replace": name, "op": entry.op}
+    return {**change, "with": dict(entry.settings)} if entry.settings else change

@@ -1,0 +1,135 @@
+"""What nodes made in this process, by what made it, so that equal work is done once."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections import OrderedDict
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.device_backend import DeviceBackend, open_device
+from tactograph.graph.plan.sizes import Shapes
+
+Side = Literal["host", "device"]
+MEGABYTES = 512
+"""What the values of one cache may take together, on host and device."""
+MOST_RUNS = 20_000
+"""Of so many nodes' runs a cache remembers shapes, time and warnings."""
+_ENTRY = 500
+"""What the bookkeeping of a value takes, in bytes; an empty array still has a buffer."""
+_OPAQUE = 2**23
+"""What an object of unknown size is taken for, in bytes."""
+
+
+class Kept(NamedTuple):
+    """An output of a node's run that is kept: the run's key, the port, and where it lies."""
+
+    run: str
+    port: str
+    side: Side
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is known of a node's run besides what it made."""
+
+    shapes: Shapes
+    milliseconds: float
+    warnings: tuple[str, ...]
+
+
+class Cache:
+    """Values that nodes made, up to a number of bytes: the one that was used longest ago goes.
+
+    Pipelines of one thread may share it: ``load("a.yaml", cache=cache)``.  They then also
+    share the device, its compiled kernels and its buffers.
+
+    Parameters
+    ----------
+    megabytes
+        What all values may take together, on host and device.
+    """
+
+    def __init__(self, megabytes: float = MEGABYTES) -> None:
+        self.most = int(megabytes * 1e6)
+        self.bytes = 0
+        self._values: OrderedDict[Kept, tuple[Any, int]] = OrderedDict()
+        self._runs: OrderedDict[str, Run] = OrderedDict()
+        self._devices: dict[
+            tuple[str | None, tuple[str, ...]], tuple[DeviceBackend | None, str]
+        ] = {}
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __contains__(self, kept: Kept) -> bool:
+        return kept in self._values
+
+    def take(self, kept: Kept) -> Any:
+        """A value that is in the cache."""
+        with self._lock:
+            self._values.move_to_end(kept)
+            return self._values[kept][0]
+
+    def put(self, kept: Kept, value: Any) -> None:
+        """Keep a value, unless it alone is too large."""
+        size = _ENTRY + _bytes(value)
+        if size > self.most:
+            return
+        with self._lock:
+            self._drop(kept)
+            self._values[kept] = value, size
+            self.bytes += size
+            while self.bytes > self.most:
+                self._drop(next(iter(self._values)))
+
+    def drop(self, kept: Kept) -> None:
+        """Forget a value, if it is there."""
+        with self._lock:
+            self._drop(kept)
+
+    def run(self, key: str) -> Run | None:
+        """What is known of a run, or None."""
+        with self._lock:
+            if key in self._runs:
+                self._runs.move_to_end(key)
+            return self._runs.get(key)
+
+    def note(self, key: str, run: Run) -> None:
+        """Remember a run."""
+        with self._lock:
+            self._runs[key] = run
+            if len(self._runs) > MOST_RUNS:
+                self._runs.popitem(last=False)
+
+    def device(
+        self, backends: Collection[str], text: str | None
+    ) -> tuple[DeviceBackend | None, str]:
+        """The device for a graph, the same for all graphs that want it; see `open_device`."""
+        key = text, tuple(backends)
+        if key not in self._devices:
+            self._devices[key] = open_device(backends, text)
+        return self._devices[key]
+
+    def _drop(self, kept: Kept) -> None:
+        found = self._values.pop(kept, None)
+        if found is not None:
+            self.bytes -= found[1]
+
+
+def _bytes(value: Any) -> int:
+    """What a value takes in memory, roughly for what is no array."""
+    if isinstance(value, np.ndarray | DeviceArray):
+        return int(value.nbytes)
+    if isinstance(value, dict):
+        return 100 + sum(_bytes(each) for pair in value.items() for each in pair)
+    if isinstance(value, tuple | list):
+        return 100 + sum(map(_bytes, value))
+    plain = value is None or isinstance(value, bool | int | float | str | bytes)
+    return sys.getsizeof(value) if plain else _OPAQUE

@@ -1,0 +1,79 @@
+"""What ran when, as Chrome's trace events: Perfetto (ui.perfetto.dev) and chrome://tracing."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph.errors import warn
+from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.plan.plan import Plan, Step
+
+MOST_EVENTS = 200_000
+"""A trace of a stream without an end stops there."""
+_LANES = {"device": 1, "transfers": 2}
+_FIRST_THREAD = 3
+
+
+class Trace:
+    """Spans of time, each in the lane of a host thread, of the device or of its transfers."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._events: list[dict[str, Any]] = []
+        self._lanes = dict(_LANES)
+        self._steps = {step.name: step for step in plan.steps}
+
+    def on_host(self, name: str, end: float, milliseconds: float) -> None:
+        """A span of the calling thread; `end` is a time of `time.perf_counter`."""
+        lane = f"host, {threading.current_thread().name}"
+        self._lanes.setdefault(lane, len(self._lanes) + 1)
+        self._add(name, lane, end - 1e-3 * milliseconds, end)
+
+    def on_device(self, name: str, start: float, end: float) -> None:
+        """A span that the device's own clock measured, brought to that of the host."""
+        moves = self._steps[name].kind in ("upload", "download")
+        self._add(name, "transfers" if moves else "device", start, end)
+
+    def write(self, file: Path) -> None:
+        """Write the file, whole or not at all.
+
+        Raises
+        ------
+        WriteError
+            If it cannot be written.
+        """
+        named = [
+            {"ph": "M", "pid": 1, "tid": number, "name": "thread_name", "args": {"name": lane}}
+            for lane, number in self._lanes.items()
+        ]
+        first = min((event["ts"] for event in self._events), default=0.0)
+        events = [{**event, "ts": round(event["ts"] - first, 3)} for event in self._events]
+        about = {"graph": self._plan.graph.name, "hash": self._plan.graph.hash}
+        with whole_file(file) as target:
+            target.write_text(
+                json.dumps({"traceEvents": [*named, *events], "otherData": about}),
+                encoding="utf-8",
+            )
+
+    def _add(self, name: str, lane: str, start: float, end: float) -> None:
+        if len(self._events) >= MOST_EVENTS:
+            warn(f"the trace ends after {MOST_EVENTS} spans")
+            return
+        self._events.append(
+            {
+                "ph": "X",
+                "pid": 1,
+                "tid": self._lanes[lane],
+                "name": name,
+                "cat": self._what(self._steps.get(name)),
+                "ts": 1e6 * start,
+                "dur": round(1e6 * (end - start), 3),
+            }
+        )
+
+    def _what(self, step: Step | None) -> str:
+        task = self._plan.tasks.get(step.name) if step is not None else None
+        return task.node.name if task is not None else step.kind if step is not None else ""

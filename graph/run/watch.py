@@ -1,0 +1,52 @@
+"""Wait until files change: those of a graph, and those that it reads."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph.files.flat_graph import Graph
+
+EVERY_S = 0.25
+Stamp = tuple[tuple[str, int, int], ...]
+
+
+def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
+    """The files that a graph was read from, and the files and folders that its user gave."""
+    places = [*graph.places.values()]
+    places += [place for entry in graph.nodes.values() for place in entry.places.values()]
+    read = {Path(place.file) for place in places if place.line}
+    values = {name: given.get(name, param.default) for name, param in graph.params.items()}
+    return read | {
+        Path(value)
+        for name, value in values.items()
+        if graph.params[name].kind == "path" and name != "out" and isinstance(value, str | Path)
+    }
+
+
+def stamp(files: Collection[Path]) -> Stamp:
+    """What changes when one of the files does, or a file of one of the folders."""
+    found: list[tuple[str, int, int]] = []
+    for path in sorted(files):
+        with suppress(OSError):
+            inside = sorted(path.rglob("*")) if path.is_dir() else [path]
+            for file in inside:
+                with suppress(OSError):
+                    stat = file.stat()
+                    found.append((str(file), stat.st_mtime_ns, stat.st_size))
+    return tuple(found)
+
+
+def wait_for_change(files: Collection[Path], before: Stamp) -> None:
+    """Return when something changed, and has not gone on changing for a moment."""
+    while stamp(files) == before:
+        time.sleep(EVERY_S)
+    now = stamp(files)
+    while True:
+        time.sleep(EVERY_S)
+        settled, now = now, stamp(files)
+        if settled == now:
+            return

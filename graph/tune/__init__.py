@@ -1,0 +1,1 @@
+"""A page on which a graph is changed while its result is seen."""

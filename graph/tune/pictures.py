@@ -1,0 +1,111 @@
+"""Arrays as pictures, fast enough to follow a slider."""
+
+from __future__ import annotations
+
+import base64
+from functools import cache
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.compare.pictures import BIT_COLOURS, SEVERAL
+from tactograph.graph.declare.ports import PortType
+
+UNKNOWN = (128, 128, 128)
+"""The colour of NaN, as BGR."""
+
+
+class Picture(NamedTuple):
+    """A picture as a data URI, its scale, and the array of H x W that it shows."""
+
+    uri: str
+    low: float
+    high: float
+    unit: str
+    kind: str
+    array: NDArray[Any]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.array.shape[1], self.array.shape[0]
+
+
+def planes_of(port: PortType, array: Any) -> list[NDArray[Any]]:
+    """What of an output can be drawn: its planes of H x W."""
+    if not isinstance(array, np.ndarray) or array.ndim not in (2, 3) or not array.size:
+        return []
+    if port.dims[-2:] not in (("H", "W"), ("h", "w")) or array.dtype.kind not in "fiub":
+        return []
+    return [array] if array.ndim == 2 else list(array)
+
+
+def draw(array: NDArray[Any], unit: str, scale: tuple[float, float] | None = None) -> Picture:
+    """A plane on a scale of its own, or on a given one; labels in colours of their own."""
+    if array.dtype.kind in "iub":
+        return _labels(array, unit)
+    finite = np.isfinite(array)
+    if scale is None:
+        known = array[finite]
+        scale = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    low, high = scale
+    return Picture(_coloured(array, finite, low, high, "viridis"), low, high, unit, "map", array)
+
+
+def draw_difference(array: NDArray[Any], unit: str) -> Picture:
+    """A difference: white where there is none, its scale ending where 1 in 200 pixels lies."""
+    finite = np.isfinite(array)
+    known = np.abs(array[finite])
+    end = float(np.percentile(known, 99.5)) if known.size else 1.0
+    end = end or float(known.max(initial=0)) or 1.0
+    uri = _coloured(array, finite, -end, end, "RdBu_r")
+    return Picture(uri, -end, end, unit, "difference", array)
+
+
+def _labels(array: NDArray[Any], unit: str) -> Picture:
+    count = max(int(array.max(initial=0)).bit_length(), 1)
+    table = np.full((256, 3), _bgr(SEVERAL), np.uint8)
+    table[0] = _bgr("#f2f2f0")
+    for bit in range(min(count, 8)):
+        table[1 << bit] = _bgr(BIT_COLOURS[bit])
+    image = table[np.minimum(array, 255).astype(np.uint8)]
+    return Picture(_uri(image), 0, count, unit, "labels", array)
+
+
+def _coloured(
+    array: NDArray[Any], finite: NDArray[np.bool_], low: float, high: float, colours: str
+) -> str:
+    span = (high - low) or 1.0
+    # Rows and columns beyond what a screen shows are not worth their time.
+    levels = np.clip((array - low) * (255 / span), 0, 255)
+    if not finite.all():
+        levels = np.where(finite, levels, 0)
+    image = cv2.applyColorMap(levels.astype(np.uint8), _table(colours))
+    if not finite.all():
+        image[~finite] = UNKNOWN
+    return _uri(image)
+
+
+def gradient(colours: str) -> str:
+    """The colours as a CSS gradient from bottom to top."""
+    stops = _table(colours)[::15, 0, ::-1]
+    return ", ".join(f"rgb({r},{g},{b})" for r, g, b in stops.tolist())
+
+
+@cache
+def _table(colours: str) -> NDArray[np.uint8]:
+    from matplotlib import colormaps
+
+    rgb = colormaps[colours](np.arange(256))[:, :3]
+    return np.ascontiguousarray((255 * rgb[:, ::-1]).round().astype(np.uint8)[:, None])
+
+
+def _bgr(colour: str) -> tuple[int, int, int]:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return blue, green, red
+
+
+def _uri(image: NDArray[Any]) -> str:
+    _, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"

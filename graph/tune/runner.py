@@ -1,0 +1,106 @@
+"""One graph on its present item: run again when it changes, or on the next item."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph.errors import InputError
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.run.cache import Cache
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.result import Result
+from tactograph.graph.tune.captures import CAPTURE
+
+
+class Runner:
+    """A pipeline that follows a graph; it is opened again only if more than settings changed."""
+
+    def __init__(
+        self, given: Mapping[str, Any], cache: Cache, backend: str | None, device: str | None
+    ) -> None:
+        self._given, self._cache = dict(given), cache
+        self._backend, self._device = backend, device
+        self._graph: Graph | None = None
+        self.pipeline: Pipeline | None = None
+        self._stream: Iterator[Result] | None = None
+        self._at: tuple[Path | None, int] = (None, -1)
+
+    def run(
+        self, graph: Graph, capture: Path | None, number: int, only: Collection[str] | None = None
+    ) -> Result:
+        """The result of `graph` on an item: of a capture, or the `number`-th of its stream.
+
+        Where the item is the one before, `only` are the outputs that are made of it.
+
+        Raises
+        ------
+        TactographError
+            If the graph cannot be opened, or a node fails.
+        """
+        if self._graph is None or not _alike(self._graph, graph):
+            self._open(graph, capture)
+        pipeline, before = self.pipeline, self._graph
+        assert pipeline is not None
+        assert before is not None
+        for name, entry in graph.nodes.items():
+            old = before.nodes[name].settings
+            changed = {key: v for key, v in entry.settings.items() if old.get(key, old) != v}
+            if changed:
+                pipeline.set(name, **changed)
+        self._graph = graph
+        if self._at == (capture, number) and self._stream is not None:
+            return pipeline.again(only)
+        if capture is not None and self._at[0] != capture:
+            self._end()
+            pipeline.aim(**{CAPTURE: str(capture)})
+        if self._stream is None:
+            self._stream = pipeline.items()
+        result = next(self._stream, None)
+        if result is None:
+            self._stream = None
+            raise InputError(f"{graph.name}: its stream has ended; there is no next item")
+        self._at = capture, number
+        return result
+
+    def close(self) -> None:
+        """Close the pipeline and what its nodes keep."""
+        self._end()
+        if self.pipeline is not None:
+            self.pipeline.close()
+        self.pipeline, self._graph = None, None
+
+    def _open(self, graph: Graph, capture: Path | None) -> None:
+        given = self._given if capture is None else {**self._given, CAPTURE: str(capture)}
+        given = {name: value for name, value in given.items() if name in graph.params}
+        opened = open_pipeline(
+            graph,
+            given,
+            backend=self._backend,
+            device=self._device,
+            sinks=False,
+            cache=self._cache,
+        )
+        self.close()
+        self.pipeline, self._graph, self._at = opened, graph, (capture, -1)
+
+    def _end(self) -> None:
+        if self._stream is not None and hasattr(self._stream, "close"):
+            self._stream.close()
+        self._stream = None
+
+
+def _alike(one: Graph, other: Graph) -> bool:
+    """Whether two graphs differ in nothing but settings that both state, or the later one."""
+
+    def bare(graph: Graph) -> Graph:
+        nodes = {n: replace(entry, settings={}) for n, entry in graph.nodes.items()}
+        return replace(graph, nodes=nodes, title="")
+
+    return bare(one) == bare(other) and all(
+        entry.settings.keys() <= other.nodes[name].settings.keys()
+        for name, entry in one.nodes.items()
+    )

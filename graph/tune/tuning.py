@@ -1,0 +1,370 @@
+"""The state of a page: a graph that is changed, and what it gives on the present item.
+
+Changes are taken at once and worked off by one thread.  It always runs the latest state: what
+was asked for in between is never run, and what became stale is never shown.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.files.changes import plain
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.read_graph import graph_file, read_graph
+from tactograph.graph.files.variant import Change, changes_between, write_variant
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.plan.names import settings_of
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.cache import Cache
+from tactograph.graph.run.result import Result
+from tactograph.graph.run.watch import Stamp, files_of, stamp
+from tactograph.graph.tune.captures import captures_of
+from tactograph.graph.tune.runner import Runner
+
+SECOND = 1.0
+REST_S = 0.12
+"""So long a hand has to rest before figures and all else follow what it looks at."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the page asks for."""
+
+    graph: Graph
+    beside: Graph | None
+    capture: int
+    item: int
+    node: str | None
+    revision: int = 0
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What was computed last: for which request, and what is wrong with a later one."""
+
+    number: int = 0
+    asked: Asked | None = None
+    result: Result | None = None
+    beside: Result | None = None
+    inspected: Mapping[str, Any] = field(default_factory=dict)
+    plan: Plan | None = None
+    error: str = ""
+
+
+class Tuning:
+    """A graph under somebody's hands.
+
+    Parameters
+    ----------
+    source
+        The graph that is changed: a name or a path.
+    given
+        Values of its params.
+    beside
+        Another graph to compare with.
+
+    Attributes
+    ----------
+    output
+        The output that is looked at: it is made and shown first, figures and all else follow
+        when no newer change waits.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        given: Mapping[str, Any],
+        *,
+        beside: str | None = None,
+        backend: str | None = None,
+        device: str | None = None,
+    ) -> None:
+        self.source, self.given = source, dict(given)
+        self.base = read_graph(source)
+        self.captures = captures_of(self.base, given)
+        other = read_graph(beside) if beside else None
+        self._asked = Asked(self.base, other, 0, 0, None)
+        self.shown = Shown()
+        self.rates: deque[float] = deque()
+        self.playing = False
+        self.output: str | None = None
+        self._cache = Cache()
+        self._runners = [Runner(given, self._cache, backend, device) for _ in range(2)]
+        self._files = files_of(self.base, {}) | {graph_file(source)}
+        self._stamp: Stamp = stamp(self._files)
+        self._changed = threading.Condition()
+        self._ended = False
+        self._last: Asked | None = None
+        self._check(self.base)
+        self._thread = threading.Thread(target=self._work, name="tune", daemon=True)
+        self._thread.start()
+
+    @property
+    def asked(self) -> Asked:
+        return self._asked
+
+    @property
+    def graph(self) -> Graph:
+        return self._asked.graph
+
+    @property
+    def capture(self) -> Path | None:
+        return self.captures[self._asked.capture] if self.captures else None
+
+    def settings(self, node: str) -> dict[str, Any]:
+        """A node's parameters as they are now, defaults included."""
+        entry = self.graph.entry(node)
+        return settings_of(entry, self.graph, find_node(entry.op), self._known)
+
+    def set(self, node: str, parameter: str, value: Any) -> None:
+        """Change a parameter.
+
+        Raises
+        ------
+        InputError
+            If the node does not take the value; then nothing has changed.
+        """
+        entry = self.graph.entry(node)
+        settings = {**entry.settings, parameter: plain(value)}
+        self._take(node, replace(entry, settings=settings))
+
+    def set_backend(self, node: str, backend: str | None) -> None:
+        """Bind a node to a back end, or, with None, to that of the file.
+
+        Raises
+        ------
+        InputError
+            If there is no such back end.
+        """
+        entry = self.graph.entry(node)
+        if backend == "opencl" and not find_node(entry.op).has_kernel:
+            raise InputError(f"{node}: node '{entry.op}' has no OpenCL kernel")
+        self._take(node, replace(entry, backend=backend or self.base.nodes[node].backend))
+
+    def set_neutral(self, node: str, neutral: bool) -> None:
+        """Take a node out, or put it back.
+
+        Raises
+        ------
+        InputError
+            If it has no neutral value.
+        """
+        self._take(node, replace(self.graph.entry(node), neutral=neutral))
+
+    def reset(self, node: str) -> None:
+        """Take a node as the file has it."""
+        base = self.base.nodes[node]
+        defaults = {n: p.default for n, p in find_node(base.op).parameters.items()}
+        settings = {n: defaults[n] for n in self.graph.nodes[node].settings if n in defaults}
+        self._take(node, replace(base, settings={**settings, **base.settings}))
+
+    def look_at(self, node: str | None) -> None:
+        """Choose the node whose outputs are shown."""
+        with self._changed:
+            self._asked = replace(self._asked, node=node)
+            self._changed.notify()
+
+    def put_beside(self, source: str | None) -> None:
+        """Choose the graph to compare with; None for none.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read.
+        """
+        graph = read_graph(source) if source else None
+        with self._changed:
+            self._asked = replace(self._asked, beside=graph)
+            self._changed.notify()
+
+    def go(self, steps: int) -> None:
+        """Go to the next capture or item, or, among captures, to one before."""
+        with self._changed:
+            asked = self._asked
+            if self.captures:
+                self._asked = replace(asked, capture=(asked.capture + steps) % len(self.captures))
+            elif steps > 0:
+                self._asked = replace(asked, item=asked.item + 1)
+            self._changed.notify()
+
+    def play(self, on: bool) -> None:
+        """Let a stream run, or hold it."""
+        with self._changed:
+            self.playing = on and not self.captures
+            self._changed.notify()
+
+    def changes(self) -> list[Change]:
+        """The patch that makes the graph on the screen of the one in the file."""
+        defaults = {
+            name: {n: p.default for n, p in find_node(entry.op).parameters.items()}
+            for name, entry in self.base.nodes.items()
+        }
+        return changes_between(self.base, self.graph, defaults)
+
+    def save(self, file: Path) -> Path:
+        """Write the variant, and check it.
+
+        Raises
+        ------
+        InputError
+            If nothing was changed, or the file would replace what it extends.
+        """
+        title = f"{self.base.title or self.base.name}, tuned"
+        saved = write_variant(file, self.base, self.source, self.changes(), title)
+        self._check(saved)
+        return file
+
+    def reload(self) -> bool:
+        """Read the graph again if its file changed; return whether it was.
+
+        What cannot be read leaves the last good graph as it is, with a word on what is wrong.
+        """
+        now = stamp(self._files)
+        if now == self._stamp:
+            return False
+        self._stamp = now
+        try:
+            base = read_graph(self.source)
+            self._check(base)
+        except TactographError as error:
+            self._publish(replace(self.shown, error=" ".join(str(error).split())))
+            return True
+        with self._changed:
+            self.base = base
+            self._files = files_of(base, {}) | {graph_file(self.source)}
+            self._stamp = stamp(self._files)
+            node = self._asked.node if self._asked.node in base.nodes else None
+            revision = self._asked.revision + 1
+            self._asked = replace(self._asked, graph=base, node=node, revision=revision)
+            self._changed.notify()
+        return True
+
+    def close(self) -> None:
+        """End the thread, and close the pipelines."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join(timeout=30)
+
+    def settled(self, timeout: float = 30.0) -> Shown:
+        """Wait until what is shown is what was asked for."""
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            if self.shown.asked is self._asked:
+                return self.shown
+            time.sleep(0.01)
+        raise TimeoutError("nothing came of what was asked for")
+
+    @property
+    def _known(self) -> dict[str, Any]:
+        return {n: v for n, v in self.given.items() if n in self.graph.params}
+
+    def _take(self, node: str, entry: Entry) -> None:
+        graph = self.graph.with_entry(node, entry)
+        if entry.neutral != self.graph.nodes[node].neutral:
+            self._check(graph)
+        else:  # what a slider can wait for
+            settings_of(entry, graph, find_node(entry.op), self._known)
+        with self._changed:
+            self._asked = replace(self._asked, graph=graph)
+            self._changed.notify()
+
+    def _check(self, graph: Graph) -> None:
+        """Refuse a graph that cannot be run, before it is on the screen."""
+        given = {name: value for name, value in self.given.items() if name in graph.params}
+        make_plan(_anywhere(graph), given, device=None, sinks=False)
+
+    def _work(self) -> None:
+        done: Asked | None = None
+        while True:
+            with self._changed:
+                while not (self._ended or self.playing or self._asked is not done):
+                    self._changed.wait()
+                if self._ended:
+                    break
+                if self.playing and self._asked is done:
+                    self._asked = replace(self._asked, item=self._asked.item + 1)
+                done = self._asked
+            self._run(done)
+        for runner in self._runners:
+            runner.close()
+
+    def _run(self, asked: Asked) -> None:
+        capture = self.captures[asked.capture] if self.captures else None
+        try:
+            main, other = self._runners
+            is_quick = self._show_first(asked, capture)
+            if is_quick and not self._rests(asked):
+                return
+            result = main.run(asked.graph, capture, asked.item)
+            beside = None
+            if asked.beside is not None:
+                beside = other.run(asked.beside, capture, asked.item)
+            inspected = self._inspect(asked.node)
+        except TactographError as error:
+            self.playing = False
+            self._publish(replace(self.shown, asked=asked, error=" ".join(str(error).split())))
+            return
+        except Exception as error:  # a bad edit must not take the page down
+            self.playing = False
+            said = f"{type(error).__name__}: {error}"
+            self._publish(replace(self.shown, asked=asked, error=said))
+            return
+        if not is_quick:
+            self._count()
+        self._publish(Shown(0, asked, result, beside, inspected, result.plan))
+
+    def _show_first(self, asked: Asked, capture: Path | None) -> bool:
+        """Make and show the output that is looked at, where only settings changed."""
+        last, before = self.shown.asked or self._last, self.shown.result
+        if self.output is None or last is None or before is None:
+            return False
+        place = (asked.capture, asked.item, asked.beside)
+        if place != (last.capture, last.item, last.beside) or self.output not in before:
+            return False
+        first = self._runners[0].run(asked.graph, capture, asked.item, [self.output])
+        self._last = last
+        merged = replace(first, outputs={**before.outputs, **first.outputs})
+        shown = replace(self.shown, asked=None, result=merged, plan=first.plan, error="")
+        self._count()
+        self._publish(shown)
+        return True
+
+    def _rests(self, asked: Asked) -> bool:
+        """Whether nothing newer is asked for within a moment."""
+        with self._changed:
+            newer = self._changed.wait_for(
+                lambda: self._ended or self._asked is not asked, timeout=REST_S
+            )
+        return not newer
+
+    def _count(self) -> None:
+        now = time.monotonic()
+        self.rates.append(now)
+        while now - self.rates[0] > SECOND:
+            self.rates.popleft()
+
+    def _inspect(self, node: str | None) -> dict[str, Any]:
+        """The values of a node's outputs; what it cannot tell is left out."""
+        pipeline = self._runners[0].pipeline
+        if node is None or pipeline is None or node not in pipeline.plan.tasks:
+            return {}
+        ports = pipeline.plan.tasks[node].node.outputs
+        return {port: pipeline.inspect(f"{node}.{port}") for port in ports}
+
+    def _publish(self, shown: Shown) -> None:
+        self.shown = replace(shown, number=self.shown.number + 1)
+
+
+def _anywhere(graph: Graph) -> Graph:
+    """The graph wherever it runs, so that no device is asked."""
+    nodes = {name: replace(entry, backend=None) for name, entry in graph.nodes.items()}
+    return replace(graph, nodes=nodes, prefer=("numpy",))

@@ -1,0 +1,77 @@
+"""A changed graph becomes the shortest variant, which reads back as the graph on the screen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files.variant import changes_between, write_variant
+
+DEFAULTS = {"shadow": {"threshold": 3.0}}
+
+
+def changed(graph: Graph, name: str, **what: Any) -> Graph:
+    return graph.with_entry(name, replace(graph.nodes[name], **what))
+
+
+def test_only_what_differs_is_written() -> None:
+    base = read_graph("paper")
+    graph = changed(base, "shadow", settings={"threshold": 4.5})
+    graph = changed(graph, "raw", backend="numpy")
+    assert changes_between(base, graph, DEFAULTS) == [
+        {"set": "shadow", "with": {"threshold": 4.5}},
+        {"backend": "raw", "to": "numpy"},
+    ]
+    same = changed(base, "shadow", settings={"threshold": 3.0})
+    assert changes_between(base, same, DEFAULTS) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "base"), [("paper", "paper"), ("paper_no_shadow", "paper_no_shadow")]
+)
+def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) -> None:
+    graph = read_graph(base)
+    turned = changed(graph, "shadow", neutral=not graph.nodes["shadow"].neutral)
+    changes = changes_between(graph, turned, DEFAULTS)
+    assert len(changes) == 1
+    saved = write_variant(tmp_path / "v.yaml", graph, name, changes, "turned")
+    assert saved.nodes["shadow"].neutral == turned.nodes["shadow"].neutral
+    assert saved.nodes["shadow"].inputs == turned.nodes["shadow"].inputs
+
+
+def test_a_variant_extends_a_file_by_its_place(tmp_path: Path) -> None:
+    (tmp_path / "deep").mkdir()
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "format: 1\nextends: paper\npatch:\n  - set: shadow\n    with: {threshold: 5}\n"
+    )
+    base = read_graph(file)
+    changes = [{"set": "shadow", "with": {"threshold": 6}}]
+    saved = write_variant(tmp_path / "deep" / "v.yaml", base, str(file), changes, "deeper")
+    assert saved.nodes["shadow"].settings == {"threshold": 6}
+    assert "extends: ../mine.yaml" in (tmp_path / "deep" / "v.yaml").read_text()
+
+
+def test_what_cannot_be_a_variant_is_refused(tmp_path: Path) -> None:
+    base = read_graph("paper")
+    with pytest.raises(InputError, match="nothing was changed"):
+        write_variant(tmp_path / "v.yaml", base, "paper", [], "same")
+    change = [{"neutral": "shadow"}]
+    with pytest.raises(InputError, match=r"has to end in \.yaml"):
+        write_variant(tmp_path / "v.txt", base, "paper", change, "text")
+    file = tmp_path / "mine.yaml"
+    file.write_text("format: 1\nextends: paper\n")
+    with pytest.raises(InputError, match="is the graph that was changed"):
+        write_variant(file, read_graph(file), str(file), change, "itself")
+
+
+def test_an_entry_without_words_is_put_back_without_words() -> None:
+    base = read_graph("paper_no_shadow")
+    graph = base.with_entry("shadow", Entry("shadow_linear", base.nodes["shadow"].inputs))
+    assert changes_between(base, graph, {}) == [{"replace": "shadow", "op": "shadow_linear"}]

@@ -1,0 +1,52 @@
+"""A cache holds so many bytes, and lets go of what was used longest ago."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph.run.cache import MOST_RUNS, Cache, Kept, Run
+
+
+def kept(name: str) -> Kept:
+    return Kept(name, "out", "host")
+
+
+def test_what_was_used_longest_ago_goes_first() -> None:
+    cache = Cache(megabytes=3.5)
+    for name in "abc":
+        cache.put(kept(name), np.zeros(10**6, np.uint8))
+    cache.take(kept("a"))
+    cache.put(kept("d"), np.zeros(10**6, np.uint8))
+    assert [name for name in "abcd" if kept(name) in cache] == ["a", "c", "d"]
+    assert 3 * 10**6 < cache.bytes < 3.5e6
+
+
+def test_what_is_larger_than_the_cache_is_not_kept() -> None:
+    cache = Cache(megabytes=1)
+    cache.put(kept("a"), np.zeros(10, np.uint8))
+    cache.put(kept("b"), np.zeros(10**7, np.uint8))
+    assert kept("a") in cache
+    assert kept("b") not in cache
+
+
+def test_a_value_that_is_put_twice_counts_once() -> None:
+    cache = Cache()
+    for _ in range(3):
+        cache.put(kept("a"), np.zeros(1000, np.uint8))
+    assert 1000 < cache.bytes < 2000
+    cache.drop(kept("a"))
+    assert (cache.bytes, len(cache)) == (0, 0)
+
+
+def test_an_object_of_unknown_size_counts_as_a_large_one() -> None:
+    cache = Cache()
+    cache.put(kept("a"), (object(), 1.0))
+    assert cache.bytes > 10**6
+
+
+def test_what_is_known_of_runs_is_bounded_too() -> None:
+    cache = Cache()
+    for number in range(MOST_RUNS + 5):
+        cache.note(str(number), Run({}, 0.0, ()))
+    assert cache.run("0") is None
+    assert cache.run(str(MOST_RUNS)) is not None

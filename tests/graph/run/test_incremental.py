@@ -1,0 +1,270 @@
+"""Only what changed is computed, and what comes out is what a fresh run gives."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, NodeError, load
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.cache import Cache
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tests.conftest import Calibration, Raytraced
+from tests.graph.conftest import STREAM, Write
+
+BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
+CHAIN = """
+format: 1
+params: {count: {kind: integer}}
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  cal:    {op: at_rest}
+  light:  {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}}
+  twice:  {op: doubled, in: {image: light}}
+  seen:   {op: noticed, in: {image: twice}}
+  high:   {op: bright, in: {image: light}}
+  sum:    {op: summed, in: {image: seen, before: previous.sum}}
+  save:   {op: noted, in: {image: sum}}
+outputs: {light: light, seen: seen, high: high.light, sum: sum}
+"""
+STACK = np.full((3, 4, 5), 0.5, np.float32)
+
+
+@BACKENDS
+def test_a_second_call_with_equal_arrays_computes_nothing(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    pipeline = load(
+        write(CHAIN.replace("before: previous.sum", "")), backend=backend, cache=Cache()
+    )
+    first = pipeline(frames=STACK)
+    second = pipeline(frames=STACK.copy())
+    assert toys == ["at_rest", "doubled"]
+    assert {"light", "twice", "seen"} <= second.kept
+    assert not {"light", "twice", "seen"} & first.kept
+    for name in first:
+        np.testing.assert_array_equal(first[name], second[name])
+    assert second.warnings == first.warnings == ["a warning"]
+
+
+@BACKENDS
+def test_a_change_computes_what_depends_on_it_and_nothing_else(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    pipeline = load(write(CHAIN), backend=backend, cache=Cache())
+    pipeline(frames=STACK)
+    pipeline.set("high", above=0.25)
+    result = pipeline.again()
+    names = {name for name in pipeline.plan.tasks if name != "save"}
+    assert names - result.kept == {"high"}
+    assert names - pipeline.again().kept == set()
+    assert toys.count("doubled") == 1
+    fresh = load(write(CHAIN), backend=backend, changes={"high.above": 0.25})(frames=STACK)
+    for name in fresh:
+        np.testing.assert_array_equal(result[name], fresh[name])
+
+
+@BACKENDS
+def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = CHAIN.replace("op: doubled", "op: passed_on")
+    pipeline = load(write(text), backend=backend, cache=Cache())
+    stack = STACK.copy()
+    pipeline(frames=stack)
+    stack[:] = 7
+    np.testing.assert_array_equal(pipeline.again()["seen"], STACK)
+    np.testing.assert_array_equal(pipeline.inspect("frames.image"), STACK)
+
+
+@BACKENDS
+def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    def sums(cache: Cache | None) -> list[float]:
+        graph = read_graph(write(CHAIN))
+        pipeline = open_pipeline(graph, {"count": 3}, backend=backend, cache=cache)
+        found = []
+        for item in pipeline.items():
+            for _ in range(2 if cache else 0):
+                item = pipeline.again()
+            found.append(float(item["sum"][0, 0, 0]))
+        return found
+
+    assert sums(Cache()) == sums(None)
+
+
+@BACKENDS
+def test_a_cache_too_small_for_anything_changes_no_result(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    small = Cache(megabytes=1e-4)
+    pipeline = load(write(CHAIN), backend=backend, cache=small)
+    fresh = load(write(CHAIN), backend=backend)
+    for level in (0.5, 0.25, 0.5):
+        found, expected = pipeline(frames=level * STACK), fresh(frames=level * STACK)
+        for name in expected:
+            np.testing.assert_array_equal(found[name], expected[name])
+        assert small.bytes <= small.most
+    np.testing.assert_array_equal(pipeline.inspect("twice"), expected["seen"])
+
+
+@BACKENDS
+def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = CHAIN.replace("  high: ", "  rest: {op: bright, in: {image: cal.flat}}\n  high: ")
+    text = text.replace("outputs: {", "outputs: {rest: rest.light, ")
+    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline(frames=STACK)
+    pipeline.set("high", above=0.25)
+    assert "rest" in pipeline.again().kept
+    assert "rest" in pipeline(frames=2 * STACK).kept
+
+
+def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Write) -> None:
+    cache = Cache()
+    other = CHAIN.replace("{op: bright, in: {image: light}}", "{op: bright, in: {image: twice}}")
+    for name, text in (("one.yaml", CHAIN), ("two.yaml", other)):
+        load(write(text, name), backend="opencl", cache=cache)(frames=STACK)
+    assert toys.count("doubled") == 1
+
+
+def test_device_and_host_do_not_stand_in_for_each_other(toys: list[str], write: Write) -> None:
+    cache = Cache()
+    for backend in ("numpy", "opencl"):
+        result = load(write(CHAIN), backend=backend, cache=cache)(frames=STACK)
+        assert "light" not in result.kept
+
+
+def test_a_run_that_failed_leaves_nothing_behind(toys: list[str], write: Write) -> None:
+    text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: twice}}")
+    pipeline = load(write(text), backend="opencl", cache=Cache(), changes={"seen.at": 1.0})
+    with pytest.raises(NodeError):
+        pipeline(frames=STACK)
+    pipeline.set("seen", at=9.0)
+    np.testing.assert_array_equal(pipeline(frames=STACK)["light"], STACK)
+
+
+@BACKENDS
+def test_sinks_write_again_though_nothing_is_computed(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    graph = read_graph(write(STREAM))
+    pipeline = open_pipeline(graph, {"count": 1}, backend=backend, cache=Cache())
+    (item,) = pipeline.items()
+    pipeline = open_pipeline(graph, {"count": 1}, backend=backend, cache=Cache())
+    next(pipeline.items())
+    pipeline.again()
+    assert toys.count("noted 1") == 3
+    assert item["score"] == {"mean": 1.0, "truth": 1.0}
+
+
+@BACKENDS
+def test_repeats_run_what_is_not_kept_so_often(toys: list[str], write: Write, backend: str) -> None:
+    graph = read_graph(write(CHAIN))
+    cache = Cache()
+    for _ in range(2):
+        pipeline = open_pipeline(graph, {"count": 2}, backend=backend, cache=cache)
+        results = list(pipeline.items(repeats=3))
+    assert toys.count("doubled") == 6
+    assert all(result.times["twice"] > 0 for result in results)
+
+
+@BACKENDS
+def test_a_value_from_inside_can_be_looked_at(toys: list[str], write: Write, backend: str) -> None:
+    text = CHAIN.replace(
+        "outputs: {", "  half: {op: halves, in: {image: light}}\noutputs: {half: half.low, "
+    )
+    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline(frames=STACK)
+    np.testing.assert_array_equal(pipeline.inspect("twice"), 2 * STACK)
+    unread = pipeline.inspect("half.high")
+    assert unread.shape == STACK.shape
+    with pytest.raises(ValueError, match="read-only"):
+        unread[0] = 1
+    assert toys.count("doubled") == 1
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        ("ligth", "no node 'ligth' is run; did you mean 'light'"),
+        ("cal", r"say which value; 'cal' makes cal\.flat, cal\.dark"),
+        ("light.height", r"'light' makes light\.flat_field"),
+    ],
+)
+def test_a_value_that_is_not_there_is_told(
+    toys: list[str], write: Write, reference: str, message: str
+) -> None:
+    pipeline = load(write(CHAIN), backend="numpy", cache=Cache())
+    pipeline(frames=STACK)
+    with pytest.raises(InputError, match=message):
+        pipeline.inspect(reference)
+
+
+def test_inspect_and_again_need_an_item(toys: list[str], write: Write) -> None:
+    pipeline = load(write(CHAIN), backend="numpy")
+    pipeline(frames=STACK)
+    with pytest.raises(InputError, match="no item has run since results are kept; run one now"):
+        pipeline.inspect("light")
+    pipeline(frames=STACK)
+    np.testing.assert_array_equal(pipeline.inspect("light"), STACK)
+
+
+def test_a_wrong_setting_changes_nothing(toys: list[str], write: Write) -> None:
+    pipeline = load(write(CHAIN), backend="numpy")
+    before = pipeline.plan.graph.hash
+    for node, settings, message in (
+        ("hihg", {"above": 1}, "there is no node 'hihg'; did you mean 'high'"),
+        ("high", {"abov": 1}, "has no parameter 'abov'; did you mean 'above'"),
+        ("high", {"above": "much"}, "a number is needed, not 'much'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            pipeline.set(node, **settings)
+    assert pipeline.plan.graph.hash == before
+    pipeline.set("high", above=2)
+    assert pipeline.plan.graph.hash != before
+
+
+def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
+    raytraced: Raytraced, calibration: Calibration
+) -> None:
+    given = {"capture": str(raytraced / "near33" / "cat"), "calibration": calibration("near33")}
+    graph, cache = read_graph("reconstruct"), Cache(megabytes=64)
+    pipeline = open_pipeline(graph, given, sinks=False, cache=cache)
+    next(pipeline.items())
+    for node, settings in (("level", {"degree": 1}), ("label_2", {"steepest": 3.0})):
+        pipeline.set(node, **settings)
+        found = pipeline.again()
+    expected = next(open_pipeline(pipeline.plan.graph, given, sinks=False).items())
+    for name in ("height", "slope", "shadow"):
+        np.testing.assert_array_equal(found[name], expected[name])
+    assert found["metrics"] == expected["metrics"]
+
+
+def test_three_hundred_changes_take_no_more_memory_than_ten(toys: list[str], write: Write) -> None:
+    cache = Cache(megabytes=0.01)
+    pipeline = load(write(CHAIN), backend="opencl", cache=cache)
+    pipeline(frames=STACK)
+    most = 0
+    for number in range(300):
+        pipeline.set("high", above=number / 300)
+        pipeline.again()
+        most = max(most, pipeline.buffers)
+        if number == 10:
+            gc.collect()
+            early = pipeline.buffers
+    assert cache.bytes <= cache.most
+    assert most <= early + 40
+
+
+def test_a_source_of_files_is_read_for_every_item(toys: list[str], write: Write) -> None:
+    graph = read_graph(write(CHAIN))
+    pipeline = open_pipeline(graph, {"count": 2}, backend="numpy", cache=Cache())
+    for _ in range(2):
+        list(pipeline.items())
+    assert [word for word in toys if word.startswith("touch")] == ["touch 1", "touch 2"] * 2
+    assert toys.count("doubled") == 2

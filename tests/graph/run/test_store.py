@@ -1,0 +1,192 @@
+"""What is slow and runs once is kept on disk: whole, checked, bounded, and only if it is plain."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from tactograph.graph import Port, node
+from tactograph.graph.run import store
+from tactograph.graph.run.store import recall_or_make
+from tactograph.nodes import F4
+
+
+class Table(NamedTuple):
+    light: Annotated[F4, Port("H W", "1")]
+    trees: tuple[cKDTree, ...]
+
+
+@node
+def tabled(image: Annotated[F4, Port("H W", "1")], *, scale: float = 1.0) -> Table:
+    """A table with a tree."""
+    points = image * np.float32(scale)
+    return Table(points, (cKDTree(points),))
+
+
+IMAGE = np.arange(12, dtype=np.float32).reshape(6, 2)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(store.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setattr(store, "SLOW_MS", -1.0)
+    return tmp_path / "cache"
+
+
+def made(image: F4 = IMAGE, scale: float = 1.0, *, made_now: bool) -> Any:
+    calls = []
+
+    def make() -> Table:
+        calls.append(1)
+        result: Table = tabled(image, scale=scale)
+        return result
+
+    result = recall_or_make(tabled, {"scale": scale}, [image], make)
+    assert bool(calls) == made_now
+    return result
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir())
+
+
+def test_what_was_made_is_read_the_next_time(folder: Path) -> None:
+    first, second = made(made_now=True), made(made_now=False)
+    assert isinstance(second, Table)
+    np.testing.assert_array_equal(first.light, second.light)
+    assert second.trees[0].query([2, 3]) == first.trees[0].query([2, 3])
+
+
+def test_other_inputs_or_settings_are_made_anew(folder: Path) -> None:
+    made(made_now=True)
+    made(IMAGE + 1, made_now=True)
+    made(scale=2.0, made_now=True)
+    made(made_now=False)
+
+
+def test_other_code_is_made_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made(made_now=True)
+    monkeypatch.setattr("tactograph.graph.run.result_origin.code_of", lambda node: "another")
+    made(made_now=True)
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "foreign"])
+def test_a_damaged_file_is_made_again(folder: Path, damage: str) -> None:
+    made(made_now=True)
+    (file,) = files(folder)
+    body = bytearray(file.read_bytes())
+    body[-20] ^= 1
+    file.write_bytes(
+        {"cut": body[:-5], "flipped": body, "empty": b"", "foreign": b"x" * 99}[damage]
+    )
+    made(made_now=True)
+    made(made_now=False)
+
+
+def test_a_file_that_names_code_is_not_obeyed(folder: Path, tmp_path: Path) -> None:
+    made(made_now=True)
+    (file,) = files(folder)
+
+    class Bad:
+        def __reduce__(self) -> Any:
+            return os.mkdir, (str(tmp_path / "obeyed"),)
+
+    import zlib
+
+    body = pickle.dumps(Bad())
+    file.write_bytes(store._MAGIC + f"{zlib.crc32(body):08x}".encode() + b"\n" + body)
+    made(made_now=True)
+    assert not (tmp_path / "obeyed").exists()
+
+
+def test_what_is_fast_leaves_no_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "SLOW_MS", 1e6)
+    made(made_now=True)
+    assert not folder.exists()
+
+
+def test_what_holds_other_objects_leaves_no_file(folder: Path) -> None:
+    recall_or_make(tabled, {}, [IMAGE], lambda: (IMAGE, object()))
+    assert not folder.exists() or not files(folder)
+
+
+def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder.write_text("a file")
+    made(made_now=True)
+
+
+def test_off_keeps_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(store.FOLDER, "off")
+    made(made_now=True)
+    made(made_now=True)
+    assert not folder.exists()
+
+
+def test_files_go_that_were_read_longest_ago(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made(made_now=True)
+    (first,) = files(folder)
+    monkeypatch.setattr(store, "MOST_BYTES", 4 * first.stat().st_size + 8)
+    for number in range(1, 4):
+        made(IMAGE + number, made_now=True)
+    for age, file in enumerate([first, *(f for f in files(folder) if f != first)]):
+        os.utime(file, (time.time() - 50 + age,) * 2)
+    made(made_now=False)
+    made(IMAGE + 9, made_now=True)
+    assert len(files(folder)) == 4
+    assert first in files(folder)
+
+
+def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
+    folder.mkdir()
+    left, fresh = folder / ".writing-old", folder / ".writing-now"
+    for file in (left, fresh):
+        file.write_text("half")
+    os.utime(left, (time.time() - 7200,) * 2)
+    made(made_now=True)
+    assert not left.exists()
+    assert fresh.exists()
+
+
+WRITER = """
+import sys
+from tests.graph.run.test_store import tabled
+from tactograph.graph.run import store
+import numpy as np
+store.SLOW_MS = -1.0
+image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)
+print("begun", flush=True)
+for _ in range(int(sys.argv[1])):
+    for file in store._folder().glob("*.kept"):
+        file.unlink(missing_ok=True)
+    store.recall_or_make(tabled, {}, [image], lambda: tabled(image))
+"""
+
+
+def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
+    writers = [
+        subprocess.Popen([sys.executable, "-c", WRITER, count], stdout=subprocess.PIPE)
+        for count in ("10000", "4")
+    ]
+    for writer in writers:
+        assert writer.stdout is not None
+        writer.stdout.readline()
+    time.sleep(0.1)
+    writers[0].kill()
+    assert writers[1].wait(timeout=60) == 0
+    writers[0].wait()
+    image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)
+    recall_or_make(tabled, {}, [image], lambda: pytest.fail("no whole file was left"))
+    for writer in writers:
+        assert writer.stdout is not None
+        writer.stdout.close()

@@ -1,0 +1,202 @@
+"""Graphs as plain data and nodes of the program itself: the same checks, the same messages."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Annotated, Any
+
+import numpy as np
+import pytest
+from annotated_types import Gt
+
+from tactograph.graph import GraphError, InputError, NodeError, load, node, parity
+from tactograph.graph.files import read_graph as read
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.nodes import Light
+from tests.graph.conftest import STREAM, Write
+
+KERNEL = """
+#include "common.clh"
+__kernel void brightened(
+    __global const float *restrict light, __global float *restrict out,
+    const int K, const int H, const int W, const float gain)
+{
+    GRID_3(k, y, x, K, H, W)
+    const int i = (k * H + y) * W + x;
+    out[i] = light[i] * gain;
+}
+"""
+STACK = np.full((3, 4, 5), 0.25, np.float32)
+
+
+@node(neutral="light")
+def brightened(light: Light, *, gain: Annotated[float, Gt(0)] = 2.0) -> Light:
+    """More light."""
+    return light * np.float32(gain)
+
+
+brightened.opencl(grid="K H W", source=KERNEL)
+
+
+def data(**changes: Any) -> dict[str, Any]:
+    plain: dict[str, Any] = {
+        "format": 1,
+        "params": {"capture": {"kind": "path"}},
+        "nodes": {
+            "frames": {"op": "read_capture", "with": {"folder": "$capture"}},
+            "more": {"op": "brightened", "in": {"light": "frames.image"}, "with": {"gain": 3}},
+        },
+        "outputs": {"light": "more"},
+    }
+    return {**plain, **changes}
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_a_graph_of_plain_data_runs_a_node_of_the_program(backend: str) -> None:
+    pipeline = load(data(), nodes=[brightened], backend=backend)
+    assert pipeline.plan.placements["more"].backend == backend
+    np.testing.assert_allclose(pipeline(frames=STACK)["light"], 0.75)
+
+
+def test_a_kernel_may_be_a_file(tmp_path: Path) -> None:
+    @node
+    def brightened(light: Light, *, gain: float = 2.0) -> Light:
+        return light * np.float32(gain)
+
+    (tmp_path / "any.cl").write_text(KERNEL)
+    brightened.opencl(grid="K H W", source=tmp_path / "any.cl")
+    assert parity.check(brightened) > 5
+    brightened.opencl(grid="K H W", source=str(tmp_path / "none.cl"))
+    with pytest.raises(NodeError, match=r"the kernel .*none\.cl cannot be read"):
+        parity.check(brightened)
+
+
+def test_parity_tells_what_differs() -> None:
+    @node
+    def brightened(light: Light, *, gain: float = 2.0) -> Light:
+        return light * np.float32(gain)
+
+    brightened.opencl(grid="K H W", source=KERNEL.replace("* gain", "+ gain"))
+    with pytest.raises(AssertionError, match=r"'brightened' differs on .* cases:\n  K4xH1xW1"):
+        parity.check(brightened)
+
+
+def test_parity_needs_a_kernel() -> None:
+    @node
+    def plain(light: Light) -> Light:
+        return light
+
+    with pytest.raises(InputError, match="node 'plain' has no kernel"):
+        parity.check(plain)
+
+
+def test_a_graph_that_was_read_can_be_loaded(toys: list[str], write: Write) -> None:
+    graph = read_graph(write(STREAM))
+    results = list(load(graph, count=2, backend="numpy").items())
+    assert len(results) == 2
+
+
+def test_plain_data_may_extend_what_ships() -> None:
+    graph = read_graph(
+        {"format": 1, "extends": "paper", "patch": [{"neutral": "shadow"}], "title": "No shadows"}
+    )
+    assert graph.nodes["shadow"].neutral
+    assert graph.hash == read_graph("paper_no_shadow").hash
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"nodess": {}}, r"test_without_files\.py:\d+: nodess: unknown key 'nodess'; did you mean"),
+        ({"outputs": {"light": "moer"}}, r"outputs\.light: there is no node 'moer'; did you mean"),
+        ({"title": object()}, r"test_without_files\.py:\d+: title: a object is no plain data"),
+        ({"nodes": {1: {}}}, r"nodes: the key 1 is no text"),
+        ({"prefer": ["metal"]}, r"prefer\[0\]: 'numpy' or 'opencl' is needed, not 'metal'"),
+        ({"format": 2}, "this version reads format 1, not 2"),
+    ],
+)
+def test_mistakes_in_plain_data_are_told_with_the_line(
+    changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(GraphError, match=message):
+        load(data(**changes), nodes=[brightened])
+
+
+def test_names_of_own_nodes_are_their_own() -> None:
+    @node
+    def flat_field(light: Light) -> Light:
+        return light
+
+    with pytest.raises(InputError, match="a shipped node is called 'flat_field'"):
+        load(data(), nodes=[flat_field])
+    with pytest.raises(InputError, match="two are called 'brightened'"):
+        load(data(), nodes=[brightened, brightened])
+    with pytest.raises(InputError, match="is no node; decorate"):
+        load(data(), nodes=[len])  # type: ignore[list-item]
+    with pytest.raises(GraphError, match="no node is called 'brightened'"):
+        load(data())
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ((480, 640, 3), r"looks like a colour image, H x W x 3: np\.moveaxis"),
+        ((4, 48, 64, 3), r"looks like K colour images: stack\[\.\.\., 1\]"),
+        ((48, 64), r"not one image of \(48, 64\): np\.stack"),
+    ],
+)
+def test_arrays_of_another_order_are_told_how_to_be_turned(
+    shape: tuple[int, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        load(data(), nodes=[brightened], backend="numpy")(frames=np.zeros(shape, np.uint8))
+
+
+def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "felt_pipelines"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    point = EntryPoint("felt", "felt_pipelines", read.GROUP)
+    monkeypatch.setattr(
+        read,
+        "entry_points",
+        lambda group, name: [point] if (group, name) == (read.GROUP, "felt") else [],
+    )
+    assert read_graph("felt/soft").nodes["shadow"].neutral
+    variant = read_graph({"format": 1, "extends": "felt/soft", "title": "softer"})
+    assert variant.hash == read_graph("felt/soft").hash
+    with pytest.raises(InputError, match="felt brings no pipeline 'sotf'; did you mean 'soft'"):
+        read_graph("felt/sotf")
+
+
+def test_pipelines_graphs_and_results_draw_themselves(
+    raytraced: Any, height_file: str, write: Write
+) -> None:
+    pipeline = load(data(), nodes=[brightened], backend="numpy")
+    result = pipeline(frames=STACK)
+    assert "more" in pipeline._repr_svg_()
+    assert " ms</text>" in pipeline._repr_svg_()
+    assert "float32 3 x 4 x 5" in result._repr_html_()
+    assert read_graph("paper")._repr_svg_().startswith("<svg")
+    exported = load("export", height=height_file, pixel_size_mm=0.1, backend="numpy")
+    assert exported.plan.graph._repr_svg_().startswith("<svg")
+
+
+def test_a_cell_is_named_as_the_notebook_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    shell = SimpleNamespace(compile=SimpleNamespace(format_code_name=lambda _: ("Cell", "In[7]")))
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    with pytest.raises(GraphError, match=r"^Cell In\[7\]:\d+: format"):
+        load(data(format=3))
+
+
+def test_looking_for_a_pipeline_needs_no_notebook() -> None:
+    code = "import json, sys; import tactograph.graph; print(json.dumps(sorted(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"IPython", "matplotlib", "networkx"} & {*json.loads(done.stdout)}

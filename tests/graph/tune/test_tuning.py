@@ -1,0 +1,199 @@
+"""The state behind the page: the latest change wins, a bad one changes nothing."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.tune.tuning import Tuning
+from tests.graph.conftest import Write
+
+GRAPH = """
+format: 1
+params: {count: {kind: integer, default: 3}}
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  twice:  {op: doubled, in: {image: frames.image}}
+  seen:   {op: noticed, in: {image: twice}}
+  high:   {op: bright, in: {image: twice}}
+  fail:   {op: failing, in: {image: seen}, with: {at: 99}}
+outputs: {light: fail, high: high.light}
+"""
+
+Open = Callable[..., Tuning]
+
+
+@pytest.fixture
+def opened(toys: list[str], write: Write) -> Iterator[Open]:
+    made: list[Tuning] = []
+
+    def make(text: str = GRAPH, **more: Any) -> Tuning:
+        made.append(Tuning(write(text), {}, **more))
+        return made[-1]
+
+    yield make
+    for tuning in made:
+        tuning.close()
+
+
+def test_a_change_is_followed_by_its_result(opened: Open, toys: list[str]) -> None:
+    tuning = opened()
+    before = tuning.settled()
+    assert before.result is not None
+    assert before.result["high"].size == 20
+    tuning.set("high", "above", 5.0)
+    after = tuning.settled()
+    assert after.result is not None
+    assert after.result["high"].size == 0
+    assert toys.count("doubled") == 1
+
+
+def test_the_latest_of_many_changes_is_what_is_shown(opened: Open) -> None:
+    tuning = opened()
+    first = tuning.settled().number
+    for value in np.linspace(0, 9, 400):
+        tuning.set("high", "above", float(value))
+    shown = tuning.settled()
+    assert shown.asked is not None
+    assert shown.asked.graph.nodes["high"].settings["above"] == 9.0
+    assert shown.number - first < 400
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.set("high", "above", "much"), "a number is needed, not 'much'"),
+        (lambda t: t.set("hihg", "above", 1.0), "there is no node 'hihg'; did you mean 'high'"),
+        (lambda t: t.set("high", "abov", 1.0), "has no parameter 'abov'"),
+        (lambda t: t.set_backend("twice", "opencl"), "'doubled' has no OpenCL kernel"),
+        (lambda t: t.set_neutral("twice", True), "'doubled' has no neutral value"),
+        (lambda t: t.put_beside("papre"), "did you mean 'paper'"),
+        (lambda t: t.save(Path("v.yaml")), "nothing was changed"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_changes_nothing(
+    opened: Open, change: Callable[[Tuning], None], message: str
+) -> None:
+    tuning = opened()
+    before = tuning.settled()
+    with pytest.raises(InputError, match=message):
+        change(tuning)
+    assert tuning.settled() is before
+
+
+def test_a_node_that_fails_is_told_and_the_next_change_mends_it(opened: Open) -> None:
+    tuning = opened()
+    good = tuning.settled().result
+    tuning.set("fail", "at", 2.0)
+    shown = tuning.settled()
+    assert "'fail'" in shown.error
+    assert shown.result is good
+    tuning.set("fail", "at", 50.0)
+    assert tuning.settled().error == ""
+
+
+def test_a_node_can_be_looked_into(opened: Open) -> None:
+    tuning = opened()
+    tuning.look_at("twice")
+    shown = tuning.settled()
+    np.testing.assert_array_equal(shown.inspected["doubled"], np.full((3, 4, 5), 2))
+
+
+def test_a_back_end_is_switched_and_taken_back(opened: Open) -> None:
+    tuning = opened()
+    tuning.set_backend("high", "numpy")
+    plan = tuning.settled().plan
+    assert plan is not None
+    assert plan.placements["high"].backend == "numpy"
+    assert tuning.changes() == [{"backend": "high", "to": "numpy"}]
+    tuning.set_backend("high", None)
+    plan = tuning.settled().plan
+    assert plan is not None
+    assert plan.placements["high"].backend == "opencl"
+    assert tuning.changes() == []
+
+
+def test_reset_takes_the_file_s_word(opened: Open) -> None:
+    tuning = opened()
+    tuning.set("fail", "at", 7.0)
+    tuning.set("high", "above", 7.0)
+    for node in ("fail", "high"):
+        tuning.reset(node)
+    shown = tuning.settled()
+    assert tuning.changes() == []
+    assert shown.result is not None
+    assert shown.result["high"].size == 20
+
+
+def test_a_stream_goes_on_and_ends(opened: Open) -> None:
+    tuning = opened()
+    levels = []
+    for _ in range(3):
+        shown = tuning.settled()
+        assert shown.result is not None
+        levels.append(float(shown.result["light"][0, 0, 0]))
+        tuning.go(1)
+    assert levels == [2, 4, 6]
+    assert "its stream has ended" in tuning.settled().error
+
+
+def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
+    tuning = opened(GRAPH.replace("default: 3", "default: 5000"))
+    tuning.settled()
+    tuning.play(True)
+    for value in (1.0, 2.0, 3.0):
+        tuning.set("high", "above", value)
+        time.sleep(0.05)
+    tuning.play(False)
+    assert tuning.settled().error == ""
+    assert tuning.asked.item > 3
+
+
+def test_two_graphs_run_side_by_side(opened: Open, write: Write) -> None:
+    text = GRAPH.replace("op: bright, in: {image: twice}", "op: bright, in: {image: seen}")
+    other = write(text.replace("seen}}\n  fail", "seen}, with: {above: 3}}\n  fail"), "other.yaml")
+    tuning = opened(beside=other)
+    shown = tuning.settled()
+    assert shown.result is not None
+    assert shown.beside is not None
+    assert (shown.result["high"].size, shown.beside["high"].size) == (20, 0)
+
+
+def test_what_is_saved_reads_back_as_what_is_shown(opened: Open, tmp_path: Path) -> None:
+    tuning = opened()
+    tuning.set("high", "above", 5.0)
+    tuning.set_backend("high", "numpy")
+    file = tuning.save(tmp_path / "sub" / "kept.yaml")
+    saved = read_graph(file)
+    assert saved.nodes == tuning.graph.nodes
+    assert len(file.read_text().splitlines()) == 8
+
+
+def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(
+    opened: Open,
+) -> None:
+    tuning = opened()
+    tuning.set("high", "above", 5.0)
+    good = tuning.settled()
+    file = Path(tuning.source)
+    later = time.time() + 5
+    file.write_text(GRAPH.replace("op: bright", "op: brigth"))
+    os.utime(file, (later, later))
+    assert tuning.reload()
+    assert "graph.yaml:8:" in tuning.shown.error
+    assert "did you mean 'bright'" in tuning.shown.error
+    assert tuning.shown.result is good.result
+    file.write_text(GRAPH.replace("{at: 99}", "{at: 98}"))
+    os.utime(file, (later + 5, later + 5))
+    assert tuning.reload()
+    shown = tuning.settled()
+    assert (shown.error, tuning.graph.nodes["fail"].settings) == ("", {"at": 98})
+    assert not tuning.reload()
