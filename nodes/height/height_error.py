@@ -212,8 +212,9 @@ def height_error(
     total = np.zeros_like(level)
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
-    both = bounced is not None and earlier is not None
-    changed = window.of(bounced) - window.of(earlier) if both else np.float32(0)
+    changed: F4 | np.float32 = np.float32(0)
+    if bounced is not None and earlier is not None:
+        changed = window.of(bounced) - window.of(earlier)
     wrong = np.float32(0) if misfit is None else misfit[3]
     half = np.float32(0.5 * pixel)
     for number, other in enumerate(others):
