@@ -4,19 +4,30 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 DEMO   := demo
 
-.PHONY: demo demo-live test lint docs ablation clean
+.PHONY: demo demo-live test types lint docs ablation clean
 
 # The package and its dependencies; again whenever pyproject.toml changes.
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	@$(MAKE) --no-print-directory types
 	@touch $@
+
+# Type checkers cannot follow the folder mapping of an editable install: show them a tree of
+# links, on the path.  Python itself still asks the mapping first (second line of the .pth file).
+TYPING := $(CURDIR)/.typing
+types:
+	@mkdir -p $(TYPING)/tactograph
+	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part $(TYPING)/tactograph/$$part; done
+	@ln -sfn ../../tactograph/__init__.py ../../tactograph/py.typed $(TYPING)/tactograph/
+	@printf '%s\nimport sys; sys.meta_path.sort(key=lambda f: "tactograph" not in getattr(f, "__module__", ""))\n' '$(TYPING)' \
+	  > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tactograph-types.pth"
 
 demo: $(VENV)/.installed
 	@$(BIN)/tactograph demo --out $(DEMO)
 
-# A sensor made of software, pressed by a moving ball, as a live stream of heights.
+# A simulated sensor, pressed by a moving ball, as a live stream of heights.
 LIVE_SECONDS ?= 20
 demo-live: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)
@@ -29,17 +40,13 @@ $(VENV)/.tested: $(VENV)/.installed
 
 test: $(VENV)/.tested lint
 	$(BIN)/tactograph devices --require
-	$(BIN)/python -m pytest -n 2 -m 'not realtime'
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m 'not realtime'
 	$(BIN)/python -m pytest -m realtime
 
-# Type checkers cannot follow the folder mapping of an editable install: show them a tree of links.
-lint: $(VENV)/.tested
-	@mkdir -p .typing/tactograph
-	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part .typing/tactograph/$$part; done
-	@ln -sfn ../../tactograph/__init__.py ../../tactograph/py.typed .typing/tactograph/
+lint: $(VENV)/.tested types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	MYPYPATH=.typing $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
+	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
 
 # The documentation as a site, in build/site; links and commands are checked by the tests.
 docs: $(VENV)/.tested

@@ -13,8 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph.compare.compare import Row
-from tactograph.graph.compare.record import read_rows
-from tactograph.graph.compare.views import View, load_views
+from tactograph.graph.compare.comparison_record import read_rows
+from tactograph.graph.compare.drawable_arrays import View, load_views
 
 SHAPES = ("ball", "teapot", "cat")
 SLANT = "lights.slant_deg"

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Labels
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow

@@ -32,8 +32,8 @@ from literal import Literal
 
 from tactograph.graph import load
 from tactograph.graph.backends.devices import find_devices
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 
 SIZES = "320x240,640x480,1640x1232,4928x3264"
 TABLES = "2000,20000,117000"

@@ -17,8 +17,8 @@ import numpy as np
 from accuracy import DATA, PIXEL_MM, measure, number, row
 
 from tactograph.graph import load
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import Layout, read_images
 
 RIGS = ("far28", "near33")

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactograph.graph.files.patch import apply_patch
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.strict_yaml import Place
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.write_capture import write_capture
 from tactograph.nodes.live.expose import expose
 from tactograph.nodes.slope.height_slopes import height_slopes

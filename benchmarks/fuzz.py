@@ -33,8 +33,8 @@ from PIL import Image
 
 from tactograph.graph import Provenance, Session
 from tactograph.graph.command import main as tactograph
-from tactograph.graph.files.read import read_graph, shipped_names
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.live._frames import RawFrame
 from tactograph.nodes.recording.record import record
 

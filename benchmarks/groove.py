@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 
 PIXEL_MM = 0.0274581
 MIDDLE = 308

@@ -25,8 +25,8 @@ from error_band import SHAPES as SIMULATED
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tactograph.nodes.shadow.shadow_confidence import shadow_confidence
 

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM, RADIUS_MM, PITCH_MM = 0.003404, 0.2475, 1.0

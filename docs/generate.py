@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import mkdocs_gen_files
 
-from tactograph.graph.declare.describe import describe, node_page
 from tactograph.graph.declare.find_node import builtin_names, find_node
-from tactograph.graph.files.model import Graph
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.declare.node_page import describe, node_page
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.draw import to_mermaid
-from tactograph.graph.run.open import open_pipeline, placeholders
+from tactograph.graph.run.open_pipeline import open_pipeline, placeholders
 
 
 def write_nodes() -> None:

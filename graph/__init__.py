@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.declare.node import Node, Parts, SizeLimit, node
+from tactograph.graph.declare.declare_node import node
+from tactograph.graph.declare.node import Node, Parts, SizeLimit
 from tactograph.graph.declare.ports import Port
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
@@ -25,7 +26,7 @@ from tactograph.graph.errors import (
 )
 
 if TYPE_CHECKING:
-    from tactograph.graph.run.open import load
+    from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
 
 __all__ = [
@@ -53,9 +54,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # The planner pulls in networkx and pydantic; a node file needs neither.
+    # The planner pulls in pydantic; a node file needs neither.
     if name == "load":
-        from tactograph.graph.run.open import load
+        from tactograph.graph.run.open_pipeline import load
 
         return load
     if name == "Pipeline":

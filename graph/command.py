@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.metadata
 import os
 import sys
 import warnings
@@ -51,7 +50,7 @@ class _Lazy(click.Group):
 
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(importlib.metadata.version("tactograph"), prog_name="tactograph")
+@click.version_option(package_name="tactograph", prog_name="tactograph")
 def _group() -> None:
     """Height maps in mm from optical touch sensors, as an editable processing graph."""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tactograph.graph.run.open import load
+    from tactograph.graph.run.open_pipeline import load
 
     __version__: str
 
@@ -23,7 +23,7 @@ __all__ = ["__version__", "load"]
 def __getattr__(name: str) -> Any:
     # A node file, or `tactograph --help`, needs neither.
     if name == "load":
-        from tactograph.graph.run.open import load
+        from tactograph.graph.run.open_pipeline import load
 
         return load
     if name == "__version__":

@@ -1,1 +1,14 @@
-"""Where nodes run.  NumPy needs nothing; `opencl` drives one device through pyopencl."""
+"""Where nodes run: NumPy on the host, or one device.
+
+NumPy is a plain call and needs no code here.  A device's back end NAME is the module NAME.py of
+this folder with ``open_device(text) -> (DeviceBackend | None, reason)``, and an entry below.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+Backend = Literal["numpy", "opencl"]
+BACKENDS: tuple[Backend, ...] = get_args(Backend)
+PREFERRED: tuple[Backend, ...] = ("opencl", "numpy")
+"""The order for a graph that states no preference."""

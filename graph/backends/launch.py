@@ -17,8 +17,8 @@ from tactograph.graph.backends.arrays import (
     in_row_lanes,
     local_size,
 )
-from tactograph.graph.backends.compiled import Compiled
-from tactograph.graph.backends.queue import Queue
+from tactograph.graph.backends.compiled_node import Compiled
+from tactograph.graph.backends.device_queue import Queue
 
 __all__ = ["DeviceArray", "Launch", "as_array", "global_size", "local_size"]
 
@@ -53,8 +53,12 @@ class Launch:
         follows a marker on a single core.
         """
         if not self._events:
-            self._events.append(cl.enqueue_marker(self.queue))
+            self.mark()
         return self._events[0], self._events[-1]
+
+    def mark(self) -> None:
+        """End the timing here: for a library's kernels, which leave no event."""
+        self._events.append(cl.enqueue_marker(self.queue))
 
     @property
     def lanes(self) -> int:
@@ -125,7 +129,7 @@ class Launch:
         return self._device.download(array)
 
     def found(self, symbol: str, size: int) -> None:
-        """Say how large a size symbol is that only the data tells, and make the outputs with it."""
+        """Set a size that only the data determine, and make the outputs that have it."""
         node = self._compiled.node
         self.sizes[symbol] = size
         for name, port in node.outputs.items():

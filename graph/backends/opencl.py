@@ -5,16 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from tactograph.graph.backends.compiled import Compiled
-from tactograph.graph.backends.devices import Device
-from tactograph.graph.backends.prepared import Prepared
-from tactograph.graph.backends.queue import Queue
+from tactograph.graph.backends.compiled_node import Compiled
+from tactograph.graph.backends.device_queue import Queue
+from tactograph.graph.backends.devices import Device, choose_device
+from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 
 
+def open_device(text: str | None = None) -> tuple[OpenCL | None, str]:
+    """The device to use, or None and the reason; see `choose_device`."""
+    device, reason = choose_device(text)
+    return (OpenCL(device) if device is not None else None), reason
+
+
 class OpenCL(Queue):
     """One OpenCL device with its queue, its buffers and its compiled nodes."""
+
+    backend = "opencl"
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         super().__init__(device, lanes)

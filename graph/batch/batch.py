@@ -8,13 +8,13 @@ from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store, open_store
-from tactograph.graph.batch.work import Chunk, Tally, find_map_types, folder_name
+from tactograph.graph.batch.worker import Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.dump import dump_graph
-from tactograph.graph.files.model import NOT_GIVEN, Graph
+from tactograph.graph.files.dump_graph import dump_graph
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
-from tactograph.graph.run.origin import find_origin, named_files
+from tactograph.graph.run.result_origin import find_origin, named_files
 
 TRIES = 20
 """So many captures are tried to find out what maps look like."""
@@ -110,7 +110,7 @@ def store_place(out: str, job: Job) -> str:
 
 
 def open_batch(out: str, job: Job, captures: Sequence[str]) -> Store:
-    """Make the store, or go on with one of the very same job; add captures that are new.
+    """Make the store, or continue one of the same job; add new captures.
 
     A store in which no capture was finished, as a mistake in the first command leaves it, is
     made anew for another job or other captures.  A batch's own folder is none of its captures.

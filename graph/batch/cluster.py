@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
 DEATHS = 3
@@ -144,7 +144,7 @@ class Cluster:
             from distributed import Client
         except ImportError:
             raise InputError("a cluster needs Dask: pip install 'tactograph[dask]'") from None
-        # What goes wrong is told in a line, not in tracebacks; importing sets a level of its own.
+        # One line reports an error, no traceback; importing sets a level of its own.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             return Client(**self._where, timeout=ANSWER, set_as_default=False)

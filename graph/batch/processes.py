@@ -9,7 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 
-from tactograph.graph.batch.work import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.run.cores import shared_among
 
 TRIES = 2

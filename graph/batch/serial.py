@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from tactograph.graph.batch.work import Chunk, Tally, do_chunk
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
 
 
 class Serial:

@@ -11,13 +11,11 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import uuid
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -223,7 +221,7 @@ class Store:
             dtype=kind.dtype,
             chunks=(1, *kind.shape),
             shards=(self.job.chunk, *kind.shape),
-            compressors=BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"),
+            compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
             dimension_names=("capture", *kind.dims),
             attributes={"unit": kind.unit, "dims": list(kind.dims)},
@@ -267,6 +265,10 @@ class Store:
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
         """Put values among those of the chunk that are there, and write the chunk at once."""
         array = self._array(name)
+        if len(values) == here.stop - here.start:
+            # Nothing of the chunk that is there stays.
+            array[here] = np.array([values[n] for n in range(here.start, here.stop)], array.dtype)
+            return
         block = np.array(self._read(name, here))
         for number, value in values.items():
             block[number - here.start] = value
@@ -314,47 +316,6 @@ class Store:
 def _undecodable() -> tuple[type[Exception], ...]:
     """What the codecs raise at bytes that they did not write."""
     return (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
-
-
-@contextmanager
-def alone_in(place: str) -> Iterator[None]:
-    """Keep other batches out of a store inside the block, where folders can be locked.
-
-    Two that add captures, or merge into one chunk, would undo each other's work.
-
-    Raises
-    ------
-    InputError
-        If another batch is at work there, or its folder cannot be made.
-    """
-    if is_url(place):
-        yield
-        return
-    try:
-        Path(place).mkdir(parents=True, exist_ok=True)
-        folder = os.open(place, os.O_RDONLY)
-    except OSError as error:
-        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
-    try:
-        _lock(folder, place)
-        yield
-    finally:
-        os.close(folder)
-        with suppress(OSError):  # nothing came into it
-            Path(place).rmdir()
-
-
-def _lock(folder: int, place: str) -> None:
-    try:
-        import fcntl
-
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(
-            f"{place}: another batch is at work in it; wait until it is done"
-        ) from None
-    except (ImportError, OSError):
-        return  # neither Windows nor every file system has such locks
 
 
 def create_store(place: str, job: Job, *, overwrite: bool = False) -> Store:

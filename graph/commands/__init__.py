@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tactograph.graph.backends import BACKENDS
 from tactograph.graph.errors import printable
 
 if TYPE_CHECKING:
-    from tactograph.graph.files.model import Graph
+    from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
 
 
@@ -32,15 +33,15 @@ class RunOptions:
 
     def read(self, graph: str) -> Graph:
         """Read a graph with ``--set`` worked in."""
-        from tactograph.graph.files.read import read_graph
-        from tactograph.graph.run.open import with_changes
+        from tactograph.graph.files.read_graph import read_graph
+        from tactograph.graph.run.open_pipeline import with_changes
         from tactograph.graph.run.typed_values import read_settings
 
         return with_changes(read_graph(graph), read_settings(self.settings))
 
     def open(self, graph: Graph, given: Mapping[str, Any], *, sinks: bool = True) -> Pipeline:
         """Plan and compile a graph where the options say."""
-        from tactograph.graph.run.open import open_pipeline
+        from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(
             graph,
@@ -58,7 +59,7 @@ _RUN_OPTIONS = (
         help="Change a parameter of a node.",
     ),
     click.option(
-        "--backend", type=click.Choice(["numpy", "opencl"]),
+        "--backend", type=click.Choice(BACKENDS),
         help="Run on this back end instead of the graph's preference.",
     ),
     click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),

@@ -16,7 +16,7 @@ from tactograph.graph.commands import RunOptions, run_options, say
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
     from tactograph.graph.batch.store import Store
-    from tactograph.graph.batch.work import Tally
+    from tactograph.graph.batch.worker import Tally
 
 EVERY = 10.0
 """Seconds between two lines where no bar can be drawn."""
@@ -73,7 +73,7 @@ def command(
         store_place,
     )
     from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.batch.store import alone_in
+    from tactograph.graph.batch.store_lock import alone_in
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
@@ -95,7 +95,8 @@ def command(
         store = open_batch(out, job, captures)
         damaged = reopen_damaged(store)
         if damaged:
-            say(f"{damaged} captures were called done and are damaged: done again", err=True)
+            plural = "s" if damaged > 1 else ""
+            say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         before = len(store) - to_do
@@ -125,7 +126,7 @@ def _workers(number: int, scheduler: str | None, scheduler_file: str | None) -> 
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
-    """Tell once what workers run elsewhere than it was wanted."""
+    """Report each fallback of a worker once."""
     told: set[str] = set()
     for tally in tallies:
         for line in tally.fallbacks:

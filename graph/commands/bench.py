@@ -53,7 +53,7 @@ def command(
         start = time.perf_counter()
         pipeline = place.open(read, given, sinks=False)
         if pipeline.endless:
-            raise InputError(f"{read.name}: its stream has no end; bench wants one that has")
+            raise InputError(f"{read.name}: its stream has no end; bench needs a stream that ends")
         for line in pipeline.plan.fallbacks:
             say(f"fallback: {line}", err=True)
         results: list[Result] = []

@@ -10,7 +10,7 @@ import click
 from tactograph.graph.commands import say
 
 if TYPE_CHECKING:
-    from tactograph.graph.files.model import Graph
+    from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.plan.plan import Plan
 
 
@@ -19,15 +19,16 @@ if TYPE_CHECKING:
 @click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
-    from tactograph.graph.files.read import read_graph
+    from tactograph.graph.backends.device_backend import open_device
+    from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.run.open import open_device, placeholders, with_changes
+    from tactograph.graph.run.open_pipeline import placeholders, with_changes
     from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))
-    bound = any(entry.backend == "opencl" for entry in read.nodes.values())
-    device, reason = open_device(read, None) if bound else (None, "no device was looked for")
-    # Where nodes run is not told here, so that nothing is loaded to find out.
+    bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
+    device, reason = open_device(bound)
+    # `check` does not say where nodes run, so it need not load a device.
     anywhere = replace(read, prefer=("numpy",))
     plan = make_plan(anywhere, placeholders(read), device=device, no_device=reason)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")

@@ -14,7 +14,7 @@ from tactograph.graph.commands import say
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
-    from tactograph.graph.compare.record import Record
+    from tactograph.graph.compare.comparison_record import Record
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
@@ -55,7 +55,7 @@ def command(
     NAME=VALUE goes to every variant.  Folders among the words, as a shell makes them from
     DIR/*, are further captures.  What was finished before is not run again.
     """
-    from tactograph.graph.compare.record import (
+    from tactograph.graph.compare.comparison_record import (
         deviation,
         read_record,
         read_rows,
@@ -89,11 +89,11 @@ def _read_study(
     seed: str | None,
     repeats: int,
 ) -> Study:
+    from tactograph.graph.backends import BACKENDS
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.model import BACKENDS
-    from tactograph.graph.files.read import read_graph
+    from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.run.typed_values import read_words
 
     missing = [word for word in over if not Path(word).is_dir()]
@@ -129,7 +129,7 @@ def _captures(folder: Path) -> list[Path]:
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:
-    from tactograph.graph.compare.record import make_record, write_record
+    from tactograph.graph.compare.comparison_record import make_record, write_record
     from tactograph.graph.compare.report import write_report
     from tactograph.graph.compare.tables import print_table, write_tables
     from tactograph.graph.errors import InputError

@@ -10,7 +10,7 @@ import click
 STEPS = """
 # What computes here.
 tactograph devices
-# A sensor made of software: a ball of 7 mm radius to calibrate with, the film at rest, and a touch.
+# A simulated sensor: a ball of 7 mm radius to calibrate with, the film at rest, and a touch.
 tactograph run simulate radius_mm=7 seed=1 out=OUT/ball --quiet
 tactograph run simulate_flat seed=2 out=OUT/flat --quiet
 tactograph run simulate radius_mm=5 seed=3 out=OUT/touch --quiet

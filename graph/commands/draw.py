@@ -26,7 +26,7 @@ def command(
     from tactograph.graph.files.whole_files import whole_file
     from tactograph.graph.plan.draw import to_dot, to_mermaid
     from tactograph.graph.plan.draw_svg import to_svg
-    from tactograph.graph.run.open import placeholders
+    from tactograph.graph.run.open_pipeline import placeholders
 
     read = options.read(graph)
     plan = options.open(read, placeholders(read)).plan

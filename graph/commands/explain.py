@@ -22,7 +22,7 @@ def command(
     from rich.console import Console
     from rich.table import Table
 
-    from tactograph.graph.run.open import placeholders
+    from tactograph.graph.run.open_pipeline import placeholders
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)

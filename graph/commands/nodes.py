@@ -11,8 +11,8 @@ from tactograph.graph.commands import say
 @click.argument("name", required=False)
 def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
-    from tactograph.graph.declare.describe import node_page
     from tactograph.graph.declare.find_node import builtin_rooms, find_node, node_names
+    from tactograph.graph.declare.node_page import node_page
     from tactograph.graph.errors import TactographError
 
     if name is not None:
@@ -31,5 +31,5 @@ def command(name: str | None) -> None:
         except TactographError as error:
             say(f"  {each:<{width}}  --  {error}")
             continue
-        kernel = "cl" if "opencl" in found.backends else "  "
-        say(f"  {each:<{width}}  {kernel}  {found.summary}")
+        kernels = " ".join(found.implementations)
+        say(f"  {each:<{width}}  {kernels:<6}  {found.summary}")

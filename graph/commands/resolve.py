@@ -12,9 +12,9 @@ from tactograph.graph.commands import say
 @click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Print GRAPH with 'extends' and 'patch' worked in: a graph file by itself."""
-    from tactograph.graph.files.dump import dump_graph
-    from tactograph.graph.files.read import read_graph
-    from tactograph.graph.run.open import with_changes
+    from tactograph.graph.files.dump_graph import dump_graph
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.run.open_pipeline import with_changes
     from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))

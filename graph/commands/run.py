@@ -52,7 +52,7 @@ def command(
             for warning in result.warnings:
                 if warning not in told:
                     say(f"warning: {warning}", err=True)
-            # A fault of a camera is told whenever it comes back.
+            # A camera's fault is reported whenever it comes back.
             told = {*(() if pipeline.endless else told), *result.warnings}
             if not quiet and (not pipeline.endless or count == 1):
                 say(_summary(count, result))
@@ -116,7 +116,7 @@ def _summary(number: int, result: Result) -> str:
 
 
 def _ranges(result: Result) -> dict[str, str]:
-    """From where to where the maps among the outputs go, those that have a unit of their own."""
+    """The range of each map among the outputs that has a unit."""
     import numpy as np
 
     found = {}

@@ -14,17 +14,17 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from tactograph.graph.compare.drawable_arrays import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
-from tactograph.graph.compare.views import save_views, views_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, TactographError, WriteError
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
-from tactograph.graph.run.open import open_pipeline, with_changes
-from tactograph.graph.run.origin import digest, find_origin, named_files
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 from tactograph.graph.run.result import Result
+from tactograph.graph.run.result_origin import digest, find_origin, named_files
 
 RUNS = 3
 """How often an item of a stream is computed, for the median of its times."""
@@ -156,7 +156,7 @@ def make_jobs(study: Study) -> list[Job]:
 
 
 def run_job(job: Job, study: Study, out: Path) -> tuple[Row, bool]:
-    """Run one job, or take its row from a former run that was made by the very same things.
+    """Run one job, or take its row from a former run with the same key.
 
     Returns
     -------

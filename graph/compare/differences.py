@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tactograph.graph.files.model import Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from tactograph.graph.compare.drawable_arrays import View
 from tactograph.graph.compare.tables import Estimate, words
-from tactograph.graph.compare.views import View
 
 BIT_COLOURS = (
     "#e6a03c", "#3c8fe6", "#d1495b", "#4caf7a", "#8e6bbf", "#c9c13b", "#5bc0be", "#b07d62",

@@ -14,7 +14,9 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
 from tactograph.graph.compare.compare import Job, Row, Study, make_jobs
+from tactograph.graph.compare.comparison_record import Record
 from tactograph.graph.compare.differences import differences
+from tactograph.graph.compare.drawable_arrays import View, find_truth, load_views
 from tactograph.graph.compare.pictures import (
     CLIPPED,
     Curve,
@@ -25,7 +27,6 @@ from tactograph.graph.compare.pictures import (
     draw_planes,
     draw_section,
 )
-from tactograph.graph.compare.record import Record
 from tactograph.graph.compare.sweep import Sweep
 from tactograph.graph.compare.tables import (
     Line,
@@ -37,8 +38,7 @@ from tactograph.graph.compare.tables import (
     sweep_columns,
     words,
 )
-from tactograph.graph.compare.views import View, find_truth, load_views
-from tactograph.graph.files.dump import dump_graph
+from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.whole_files import whole_file
 
 FILE = "report.html"

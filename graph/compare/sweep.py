@@ -12,7 +12,7 @@ import numpy as np
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.strict_yaml import parse_scalar
 
 MOST_VALUES = 1000

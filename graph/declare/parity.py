@@ -17,8 +17,8 @@ import annotated_types
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.launch import DeviceArray
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
@@ -94,7 +94,7 @@ def _demands(node: Node) -> list[tuple[str, ...]]:
     return [*((name,) for name in names), *others]
 
 
-def compare(node: Node, device: OpenCL, case: Case) -> str | None:
+def compare(node: Node, device: DeviceBackend, case: Case) -> str | None:
     """Run one case on NumPy and on a device; return None, or what differs."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
@@ -133,9 +133,9 @@ def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> s
 
 
 def _on_device(
-    node: Node, device: OpenCL, case: Case, inputs: Mapping[str, Any], wanted: Wanted
+    node: Node, device: DeviceBackend, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """The outputs, and the inputs as they are afterwards."""
+    """The outputs, and the inputs after the launch."""
     whole = node.kernels.whole if case.fill in WHOLE else None
     if whole is not None:
         dtype, full = WHOLE[case.fill]

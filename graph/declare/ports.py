@@ -101,6 +101,7 @@ def read_port(name: str, annotation: Any) -> PortType:
     if typing.get_origin(annotation) is Annotated:
         annotation, *extras = typing.get_args(annotation)
         port = next((e for e in extras if isinstance(e, Port)), None)
+    annotation = _written_out(annotation)
     if typing.get_origin(annotation) is np.ndarray:
         if port is None:
             raise TypeError(f"port '{name}': an array needs Annotated[..., Port('H W')]")
@@ -110,3 +111,11 @@ def read_port(name: str, annotation: Any) -> PortType:
     if annotation is float:
         return PortType(name, "number", port=port or Port(), python=float, optional=optional)
     return PortType(name, "object", python=annotation, optional=optional)
+
+
+def _written_out(annotation: Any) -> Any:
+    """What an alias stands for: from Python 3.12 and NumPy 2.5 on, `NDArray` is one."""
+    alias = typing.get_origin(annotation)
+    if not hasattr(alias, "__value__"):
+        return annotation
+    return alias.__value__[typing.get_args(annotation)]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from tactograph.graph.declare.describe import describe
+from tactograph.graph.declare.check_settings import model_of
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.settings import model_of
-from tactograph.graph.files.read import GraphModel, shipped_names
+from tactograph.graph.declare.node_page import describe
+from tactograph.graph.files.read_graph import GraphModel, shipped_names
 
 
 def make_schema() -> dict[str, Any]:

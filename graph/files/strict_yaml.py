@@ -27,7 +27,7 @@ _DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a graph file, counted from 1 as editors do; line 0 means no file at all."""
+    """A place in a graph file, counted from 1; line 0: not from a file."""
 
     file: str
     line: int

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.backends.kernel_declaration import Obstacle
 from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.draft import Draft, Task
 from tactograph.graph.plan.plan import Placement
 
 
-def place(draft: Draft, device: OpenCL | None, no_device: str) -> dict[str, Placement]:
+def place(draft: Draft, device: DeviceBackend | None, no_device: str) -> dict[str, Placement]:
     """Place every node on a back end.
 
-    A ``backend`` in the graph file is kept or refused.  Otherwise the first back end of
-    ``prefer`` that can run the node is taken; taking a later one is a fallback, and recorded.
+    A ``backend`` in the graph file is kept or refused.  Otherwise the node runs on the first
+    back end of ``prefer``, or falls back to NumPy, which is recorded.  No fallback: a node
+    without a kernel, and one whose NumPy function is faster, where ``prefer`` names numpy.
 
     Raises
     ------
@@ -25,49 +27,59 @@ def place(draft: Draft, device: OpenCL | None, no_device: str) -> dict[str, Plac
     }
 
 
-def _place(task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device: str) -> Placement:
+def _place(
+    task: Task, prefer: tuple[str, ...], device: DeviceBackend | None, no_device: str
+) -> Placement:
     if task.stand_in:
         return Placement("numpy", "handed in by the caller")
     if task.filled:
         # A constant is made where the first preference can hold it.
-        on_device = device is not None and prefer[:1] == ("opencl",) and task.node.has_kernel
-        return Placement("opencl" if on_device else "numpy", "neutral: a constant stands in")
+        why = "neutral: a constant stands in"
+        there = "numpy" if device is None or prefer[0] == "numpy" else device.backend
+        return Placement(there if there in task.node.backends else "numpy", why)
     bound = task.entry.backend
     if bound is not None:
         obstacle = _obstacle(task, bound, device, no_device)
-        if obstacle:
-            raise GraphError(
-                f"{task.entry.where('backend')}: '{task.id}' is bound to {bound}, but {obstacle}"
-            )
+        if obstacle is not None and obstacle.missing:
+            where = task.entry.where("backend")
+            raise GraphError(f"{where}: '{task.id}' is bound to {bound}, but {obstacle.missing}")
         return Placement(bound, "the graph file says so")
-    # Also where a library is missing that only the device would need: it would not be used.
-    if device is not None and task.node.has_kernel and "numpy" in prefer:
-        better = task.node.kernels.better_on_host(device)
-        if better:
-            return Placement("numpy", f"faster than on a CPU device: {better}")
-    return _first_that_can(task, prefer, device, no_device)
+    return _preferred(task, prefer, device, no_device)
 
 
-def _first_that_can(
-    task: Task, prefer: tuple[str, ...], device: OpenCL | None, no_device: str
+def _preferred(
+    task: Task, prefer: tuple[str, ...], device: DeviceBackend | None, no_device: str
 ) -> Placement:
-    """Take back ends in order; one that the node is not written for is no fallback."""
-    if prefer[:1] != ("opencl",):
-        return Placement("numpy", "preferred")
-    if not task.node.has_kernel:
-        return Placement("numpy", "has no OpenCL kernel")
-    obstacle = _obstacle(task, "opencl", device, no_device)
-    if obstacle is None:
-        return Placement("opencl", "preferred")
-    wanted = "is preferred" if "numpy" in prefer else "was asked for"
-    return Placement("numpy", f"opencl {wanted}, but {obstacle}", fallback=True)
+    node = task.node
+    refusals: list[str] = []
+    for wanted in prefer:
+        if wanted == "numpy":
+            break
+        if wanted not in node.implementations:
+            continue
+        obstacle = _obstacle(task, wanted, device, no_device) or Obstacle()
+        # Also where something is missing that only the device would need: it would not be used.
+        if obstacle.slower and "numpy" in prefer:
+            return Placement("numpy", f"faster than on the device: {obstacle.slower}")
+        if obstacle.missing is None:
+            return Placement(wanted, "; ".join(refusals) or "preferred", fallback=bool(refusals))
+        how = "is preferred" if "numpy" in prefer else "was asked for"
+        refusals.append(f"{wanted} {how}, but {obstacle.missing}")
+    if refusals:
+        return Placement("numpy", "; ".join(refusals), fallback=True)
+    why = "preferred" if prefer[0] == "numpy" else f"has no {prefer[0]} kernel"
+    return Placement("numpy", why)
 
 
-def _obstacle(task: Task, backend: str, device: OpenCL | None, no_device: str) -> str | None:
+def _obstacle(
+    task: Task, backend: str, device: DeviceBackend | None, no_device: str
+) -> Obstacle | None:
     """What keeps a node off a back end, or None."""
     node = task.node
-    if backend not in node.backends:
-        return f"node '{node.name}' has no OpenCL kernel"
     if backend == "numpy":
         return None
-    return no_device if device is None else node.implementations[backend].can_run(device)
+    if backend not in node.implementations:
+        return Obstacle(missing=f"node '{node.name}' has no {backend} kernel")
+    if device is None or device.backend != backend:
+        return Obstacle(missing=no_device)
+    return node.implementations[backend].can_run(device)

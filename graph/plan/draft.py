@@ -1,4 +1,4 @@
-"""What the passes hand on: the graph's values and tasks, as far as they are resolved."""
+"""What the passes hand on: the graph's values and tasks, resolved step by step."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from tactograph.graph.declare.node import Node
-from tactograph.graph.files.model import Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph
 
 
 class Value(NamedTuple):

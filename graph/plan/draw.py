@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from tactograph.graph.backends import BACKENDS
 from tactograph.graph.plan.plan import Plan, Step
 
 _SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box"}
-COLOURS = {"numpy": "#dbe9f6", "opencl": "#fbe3c5"}
+COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 
 
 def to_dot(plan: Plan) -> str:

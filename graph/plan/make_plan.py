@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import backends, names, order, ports, sizes, transfers
 from tactograph.graph.plan.plan import Plan
 
 if TYPE_CHECKING:
-    from tactograph.graph.backends.opencl import OpenCL
+    from tactograph.graph.backends.device_backend import DeviceBackend
 
 
 def make_plan(
     graph: Graph,
     given: Mapping[str, Any],
     *,
-    device: OpenCL | None,
+    device: DeviceBackend | None,
     no_device: str = "",
     sinks: bool = True,
     stand_ins: frozenset[str] = frozenset(),
@@ -29,7 +29,7 @@ def make_plan(
     given
         Values of the graph's params.
     device
-        The OpenCL device in use, or None with the reason in `no_device`.
+        The device in use, or None with the reason in `no_device`.
     sinks
         Whether nodes that only write (files, pictures) are part of the run.
     stand_ins
@@ -44,7 +44,7 @@ def make_plan(
     ports.check(draft)
     classes = sizes.unify(draft)
     placements = backends.place(draft, device, no_device)
-    steps = order.order(transfers.insert(draft, placements), draft)
+    steps = order.order(*transfers.insert(draft, placements), draft)
     return Plan(
         graph=graph,
         given=dict(given),

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a node runs and why; `fallback` if it was wanted elsewhere."""
+    """Where a node runs and why; `fallback` if a preferred back end could not run it."""
 
     backend: str
     why: str
@@ -22,7 +22,7 @@ class Placement:
 
     @property
     def on_device(self) -> bool:
-        return self.backend == "opencl"
+        return self.backend != "numpy"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Step:
 
     @property
     def on_device(self) -> bool:
-        return self.backend == "opencl"
+        return self.backend != "numpy"
 
 
 @dataclass
@@ -66,7 +66,7 @@ class Plan:
 
     @property
     def fallbacks(self) -> list[str]:
-        """What runs elsewhere than it was wanted, a line for each reason."""
+        """The nodes that fell back to another back end, a line for each reason."""
         alike: dict[Placement, list[str]] = {}
         for node_id, placement in self.placements.items():
             if placement.fallback:

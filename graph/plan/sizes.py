@@ -128,7 +128,7 @@ class SizeClasses:
         known[root] = bound
 
     def sizes_of(self, task: Task, known: Mapping[Symbol, Bound]) -> dict[str, int]:
-        """The sizes of a node's symbols as far as they are known."""
+        """The known sizes of a node's symbols."""
         sizes: dict[str, int] = {}
         for symbol in task.node.symbols:
             root = self.root[task.id, symbol]

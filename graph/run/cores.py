@@ -15,11 +15,11 @@ OTHERS = (
     "POCL_MAX_PTHREAD_COUNT",
     "POCL_CPU_MAX_CU_COUNT",
 )
-"""Those by which libraries and PoCL are told the same."""
+"""The variables by which libraries and PoCL learn the same."""
 
 
 def cores() -> int:
-    """How many cores this process may keep busy: those it is bound to, or its share of them."""
+    """How many cores this process may use: those it is bound to, or its share of them."""
     told = os.environ.get(OURS, "")
     if told.isdecimal() and int(told) > 0:
         return min(int(told), _bound_to())
@@ -30,7 +30,7 @@ def cores() -> int:
 def shared_among(workers: int) -> Iterator[None]:
     """Give processes that are started inside the block an equal share of the cores each.
 
-    What the user has set already is left as it is.
+    A variable that the user has set keeps its value.
     """
     share = str(max(1, cores() // workers))
     new = {name: share for name in OTHERS if name not in os.environ}

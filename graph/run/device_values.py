@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tactograph.graph.backends.events import Timer, has_failed, milliseconds
-from tactograph.graph.backends.launch import DeviceArray
-from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode, Timer
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming
-from tactograph.graph.run.recall import recall, recalled_values
+from tactograph.graph.run.previous_values import recall, recalled_values
 from tactograph.graph.run.stand_ins import read_whole
 
 
 class DeviceValues:
     """What lies on the device: buffers by value, those of the item before, launches."""
 
-    def __init__(self, plan: Plan, device: OpenCL, host: HostValues) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend, host: HostValues) -> None:
         self._plan, self._device, self._host = plan, device, host
         self._values: dict[Value, DeviceArray] = {}
         self._before: dict[Value, DeviceArray] = {}
-        self._launches: dict[str, Prepared] = {}
+        self._launches: dict[str, PreparedNode] = {}
         self._timers: dict[str, Timer] = {}
         self._recalled = recalled_values(plan)
         self._read_whole = read_whole(plan)
@@ -78,7 +76,7 @@ class DeviceValues:
                 before = zip(port.dims, found.shape, strict=True)
                 sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
-        with Blaming(task):
+        with Blaming(task, self._device.error):
             if launch is None or launch.sizes != sizes:
                 wanted = self._wanted[task.id]
                 launch = self._device.prepare(task.node, task.settings, sizes, wanted)
@@ -88,7 +86,7 @@ class DeviceValues:
             if value.port in outputs:
                 self._values[value] = outputs[value.port]
         if launch.shapes is not None:
-            return launch.shapes
+            return dict(launch.shapes)
         return {name: array.shape for name, array in outputs.items()}
 
     def release(self, step: Step) -> None:
@@ -100,20 +98,20 @@ class DeviceValues:
         """Wait for all that was begun; return its milliseconds by step."""
         if self._timers:
             self._device.finish()
-        return {name: milliseconds(timer) for name, timer in self._timers.items()}
+        return {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
 
     def failed(self) -> list[str]:
         """The steps that failed: a device tells of them long after they began."""
-        return [name for name, timer in self._timers.items() if has_failed(timer)]
+        return [name for name, timer in self._timers.items() if self._device.has_failed(timer)]
 
     @property
     def begun(self) -> list[str]:
         """The steps that are timed."""
         return list(self._timers)
 
-    def drop_launches(self) -> None:
-        """Forget how nodes are launched: settings changed."""
-        self._launches = {}
+    def drop_launch(self, task: str) -> None:
+        """Forget how a node is launched: its settings changed."""
+        self._launches.pop(task, None)
 
     def remember(self) -> None:
         """Keep what the next item recalls."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.events import Event
+from tactograph.graph.backends.device_backend import Event
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.session import Session
 from tactograph.graph.errors import NodeError
@@ -19,7 +19,7 @@ from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
-from tactograph.graph.run.recall import recall, recalled_values
+from tactograph.graph.run.previous_values import recall, recalled_values
 from tactograph.graph.run.stand_ins import is_whole
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from statistics import median
 from typing import Any
 
-from tactograph.graph.backends.events import DEVICE_ERROR
-from tactograph.graph.backends.opencl import OpenCL
+from threadpoolctl import ThreadpoolController
+
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
@@ -34,16 +35,19 @@ class Items:
         Whether a sink wanted no further item.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self._plan = plan
         self.host = HostValues(plan)
         self._device = None if device is None else DeviceValues(plan, device, self.host)
+        library = () if device is None else (device.error,)
+        self._device_errors: tuple[type[Exception], ...] = (DeviceError, *library)
         self.times: dict[str, float] = {}
         self.notes: list[str] = []
         self.ended = False
         self._lasting = 0
         self._known: Known | None = None
         self._sized: dict[str, Sized] = {}
+        self._libraries = ThreadpoolController()
         self._once = _split(plan, stream=False)
         self._stream = _split(plan, stream=True)
 
@@ -71,20 +75,32 @@ class Items:
             self._device.remember()
         return Result(outputs, dict(self.times), self._plan, list(self.notes), item, total)
 
+    def rehearse(self, given: Mapping[str, Any]) -> None:
+        """Compute an item that nobody sees: kernels are compiled, and caches filled."""
+        assert self._known is not None
+        self.begin()
+        with collect_warnings([]):
+            self._compute(self._stream[0], self._known, given)
+        self.forget()
+
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
         self.host.forget()
         if self._device is not None:
             self._device.forget()
 
-    def settings_changed(self) -> None:
-        """Work out sizes and launches anew: they may follow from settings."""
-        self._sized = {}
-        if self._device is not None:
-            self._device.drop_launches()
+    def settings_changed(self, tasks: Iterable[str]) -> None:
+        """Work out anew what follows from settings of nodes: sizes and launches.
+
+        Behind them sizes are worked out anew, too; launches only where sizes are others.
+        """
+        for name in tasks:
+            self._sized.pop(name, None)
+            if self._device is not None:
+                self._device.drop_launch(name)
 
     def end(self) -> None:
-        """Close what the nodes keep; what runs once and kept something has to open it again."""
+        """Close what the nodes keep; a node outside the stream that kept something runs again."""
         self.forget()
         if any(not self._plan.tasks[name].stream for name in self.host.sessions):
             self._known = None
@@ -102,7 +118,10 @@ class Items:
         known = before
         runs: list[dict[str, float]] = []
         totals: list[float] = []
-        with collect_warnings(self.notes):
+        # Nodes multiply small matrices, which OpenBLAS makes up to 50 times slower by sharing
+        # them among threads that wait for one another.
+        one_thread = self._libraries.limit(limits=1, user_api="blas")
+        with collect_warnings(self.notes), one_thread:
             for _ in range(repeats):
                 start = time.perf_counter()
                 known = self._compute(computing, before, given)
@@ -130,7 +149,7 @@ class Items:
             if device is not None:
                 doing = ""
                 self.times.update(device.finish())
-        except (DEVICE_ERROR, DeviceError) as error:
+        except self._device_errors as error:
             raise self._device_error(error, doing) from error
         finally:
             self.host.all_arrived()
@@ -174,8 +193,8 @@ class Items:
             else:
                 keywords = {}
                 if task.node.provenance is not None:
-                    told = make_provenance(self._plan, self.times, sized.derived, self.notes)
-                    keywords[task.node.provenance] = told
+                    provenance = make_provenance(self._plan, self.times, sized.derived, self.notes)
+                    keywords[task.node.provenance] = provenance
                 made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
                 shapes = self.host.enter(task, step, made)
             known = self._plan.sizes.behind(task, sized, shapes)
@@ -185,7 +204,7 @@ class Items:
 
 
 def _split(plan: Plan, *, stream: bool) -> tuple[list[Step], list[Step]]:
-    """The steps that compute and the sinks, of the stream or of what runs once."""
+    """The steps that compute and the sinks, of the stream or outside it."""
     steps = [step for step in plan.steps if step.stream == stream]
     sinks = [s for s in steps if s.kind == "run" and plan.tasks[s.name].node.sink]
     return [step for step in steps if step not in sinks], sinks

@@ -1,4 +1,4 @@
-"""What a sink is told of the run so far."""
+"""The provenance that a sink gets: the run so far."""
 
 from __future__ import annotations
 

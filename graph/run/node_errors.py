@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from tactograph.graph.backends.events import DEVICE_ERROR
 from tactograph.graph.errors import DeviceError, EndOfStream, NodeError, TactographError
 from tactograph.graph.plan.draft import Task
 
 
 class Blaming:
-    """Turn an unexpected exception of a node into one line that names the node."""
+    """Turn an unexpected exception of a node into one line that names the node.
 
-    __slots__ = ("_task",)
+    `device_error` is what the device's library raises, where the node runs on a device.
+    """
 
-    def __init__(self, task: Task) -> None:
-        self._task = task
+    __slots__ = ("_device_error", "_task")
+
+    def __init__(self, task: Task, device_error: type[Exception] | tuple[()] = ()) -> None:
+        self._task, self._device_error = task, device_error
 
     def __enter__(self) -> None:
         pass
@@ -21,7 +23,7 @@ class Blaming:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, Exception) and not isinstance(error, (TactographError, EndOfStream)):
             task = self._task
-            kind_of = DeviceError if isinstance(error, DEVICE_ERROR) else NodeError
+            kind_of = DeviceError if isinstance(error, self._device_error) else NodeError
             raise kind_of(
                 f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: {error}"
             ) from error

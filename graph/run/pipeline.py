@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -10,17 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import InputError, collect_warnings
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
+from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.result import Result
+from tactograph.graph.run.source_stream import SourceStream
 from tactograph.graph.run.stand_ins import StandIns
-from tactograph.graph.run.turn import Turn
 
 
 class Pipeline:
@@ -31,7 +31,7 @@ class Pipeline:
     what its nodes keep; after that it is of no more use.
     """
 
-    def __init__(self, plan: Plan, device: OpenCL | None) -> None:
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self.plan = plan
         self._device = device
         self._turn = Turn(plan.graph.name)
@@ -39,7 +39,7 @@ class Pipeline:
         self._items = Items(plan, device)
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
-        self._iterator: Iterator[Any] | None = None
+        self._stream: SourceStream | None = None
         self._running: object | None = None
 
     def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
@@ -76,7 +76,7 @@ class Pipeline:
             result.item = {}
             return result
 
-    def items(self, repeats: int = 1) -> Iterator[Result]:
+    def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.
 
         The stream ends with its source, or after an item at which a sink raised `EndOfStream`;
@@ -87,6 +87,8 @@ class Pipeline:
         repeats
             How often each item is computed; above 1, the times are medians over all runs
             but the first, which compiles and fills caches.  Sinks run once.
+        stream
+            What `begin` began for the values that the pipeline has now.
 
         Raises
         ------
@@ -112,27 +114,57 @@ class Pipeline:
                     result = self._items.item({}, repeats)
                 yield result
             else:
-                yield from self._all_items(self._source, repeats, mine)
+                yield from self._all_items(self._source, repeats, mine, stream)
         finally:
             if self._running is mine:
                 self._end()
 
-    def _all_items(self, source: Task, repeats: int, mine: object) -> Iterator[Result]:
+    def _all_items(
+        self, source: Task, repeats: int, mine: object, begun: SourceStream | None
+    ) -> Iterator[Result]:
+        self._rehearse(source)
         keywords = {**source.settings, **self._items.host.session(source)}
         self._items.ended = False
-        with collect_warnings(self._items.notes), Blaming(source):
-            iterator = self._iterator = iter(source.node(**keywords))
+        with collect_warnings(self._items.notes):
+            stream = self._stream = begun or SourceStream(source, keywords)
         while not self._items.ended and self._running is mine:
             with self._turn:
                 self._items.begin()
-                start = time.perf_counter()
-                with collect_warnings(self._items.notes), Blaming(source):
-                    item = next(iterator, None)
+                with collect_warnings(self._items.notes):
+                    item = stream.next()
                 if item is None:
                     return
-                self._items.times[source.id] = 1e3 * (time.perf_counter() - start)
+                self._items.times[source.id] = stream.milliseconds
                 result = self._items.item({source.id: item}, repeats)
             yield result
+
+    def _rehearse(self, source: Task) -> None:
+        """Run an item before the source is begun, if that has one, and no node would keep it."""
+        make = source.node.make_rehearsal
+        others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
+        if make is None or any(t.node.session for t in others if t is not source):
+            return
+        with self._turn, Blaming(source):
+            item = make(**source.settings)
+        with self._turn:
+            self._items.rehearse({source.id: item})
+
+    def begin(self, /, **values: Any) -> SourceStream | None:
+        """Begin the stream that is there after `aim` with the same values.
+
+        Another thread may do so, and read its first item ahead, while this pipeline is at
+        work.  None if the source keeps something from item to item.
+
+        Raises
+        ------
+        InputError
+            If a value is not of its param's kind.
+        """
+        source = self._source
+        if source is None or source.node.session is not None:
+            return None
+        given = {**self.plan.given, **values}
+        return SourceStream(source, settings_of(source.entry, self.plan.graph, source.node, given))
 
     @property
     def buffers(self) -> int:
@@ -145,7 +177,7 @@ class Pipeline:
         return any(task.node.endless for task in self.plan.tasks.values())
 
     def aim(self, /, **values: Any) -> None:
-        """Give other values to params of the graph that only what runs per item takes.
+        """Give other values to params of the graph that only the stream's nodes take.
 
         So a pipeline goes on to another capture, or another folder for its results, with
         its calibration, plan and kernels kept.
@@ -153,7 +185,7 @@ class Pipeline:
         Raises
         ------
         InputError
-            If the graph has no such param, or what runs once depends on it.
+            If the graph has no such param, or a node outside the stream depends on it.
         """
         graph, given = self.plan.graph, {**self.plan.given, **values}
         for name in values:
@@ -175,7 +207,7 @@ class Pipeline:
             self.plan.given = given
             for name, found in settings.items():
                 self.plan.tasks[name].settings = found
-            self._items.settings_changed()
+            self._items.settings_changed(settings)
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
@@ -195,12 +227,12 @@ class Pipeline:
 
     def _end(self) -> None:
         """End the stream, and close what the nodes keep."""
-        iterator, self._iterator = self._iterator, None
+        running, self._stream = self._stream, None
         self._running = None
         with ExitStack() as stack:
             stack.callback(self._items.end)
-            if iterator is not None and hasattr(iterator, "close"):
-                stack.callback(iterator.close)
+            if running is not None:
+                stack.callback(running.close)
 
     def __enter__(self) -> Pipeline:
         return self

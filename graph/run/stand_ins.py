@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tactograph.graph.errors import InputError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.recall import recalled_values
+from tactograph.graph.run.previous_values import recalled_values
 
 
 class StandIns:
@@ -43,7 +43,7 @@ class StandIns:
         return {name: _checked_stack(array).view() for name, array in arrays.items()}
 
     def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-        """What the nodes would have yielded; integers stay as they are for the device alone."""
+        """What the nodes would have yielded; integers stay integers for the device alone."""
         return {name: self._yielded(name, stack) for name, stack in stacks.items()}
 
     def _yielded(self, name: str, stack: NDArray[Any]) -> Any:
@@ -70,7 +70,7 @@ def _goes_up(plan: Plan, task: Task) -> bool:
 
 def _is_read_whole(plan: Plan, value: Value) -> bool:
     return all(
-        task.node.has_kernel and task.node.kernels.whole == name
+        task.node.reads_integers(name, plan.placements[task.id].backend)
         for task in plan.tasks.values()
         for name, found in task.edges.items()
         if found == value and not task.filled

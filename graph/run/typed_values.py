@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.model import Graph, Param
+from tactograph.graph.files.flat_graph import Graph, Param
 from tactograph.graph.files.strict_yaml import parse_scalar
 
 _WANTED = {

@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
-#include "expected_light.clh"
+#include "group.clh"
 #include "springs.clh"
 #include "height_system.clh"
 
@@ -24,6 +24,28 @@ static float drawn(const uint number, const uint key)
     x *= 0x846ca68bU;
     x ^= x >> 16;
     return x >> 31 ? 1.0f : -1.0f;
+}
+
+// The same for the numbers that follow, too.
+#if LANES == 1
+#define uints uint
+#define AS_INTS as_int
+#define LANE_COUNTS 0u
+#else
+#define uints uint16
+#define AS_INTS as_int16
+#define LANE_COUNTS ((uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#endif
+static floats drawn_from(const uint number, const uint key)
+{
+    const floats up = 1.0f, down = -1.0f;
+    uints x = (number + LANE_COUNTS) ^ key;
+    x ^= x >> 16;
+    x *= 0x7feb352dU;
+    x ^= x >> 15;
+    x *= 0x846ca68bU;
+    x ^= x >> 16;
+    return AS_INTS(x) < 0 ? up : down;
 }
 
 // What a small change of each LED's light does to p and to q; nothing on the film at rest.
@@ -71,7 +93,7 @@ __kernel void respond(
 // An error of the slopes inside the window: the lights' noise, what all pixels of an LED have in
 // common, the LEDs being elsewhere and bounced light uncertain; and normals that lean where the
 // film's model is wrong.
-__kernel void err_slopes(
+LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
     __global const float *restrict lights, __global const float *restrict others,
@@ -83,39 +105,47 @@ __kernel void err_slopes(
     const int sign_, const int settling, const int leaning, const float across, const float down, const float phase,
     const float length_)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int frame_size = frame_height * frame_width;
-    const int i = y * W + x, from = (top + y) * frame_width + left + x;
-    const float x_mm = ((float)(left + x) - 0.5f * (float)(frame_width - 1)) * pixel;
-    const float y_mm = ((float)(top + y) - 0.5f * (float)(frame_height - 1)) * pixel;
-    const float z = height[from], a = slope[from], b = slope[frame_size + from];
+    const int i = row * W + column, from = (top + row) * frame_width + left + column;
+    const float middle = 0.5f * (float)(frame_width - 1);
+    const floats x = ((float)(left + column) + LANE_NUMBERS - middle) * pixel;
+    const floats y = ((float)(top + row) - 0.5f * (float)(frame_height - 1)) * pixel;
+    const floats z = load_floats(height + from, count), none = 0.0f;
+    const floats a = load_floats(slope + from, count);
+    const floats b = load_floats(slope + frame_size + from, count);
+    const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
-    float total_p = 0.0f, total_q = 0.0f;
+    floats total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
-        const float flat = flat_noise * light[at];
-        const float noise = sigma[at] * sqrt(1.0f + flat * flat);
-        const float thrown = bounced ? bounced[at] : 0.0f;
-        const float changed = bounced && earlier ? thrown - earlier[at] : 0.0f;
-        const float common = (float)sign_ * wrong * thrown + (float)settling * changed
-            + expected_light(others + 3 * (number * K + k), x_mm, y_mm, z, a, b)
-            - expected_light(lights + 3 * k, x_mm, y_mm, z, a, b);
-        const float change = common + noise * drawn(k * H * W + i, key);
-        total_p += by_p[at] * change;
-        total_q += by_q[at] * change;
+        const floats flat = flat_noise * load_floats(light + at, count);
+        const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
+        const floats thrown = bounced ? load_floats(bounced + at, count) : none;
+        const floats changed = bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
+        const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
+        const Vector known = light_vector(lights + 3 * k, x, y, z);
+        const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
+            + (there.z - there.x * a - there.y * b) * nz - (known.z - known.x * a - known.y * b) * nz;
+        const floats change = common + noise * drawn_from(k * H * W + i, key);
+        total_p += load_floats(by_p + at, count) * change;
+        total_q += load_floats(by_q + at, count) * change;
     }
-    p[i] = clamp(total_p, -STEEPEST, STEEPEST);
-    q[i] = clamp(total_q, -STEEPEST, STEEPEST);
+    const floats steepest = STEEPEST;
+    total_p = clamp(total_p, -steepest, steepest);
+    total_q = clamp(total_q, -steepest, steepest);
     if (misfit) {
         const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
-        const float turn = per_mm * (across * x_mm + down * y_mm) + phase;
-        const float slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT, 1.0f);
-        const float lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const float steeper = (float)leaning * misfit[4] / fmax(slant, TILTED);
-        const float along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
-        p[i] = clamp(p[i] + lean * across + along * a, -STEEPEST, STEEPEST);
-        q[i] = clamp(q[i] + lean * down + along * b, -STEEPEST, STEEPEST);
+        const floats turn = per_mm * (across * x + down * y) + phase;
+        const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT + none, 1.0f + none);
+        const floats lean = 1.4142136f * misfit[0] * tilted * cos(turn);
+        const floats steeper = (float)leaning * misfit[4] / MORE_OF(slant, TILTED + none);
+        const floats along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
+        total_p = clamp(total_p + lean * across + along * a, -steepest, steepest);
+        total_q = clamp(total_q + lean * down + along * b, -steepest, steepest);
     }
+    store_floats(total_p, p + i, count);
+    store_floats(total_q, q + i, count);
 }
 
 // By how much step number x of a line of `size` steps differs from those beside it.
@@ -214,18 +244,26 @@ static int mirrored(int i, const int size)
 }
 
 // Weighted mean along one axis (1: x).
-__kernel void blur(
+LANED __kernel void blur(
     __global const float *restrict plane, __global const float *restrict weights,
     __global float *restrict out, const int H, const int W, const int radius, const int axis)
 {
-    GRID_2(y, x, H, W)
-    float total = 0.0f;
-    for (int n = -radius; n <= radius; ++n) {
-        const int row = axis ? y : mirrored(y + n, H);
-        const int column = axis ? mirrored(x + n, W) : x;
-        total += weights[n + radius] * plane[row * W + column];
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    if (axis && (x < radius || x + LANES + radius > W)) {
+        for (int l = 0; l < count; ++l) {
+            float total = 0.0f;
+            for (int n = -radius; n <= radius; ++n)
+                total += weights[n + radius] * plane[y * W + mirrored(x + l + n, W)];
+            out[y * W + x + l] = total;
+        }
+        return;
     }
-    out[y * W + x] = total;
+    floats total = 0.0f;
+    for (int n = -radius; n <= radius; ++n) {
+        const int i = axis ? y * W + x + n : mirrored(y + n, H) * W + x;
+        total += weights[n + radius] * load_floats(plane + i, count);
+    }
+    store_floats(total, out + y * W + x, count);
 }
 
 // What the height of a pixel departs from its neighbours by, beyond a film's bend.

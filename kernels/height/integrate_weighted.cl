@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "lanes.clh"
+#include "group.clh"
 #include "springs.clh"
 #include "height_system.clh"
 

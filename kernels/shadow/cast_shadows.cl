@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "lanes.clh"
 
 #define GROUP 64
 
@@ -64,6 +65,19 @@ static int is_seen(
     return 0;
 }
 
+// The LEDs whose shadow the image shows at `count` pixels of a row, or near by.
+static ints seen_near(
+    __global const uchar *seen, const int reach, const int H, const int W, const int row,
+    const int column, const int count)
+{
+    ints labels = 0;
+    const int last = min(column + count + reach, W);
+    for (int y = max(row - reach, 0); y <= min(row + reach, H - 1); ++y)
+        for (int x = max(column - reach, 0); x < last; x += LANES)
+            labels |= load_bytes(seen + y * W + x, min(LANES, last - x));
+    return labels;
+}
+
 // Labels: shadows that the height casts, and that the image shows near by.
 __kernel void cast(
     __global const float *height,
@@ -76,11 +90,17 @@ __kernel void cast(
     const int reach_px,
     const float pixel)
 {
-    GRID_2(y, x, H, W)
-    uchar label = 0;
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    uchar labels[LANES];
+    for (int l = 0; l < LANES; ++l) labels[l] = 0;
+    const ints near = ask_image ? seen_near(seen, reach_px, H, W, y, x, count) : (ints)255;
     for (int k = 0; k < K; ++k) {
-        if (ask_image && !is_seen(seen, k, reach_px, H, W, y, x)) continue;
-        if (is_blocked(height, lights + 3 * k, top[0], pixel, H, W, y, x)) label |= 1 << k;
+        if (!ANY((near & (1 << k)) != 0)) continue;
+        for (int l = 0; l < count; ++l) {
+            if (ask_image && !is_seen(seen, k, reach_px, H, W, y, x + l)) continue;
+            if (is_blocked(height, lights + 3 * k, top[0], pixel, H, W, y, x + l))
+                labels[l] |= 1 << k;
+        }
     }
-    out[y * W + x] = label;
+    for (int l = 0; l < count; ++l) out[y * W + x + l] = labels[l];
 }

@@ -104,17 +104,26 @@ static float2 march(
     return (float2)(end, -1.0f);
 }
 
-// For each LED and pixel: the edge whose shadow ends there, and how far it stands above.
-__kernel void measure(
-    __global const uchar *restrict shadow, __global const uchar *restrict used,
-    __global const float *restrict slope, __global const float *restrict height,
-    __global const float *restrict lights, __global const float *restrict part,
-    __global int *restrict top, __global float *restrict rise, const int K, const int H,
-    const int W, const float pixel, const float step_, const float longest)
+// Whether an LED's shadow covers any of `count` pixels of a row, or a pixel beside them.
+static int shadow_near(
+    __global const uchar *shadow, const int k, const int row, const int column, const int count,
+    const int H, const int W)
 {
-    GRID_3(k, row, column, K, H, W)
+    ints labels = 0;
+    for (int y = max(row - 1, 0); y <= min(row + 1, H - 1); ++y)
+        for (int x = max(column - 1, 0); x <= min(column + 1, W - 1); ++x)
+            labels |= load_bytes(shadow + y * W + x, min(count, W - x));
+    return ANY((labels & (1 << k)) != 0);
+}
+
+// The edge whose shadow of LED k ends at a pixel, and how far it stands above.
+static void measure_at(
+    __global const uchar *shadow, __global const uchar *used, __global const float *slope,
+    __global const float *height, __global const float *lights, __global const float *part,
+    __global int *top, __global float *rise, const int k, const int row, const int column,
+    const int H, const int W, const float pixel, const float step_, const float longest)
+{
     const int i = row * W + column, size = H * W;
-    top[k * size + i] = NOTHING;
     if (is_dark(shadow, k, i) || popcount(used[i]) < 2) return;
     const float dx = lights[3 * k] / pixel + (float)(W - 1) / 2.0f - (float)column;
     const float dy = lights[3 * k + 1] / pixel + (float)(H - 1) / 2.0f - (float)row;
@@ -139,6 +148,24 @@ __kernel void measure(
         (lights[3 * k + 2] - (height[i] + to_end)) / ((plan - end) * pixel);
     top[k * size + i] = edge;
     rise[k * size + i] = length_ * pixel * tangent + to_end;
+}
+
+// For each LED and pixel: the edge whose shadow ends there, and how far it stands above.
+__kernel void measure(
+    __global const uchar *restrict shadow, __global const uchar *restrict used,
+    __global const float *restrict slope, __global const float *restrict height,
+    __global const float *restrict lights, __global const float *restrict part,
+    __global int *restrict top, __global float *restrict rise, const int K, const int H,
+    const int W, const float pixel, const float step_, const float longest)
+{
+    GRID_PARTS_OF_ROWS(line, x, count, K * H, W)
+    const int k = line / H, row = line % H;
+    for (int l = 0; l < count; ++l) top[line * W + x + l] = NOTHING;
+    if (!shadow_near(shadow, k, row, x, count, H, W)) return;
+    for (int l = 0; l < count; ++l)
+        measure_at(
+            shadow, used, slope, height, lights, part, top, rise, k, row, x + l, H, W, pixel,
+            step_, longest);
 }
 
 __kernel void count_rows(

@@ -3,6 +3,8 @@
 The unknowns are each LED's direction, distance, strength and diffuse share; what all share (gain,
 coat, albedo, pupil); and a shift of every ball.  Balls meet only in what they share, so the
 normal equations are solved ball by ball (Schur's complement), for one ball as for a hundred.
+
+Long because the equations, their elimination and their priors share the same unknowns.
 """
 
 from __future__ import annotations

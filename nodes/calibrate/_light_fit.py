@@ -4,6 +4,8 @@ An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a di
 a logarithm of its strength.  Each known shape has a shift besides: a ball is found to a
 fraction of a pixel only, and its height follows from its contact, which for half a ball means
 a tenth of a millimetre for a hundredth of a pixel, and from how high the film lifts the rim.
+
+Long because the residuals, their derivatives and the descent share the same unknowns.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class PressAdvice(NamedTuple):
 
 @node
 def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabels) -> PressAdvice:
-    """Return how much of the film and of the slopes the presses cover, and what lacks.
+    """Return how much of the film and of the slopes the presses cover, and what is missing.
 
     Parameters
     ----------

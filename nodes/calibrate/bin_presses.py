@@ -44,7 +44,7 @@ def bin_presses(
     """Return everything that a calibration is made from on pixels of n x n.
 
     A ball of 16 px radius and an image of 300,000 pixels say all that a film model asks;
-    images up to 640 x 480 stay as they are.  Of rows and columns that n does not divide the
+    images up to 640 x 480 do not change.  Of rows and columns that n does not divide the
     last ones are left out, and the middle of the image moves by less than a pixel.
 
     Parameters
@@ -56,7 +56,7 @@ def bin_presses(
     pixel
         mm per px.
     radius, known
-        P in mm, and P x 3 in px: the balls.  Without them pixels stay as they are.
+        P in mm, and P x 3 in px: the balls.  Without them the pixels do not change.
     pixels
         That the image keeps at least.
     """

@@ -74,7 +74,7 @@ def choose_presses(
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> ChosenPresses:
-    """Return the known pixels without those of presses that are out of line.
+    """Leave out the pixels of presses that do not fit the others.
 
     Left out, and named with the reason in a warning: presses that are saturated; that an
     LED does not reach; and those whose light the LEDs placed by the others do not explain.

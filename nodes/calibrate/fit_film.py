@@ -1,4 +1,7 @@
-"""Find out how a film turns light into slope, with as much of a model as its presses carry."""
+"""Find out how a film turns light into slope, with as much of a model as its presses carry.
+
+Long because the choice of a model is one procedure: grow, bend, judge on held-out balls.
+"""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ OUTLIER = 5.0
 """Standard deviations, by the median, from where a mark is left out."""
 EXACT = 0.03
 """Px to which a mark's place can be trusted, however well marks fit: a lens that explains less is
-no better than none, which leaves images as they are."""
+no better than none, which does not change images."""
 WORST = 0.05
 """Of the pitch: a grid that departs by more is no even one."""
 NEAR = 0.75

@@ -20,15 +20,15 @@ class Rest(NamedTuple):
 
 @node
 def full_rest(flat: Light, dark: Dark, binned: CoarseLight, binned_dark: CoarseDark) -> Rest:
-    """Return flat frame and dark image as a touch needs them.
+    """Return the flat frame and the dark image at the camera's resolution.
 
     Parameters
     ----------
     flat, dark
         K x H x W and H x W, as taken.
     binned, binned_dark
-        K x h x w and h x w, what the calibration made of them: ambient light taken off, or a
-        model where no flat frame was taken.  Where their size is the same they are the result.
+        K x h x w and h x w, from the calibration: ambient light subtracted, or a model
+        where no flat frame was taken.  Where their size is the same they are the result.
 
     Returns
     -------

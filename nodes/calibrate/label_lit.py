@@ -1,4 +1,4 @@
-"""Which LEDs reach each pixel, told by brightness alone."""
+"""Which LEDs reach each pixel, by brightness alone."""
 
 from __future__ import annotations
 

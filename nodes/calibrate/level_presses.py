@@ -25,7 +25,7 @@ def level_presses(
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
 ) -> PressImages:
-    """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
+    """Divide each press by its drift, so that untouched film has the flat frame's light.
 
     What a map of the reflectance is fitted to must be levelled as what it is used for.
 

@@ -28,10 +28,10 @@ def level_touches(
     degree: Annotated[int, Interval(ge=0, le=2)] = DEGREE,
     rough: Annotated[float, Interval(ge=0, le=0.1)] = ROUGH,
 ) -> SheetLight:
-    """Return the presses as the film at rest, where nothing touches, has the flat frame's light.
+    """Divide each press by its drift, so that untouched film has the flat frame's light.
 
-    Pressed film brightens the untouched film around it, LED by LED, by some per cent.  What a
-    film model is fitted to must be levelled as what it is used for.
+    Pressed film brightens the untouched film around it, LED by LED, by some per cent.  Level the
+    presses that a film model is fitted to as the touches that it is used for.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import Dark, Light, PixelSize
 from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.capture.read_capture import Lights
+from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 

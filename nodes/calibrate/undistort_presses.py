@@ -35,7 +35,7 @@ def undistort_presses(
     first
         K x H x W, the first of them.
     known
-        P x 3 in px of the images as captured; the radius is taken as it is.
+        P x 3 in px of the images as captured; the radius is not changed.
     lens
         Length 8, as `read_lens` gives it.
     """

@@ -51,7 +51,7 @@ def write_press_calibration(
     reflectance
         K x 9 x 15.
     quality, advice
-        As `rate_presses` gives them; kept in the file, the advice told too.
+        From `rate_presses`; the file keeps them, and a warning repeats the advice.
     file
         Where to; replaced as a whole.
 

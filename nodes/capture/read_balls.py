@@ -10,15 +10,9 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
+from tactograph.nodes.capture._image_files import Crop, Leds, Lights
 from tactograph.nodes.capture._sheet import SheetLight
-from tactograph.nodes.capture.read_capture import (
-    CaptureFile,
-    Crop,
-    Leds,
-    Lights,
-    _capture_file,
-    read_capture,
-)
+from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
 
 Millimetres = Annotated[float, Gt(0)]
 Radii = Annotated[F4, Port("P", "mm", low=1, high=3)]
@@ -91,7 +85,7 @@ def read_balls(
             f"{folder}: holds {len(names)} presses, and ball_center_px and ball_contact_px are "
             "for one; write them into each press's capture.yaml"
         )
-    said = [_capture_file(folder / name) for name in names]
+    said = [read_capture_file(folder / name) for name in names]
     radii = [
         _radius(folder / name, about, usual)
         for name, about, usual in zip(names, said, _spread(folder, names, radius_mm), strict=True)

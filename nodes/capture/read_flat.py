@@ -11,16 +11,8 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.capture.read_capture import (
-    Crop,
-    Leds,
-    Lights,
-    _capture_file,
-    _cropped,
-    _grey,
-    read_capture,
-    read_image,
-)
+from tactograph.nodes.capture._image_files import Crop, Leds, Lights, cropped, grey, read_image
+from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
 
 
 class Flat(NamedTuple):
@@ -110,14 +102,14 @@ def _mean(
 
 
 def _read_dark(file: Path, crop: Crop | None) -> F4:
-    plane = _grey(read_image(file), file)
+    plane = grey(read_image(file), file)
     if plane.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit grey is needed")
-    bits = _capture_file(file.parent).bits or 8 * plane.dtype.itemsize
+    bits = read_capture_file(file.parent).bits or 8 * plane.dtype.itemsize
     full = np.float32(2**bits - 1)
     if plane.max() > full:
         raise InputError(f"{file}: has values up to {plane.max()}, but bits: {bits}")
-    return np.asarray(_cropped(plane, crop, file) / full, np.float32)
+    return np.asarray(cropped(plane, crop, file) / full, np.float32)
 
 
 def _smoothed(plane: F4, sigma: float) -> F4:

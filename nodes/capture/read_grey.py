@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4
-from tactograph.nodes.capture.read_capture import Crop, _cropped, _grey, read_image
+from tactograph.nodes.capture._image_files import Crop, cropped, grey, read_image
 
 GreyImage = Annotated[F4, Port("H W", "1")]
 """One image as a fraction of full scale."""
@@ -31,7 +31,7 @@ def read_grey(*, file: Path, crop: Crop | None = None) -> GreyImage:
     InputError
         If the file is missing, damaged, coloured or of another depth, or the crop leaves it.
     """
-    plane = _cropped(_grey(read_image(file), file), crop, file)
+    plane = cropped(grey(read_image(file), file), crop, file)
     if plane.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit grey is needed")
     return np.asarray(plane / np.float32(np.iinfo(plane.dtype).max), np.float32)

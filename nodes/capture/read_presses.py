@@ -11,14 +11,8 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture.read_capture import (
-    Layout,
-    _channels,
-    _normalised,
-    read_capture,
-    read_image,
-    read_images,
-)
+from tactograph.nodes.capture._image_files import channels, normalised, read_image
+from tactograph.nodes.capture.read_capture import Layout, read_capture, read_images
 
 PressImages = Annotated[F4, Port("P K H W", "1")]
 """P captures of K lights, each as a fraction of full scale."""
@@ -77,10 +71,9 @@ def read_presses(
 
 def read_film(place: Path, lights: Literal["leds", "bgr", "rgb"], smooth_px: float) -> F4:
     """Read the untouched film from one colour image or from a capture folder: K x H x W."""
-    layout = Layout(lights)
     if place.is_dir() or lights == "leds":
-        stack = read_images(place, layout)
+        stack = read_images(place, Layout(lights))
     else:
-        planes = _channels(read_image(place), place, layout)
-        stack = _normalised(np.stack(planes), [place] * len(planes), layout)
+        planes = channels(read_image(place), place, lights, None)
+        stack = normalised(np.stack(planes), [place] * len(planes), None)
     return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

@@ -12,7 +12,7 @@ from tactograph.nodes import Height, Metrics, PixelSize
 def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = None) -> Metrics:
     """Return the errors of a height, or nothing where the truth is not known.
 
-    Both heights are taken as they are: zero is the film at rest, nothing is shifted or
+    Neither height is changed: zero is the film at rest, nothing is shifted or
     scaled to fit.  The object is where the truth is above zero.
 
     Parameters

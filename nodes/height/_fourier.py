@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.util
+
 import numpy as np
 
 from tactograph.graph.backends.launch import DeviceArray, Launch, as_array
 
-REQUIRES = ("pyvkfft", "pip install 'tactograph[vkfft]'")
+
+def missing_vkfft() -> str | None:
+    """What is not installed, with the remedy; None if it is."""
+    if importlib.util.find_spec("pyvkfft") is not None:
+        return None
+    return "pyvkfft is not installed (pip install 'tactograph[vkfft]')"
 
 
 class _Vkfft:

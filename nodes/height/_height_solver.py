@@ -1,9 +1,11 @@
 """`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here.
 
-For each step of conjugate gradients two sums of 1024 parts come down, added in a fixed order.
-Levels of at most ONE_GROUP pixels run in one work-group, all steps in one launch.  Multigrid
+For each step of conjugate gradients one number comes down: whether there is more to gain.  Levels
+of at most ONE_GROUP pixels run in one work-group, all steps in one launch.  Multigrid
 preconditions, no cosine transform: weights differ by orders of magnitude, and a preconditioner
 that does not know them leaves conjugate gradients without convergence.
+
+Long because conjugate gradients, their weights and the grids below share buffers on the device.
 """
 
 from __future__ import annotations
@@ -33,21 +35,34 @@ from tactograph.nodes.height._springs import (
 
 ONE_GROUP = 4096
 """Levels of at most so many pixels are done by one work-group, all steps in one launch."""
-GROUP = 256
 PARTS = 1024
+GAP = 32
+"""Numbers before, between and behind the levels come in runs of so many, as rows do."""
+ENERGY, _, STRETCH = KNOWN = range(3)
+"""What conjugate gradients know of their progress, as `springs.clh` has it."""
 RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
 
 
 class Level(NamedTuple):
-    """A network of the multigrid: its first pixel among those of all levels, and its size."""
+    """A network of the multigrid: its first number in the planes, its size, numbers per row."""
 
     first: int
     rows: int
     columns: int
+    stride: int
 
     @property
     def size(self) -> int:
-        return self.rows * self.columns
+        return self.rows * self.stride
+
+    @property
+    def there(self) -> tuple[int, int, int]:
+        """What kernels are told of it."""
+        return self.first, self.rows, self.stride
+
+    def at(self, pixel: NDArray[Any]) -> NDArray[Any]:
+        """The numbers of its pixels, which are counted without gaps."""
+        return self.first + pixel // self.columns * self.stride + pixel % self.columns
 
 
 class Step(NamedTuple):
@@ -99,13 +114,23 @@ class HeightSolver:
         self.place = window.rows.start, window.columns.start, rows, columns
         self._levels = _levels(rows, columns)
         self._steps = list(_steps(len(self._levels)))
-        total = self._levels[-1].first + self._levels[-1].size
+        gaps = _gaps(self._levels)
+        total = int(gaps[-1]) + GAP
         self._right, self._down, self.ground, self._inverse = self._planes(4, total)
         self._force, self._height, self._lifted, self._kept = self._planes(4, total)
-        self._direction, self._moved = self._planes(2, rows * columns)
+        self._direction, self._moved, self._z = self._planes(3, total)
+        self._known, self._parts = run.scratch((len(KNOWN),)), run.scratch((PARTS,))
+        cleared = self._right, self._down, self.ground, self._height, self._lifted
+        run.kernel(
+            "clear_gaps", (gaps.size * GAP,),
+            run.put(gaps), gaps.size, *cleared, self._direction, self._z,
+        )  # fmt: skip
+        last = self._levels[-1]
+        self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self._gather(window)
         self._tie(window, total)
-        self._levels_there = run.put(np.array([*self._levels, (0, 0, 0)], np.int32))
+        there = [level.there for level in self._levels]
+        self._levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
         self._steps_there = run.put(np.array(self._steps, np.int32))
 
     def _planes(self, count: int, size: int) -> list[DeviceArray]:
@@ -115,12 +140,13 @@ class HeightSolver:
         """The steps and their variances, and what is at rest."""
         run, (rows, columns) = self._run, self.shape
         settings, width = run.settings, run.sizes["W"]
+        finest = self._levels[0]
         right, down, *variances = self._planes(4, rows * columns)
         self._variances = variances
         run.kernel(
-            "gather_system", self.shape,
+            "gather_system", (rows, finest.stride),
             run.inputs["slope"], run.inputs["variance"], run.inputs["rest"], run.inputs.get("mask"),
-            right, down, *variances, self.ground,
+            right, down, *variances, self.ground, finest.first, finest.stride,
             run.sizes["H"] * width, width, *self.place,
             float(run.inputs["pixel"]), settings["bend"], float(np.float32(settings["floor"] ** 2)),
         )  # fmt: skip
@@ -140,6 +166,7 @@ class HeightSolver:
         self.wants = Wants(*self._steps_wanted, run.put(rise))
         found = _tie_levels(ties, self._levels)
         self._ties, self._all_ties = len(rise), len(found.ends)
+        self._finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(found.member_start), run.put(found.members)
@@ -164,14 +191,18 @@ class HeightSolver:
     def cut(self, height: DeviceArray) -> DeviceArray:
         """A height over the frame, inside the window, and zero on the film at rest."""
         run, found = self._run, self._run.scratch(self.shape)
-        run.kernel("cut", self.shape, height, self.ground, found, run.sizes["W"], *self.place)
+        first, _, stride = self._levels[0].there
+        run.kernel(
+            "cut", self.shape,
+            height, self.ground, found, first, stride, run.sizes["W"], *self.place,
+        )  # fmt: skip
         return found
 
     def cost(self, height: DeviceArray, scale: float) -> float:
         """What `HeightSystem.cost` says."""
-        run, parts = self._run, self._run.scratch((PARTS,))
+        run, parts = self._run, self._parts
         run.kernel(
-            "cost_parts", (PARTS,), height, *self.wants, *self._variances, self._ends, parts,
+            "cost_parts", (PARTS,), height, *self.wants, *self._variances, self._finest_ends, parts,
             *self.shape, self._ties, self._rise_variance, float(np.float32(scale * scale)),
         )  # fmt: skip
         return float(run.download(parts).sum(dtype=float))
@@ -181,76 +212,86 @@ class HeightSolver:
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
         if self._ties:
             run.kernel(
-                "stiffen_rises", (self._ties,), height, self.wants.rise, self._ends, self._finest,
-                self._ties, self._rise_variance, unit, square,
+                "stiffen_rises", (self._ties,), height, self.wants.rise, self._finest_ends,
+                self._finest, self._ties, self._rise_variance, unit, square,
             )  # fmt: skip
             run.kernel(
                 "join_ties", (self._all_ties,),
                 self._finest, *self._members, self._stiffness, self._all_ties,
             )  # fmt: skip
-        planes = self._right, self._down, self.ground, self._inverse
+        planes = self._right, self._down, self.ground
+        first, rows, stride = self._levels[0].there
         run.kernel(
-            "stiffen", self.shape, height, *self.wants[:2], *self._variances, *planes,
-            *self._knots, self._stiffness, *self.shape, unit, square,
+            "stiffen", run.in_row_lanes(rows, stride), height, *self.wants[:2], *self._variances,
+            *planes[:2], first, rows, self.shape[1], stride, unit, square,
         )  # fmt: skip
         for fine, coarse in zip(self._levels, self._levels[1:], strict=False):
             run.kernel(
-                "coarsen_level", coarse[1:],
-                *planes, *self._knots, self._stiffness, *fine, *coarse,
-            )  # fmt: skip
+                "coarsen_level", run.in_lanes(coarse.size), *planes, *fine.there, *coarse.there
+            )
+        for level in self._levels:
+            run.kernel("invert_diagonal", run.in_lanes(level.size), *self._network, *level.there)
         self._dense = run.put(self._coarsest_inverse())
 
     def _coarsest_inverse(self) -> F4:
         run, last = self._run, self._levels[-1]
-        size = last.size
-        units = run.keep(("units", size), lambda: run.upload(np.eye(size, dtype=np.float32)))
+        size = last.rows * last.columns
         matrix = run.scratch((size, size))
-        run.kernel("dense_matrix", (size, size), *self._network, units, matrix, *last)
-        return soft_inverse(run.download(matrix))
+        run.kernel(
+            "dense_matrix", (size, size),
+            *self._network, self._dense_at, matrix, size, last.stride,
+        )  # fmt: skip
+        inverse = soft_inverse(run.download(matrix))
+        return np.pad(inverse, ((0, 0), (0, -size % GAP)))
 
     def solve(self, wants: Wants, height: DeviceArray, steps: int, enough: float) -> None:
         """Improve `height` in place, as `conjugate_gradients` does."""
-        run, size = self._run, self._levels[0].size
+        run, finest, columns = self._run, self._levels[0], self.shape[1]
+        first, rows, stride = there = finest.there
+        by_rows, size = run.in_row_lanes(rows, stride), run.in_lanes(finest.size)
+        run.kernel("take_height", by_rows, height, self._z, first, rows, columns, stride)
         run.kernel(
-            "imbalance", self.shape, *self._network, *wants, height, self._force, self._lifted,
-            *self.shape,
+            "imbalance", by_rows, *self._network, *wants, self._z, self._force, self._lifted,
+            first, rows, columns, stride,
         )  # fmt: skip
         self._cycle()
-        run.kernel("turn", (size,), self._height, self._direction, size, 0.0, 1)
-        energy = self._product(self._force, self._height)
+        run.kernel("turn", size, self._height, self._direction, self._known, *there, 1)
+        energy = self._gain()
         for _ in range(steps):
             if energy <= enough or energy <= 0:
                 break
+            run.kernel("apply_springs", size, *self._network, self._direction, self._moved, *there)
+            self._learn(STRETCH, self._direction, self._moved)
             run.kernel(
-                "apply_springs", self.shape, *self._network, self._direction, self._moved,
-                *self.shape,
-            )  # fmt: skip
-            stretched = self._product(self._direction, self._moved)
-            if stretched <= 0:
-                break
-            run.kernel(
-                "advance", (size,), self._direction, self._moved, self._inverse, height,
-                self._force, self._lifted, size, energy / stretched,
+                "advance", size, self._direction, self._moved, self._inverse, self._z,
+                self._force, self._lifted, self._known, *there,
             )  # fmt: skip
             self._cycle()
-            before, energy = energy, self._product(self._force, self._height)
-            run.kernel("turn", (size,), self._height, self._direction, size, energy / before, 0)
+            energy = self._gain()
+            run.kernel("turn", size, self._height, self._direction, self._known, *there, 0)
+        to = run.in_row_lanes(rows, columns)
+        run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
 
     def energy(self, wants: Wants) -> float:
         """What `Springs.energy` says."""
-        run, parts = self._run, self._run.scratch((PARTS,))
+        run, (first, rows, stride) = self._run, self._levels[0].there
         run.kernel(
-            "energy_parts", (PARTS // run.lanes,),
-            self._right, self._down, wants.right, wants.down, parts, self._levels[0].size,
+            "energy_parts", (PARTS,),
+            self._right, self._down, wants.right, wants.down, self._parts, first, rows,
+            self.shape[1], stride,
         )  # fmt: skip
-        return float(run.download(parts).sum(dtype=float))
+        return float(run.download(self._parts).sum(dtype=float))
 
-    def _product(self, a: DeviceArray, b: DeviceArray) -> float:
-        """The sum of a b over the finest level, always added up in the same order."""
-        run = self._run
-        parts = run.scratch((PARTS,))
-        run.kernel("dot_parts", (PARTS // run.lanes,), a, b, parts, self._levels[0].size)
-        return float(run.download(parts).sum(dtype=float))
+    def _gain(self) -> float:
+        """The energy that is left to gain."""
+        self._learn(ENERGY, self._force, self._height)
+        return float(self._run.download(self._known)[ENERGY])
+
+    def _learn(self, what: int, a: DeviceArray, b: DeviceArray) -> None:
+        """Put the sum of a b over the finest level where conjugate gradients look for it."""
+        run, finest = self._run, self._levels[0]
+        run.kernel("product_parts", (PARTS,), a, b, self._parts, finest.first, finest.size)
+        run.kernel("learn", (1,), self._parts, self._known, what)
 
     def _cycle(self) -> None:
         """One multigrid cycle: from the force on the finest level to its height."""
@@ -270,43 +311,65 @@ class HeightSolver:
         return self._levels[self._steps[step].level].size <= ONE_GROUP
 
     def _small_steps(self, first: int, end: int) -> None:
-        self._run.kernel(
-            "small_levels", (GROUP,), *self._network, self._force, self._height, self._lifted,
-            self._kept, self._dense, self._levels_there, self._steps_there, first, end,
-            local=(GROUP,),
+        run, (count,) = self._run, self._dense_at.shape
+        run.kernel(
+            "small_levels", (run.group,), *self._network, self._force, self._height, self._lifted,
+            self._kept, self._dense, self._dense_at, count, self._dense.shape[1],
+            self._levels_there, self._steps_there, first, end, local=(run.group,),
         )  # fmt: skip
 
     def _large_step(self, step: Step) -> None:
         run, level = self._run, self._levels[step.level]
         coarse = self._levels[step.level + 1]
+        here, blocks = run.in_lanes(level.size), run.in_lanes(coarse.size)
         if step.what == RESTRICT:
             run.kernel(
-                "restrict_level", coarse[1:],
-                *self._network, self._force, self._lifted, *level, *coarse,
+                "restrict_level", blocks,
+                *self._network, self._force, self._lifted, *level.there, *coarse.there,
             )  # fmt: skip
         elif step.what == REDO:
             run.kernel(
-                "redo_level", level[1:],
-                *self._network, self._force, self._height, self._lifted, self._kept, *level,
+                "redo_level", here,
+                *self._network, self._force, self._height, self._lifted, self._kept, *level.there,
             )  # fmt: skip
         elif step.what == LIFT:
             run.kernel(
-                "lift_level", level[1:], self._height, self._lifted, self._kept, int(step.twice),
-                *level, coarse.first, coarse.columns,
+                "lift_level", blocks, self._height, self._lifted, self._kept, int(step.twice),
+                *level.there, *coarse.there,
             )  # fmt: skip
         else:
             run.kernel(
-                "smooth_level", level[1:],
-                *self._network, self._force, self._height, self._lifted, *level,
+                "smooth_level", here,
+                *self._network, self._force, self._height, self._lifted, *level.there,
             )  # fmt: skip
 
 
 def _levels(rows: int, columns: int) -> list[Level]:
-    levels = [Level(0, rows, columns)]
-    while levels[-1].size > SMALLEST:
-        first, rows, columns = levels[-1]
-        levels.append(Level(first + rows * columns, (rows + 1) // 2, (columns + 1) // 2))
+    levels = [Level(_row(columns), rows, columns, _row(columns))]
+    while levels[-1].rows * levels[-1].columns > SMALLEST:
+        first, rows, columns, stride = levels[-1]
+        behind = first + (rows + 1) * stride
+        rows, columns = (rows + 1) // 2, (columns + 1) // 2
+        levels.append(Level(behind, rows, columns, _row(columns)))
     return levels
+
+
+def _row(columns: int) -> int:
+    """The numbers that a row takes: whole lanes, and twice as many on the level before."""
+    return -(-columns // GAP) * GAP
+
+
+def _gaps(levels: Sequence[Level]) -> I4:
+    """Where the runs of numbers begin that are no level's, and the row behind the last.
+
+    The coarsest level is among them: only its pixels get heights, not what fills its rows.
+    """
+    *finer, last = levels
+    begins = [0, *(level.first + level.size for level in finer)]
+    # Lanes at the end of a level look a run beyond the row behind it.
+    ends = [*(level.first for level in finer), last.first + last.size + last.stride + GAP]
+    runs = [np.arange(begin, end, GAP) for begin, end in zip(begins, ends, strict=True)]
+    return np.concatenate(runs).astype(np.int32)
 
 
 def _steps(levels: int, at: int = 0) -> Iterator[Step]:
@@ -346,10 +409,10 @@ def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
     count = 0
     for level, finer in zip(levels, [None, *levels], strict=False):
         if finer is not None:
-            top, foot, joined = join_ends(top, foot, finer.columns, level[1:])
+            top, foot, joined = join_ends(top, foot, finer.columns, level[1:3])
             which = np.where(which >= 0, np.append(joined, -1)[which], -1)
-        tops.append(level.first + top)
-        feet.append(level.first + foot)
+        tops.append(level.at(top))
+        feet.append(level.at(foot))
         finest.append(np.flatnonzero(which >= 0))
         owners.append(count + which[which >= 0])
         count += top.size

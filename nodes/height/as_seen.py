@@ -17,7 +17,7 @@ def as_seen(height: Height, lens: Lens) -> Height:
 
     Values between pixels are interpolated by cubic convolution.  Pixels that look beyond the
     ideal grid, at the border of an image with barrel distortion, repeat its border.  Without a
-    lens the height is returned as it is, to the bit.
+    lens the height is returned unchanged, to the bit.
 
     Parameters
     ----------
@@ -31,4 +31,4 @@ def as_seen(height: Height, lens: Lens) -> Height:
     return between_pixels(height, *ideal_places(lens, height.shape))
 
 
-as_seen.opencl(grid="H W", row_lanes=True)
+as_seen.opencl(grid="H W", lanes="rows")

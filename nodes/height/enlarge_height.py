@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Parts, node
-from tactograph.nodes import F4, CoarseHeight, Height, Light
+from tactograph.nodes import CoarseHeight, Height, Light
+from tactograph.nodes.light._between_cells import between_cells
 
 
 @node(derived={"h": Parts("H", by="factor"), "w": Parts("W", by="factor")})
@@ -27,23 +26,7 @@ def enlarge_height(
     factor
         Side of a cell in pixels.
     """
-    rows, columns = like.shape[1:]
-    above, below, down = _between(rows, height.shape[0], factor)
-    left, right, across = _between(columns, height.shape[1], factor)
-    wide = _mixed(height[:, left], height[:, right], across)
-    return _mixed(wide[above], wide[below], down[:, None])
-
-
-def _between(count: int, cells: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
-    """The cells whose centres a pixel lies between, and how far from the first."""
-    place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
-    place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))
-    first = place.astype(np.intp)
-    return first, np.minimum(first + 1, cells - 1), place - first.astype(np.float32)
-
-
-def _mixed(a: F4, b: F4, share: F4) -> F4:
-    return a + (b - a) * share
+    return between_cells(height, like.shape[1:], factor)
 
 
 enlarge_height.opencl(grid="H W")

@@ -2,6 +2,8 @@
 
 Slopes at rims understate the climb together, so the errors that all rims share are one load that
 goes through the solver, not noise.
+
+Long because one node is one algorithm: every source of error goes through the same solver.
 """
 
 from __future__ import annotations
@@ -113,7 +115,7 @@ def height_error(
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Send errors through the solver of `integrate_weighted` and see what they do.
+    """Return the standard deviation of the height: errors sent through the solver.
 
     The height is, given the weights, linear in what it is made of.  A few random errors of
     the right size are integrated like slopes; the mean square of what comes out, averaged
@@ -432,9 +434,9 @@ def _launch(run: Launch) -> None:
     for number in range(ERRORS):
         keys = _keys(settings["seed"], number)
         run.kernel(
-            "err_slopes", shape, of["light"], of["sigma"], of["height"], of["slope"],
-            of["lights"], of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place,
-            pixel, number, settings["flat_noise"], np.uint32(keys.light),
+            "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
+            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
             misfit, bounced, earlier, SIGNS[number], SETTLING[number], LEANING[number],
             *_wave(number),
         )  # fmt: skip
@@ -461,9 +463,10 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
         "free_part", shape,
         run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
     )  # fmt: skip
+    by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
-        run.kernel("blur", shape, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
-        run.kernel("blur", shape, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+        run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
+        run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out = run.outputs["height_error"]
     pixel = float(run.inputs["pixel"])
     planes = total, weight, free, run.inputs["height"], out

@@ -11,10 +11,11 @@ from functools import lru_cache
 import numpy as np
 
 from tactograph.graph import Close, node
+from tactograph.graph.backends.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes.height._fourier import REQUIRES, cosine_transform
+from tactograph.nodes.height._fourier import cosine_transform, missing_vkfft
 
 SMALL_PRIME = 64
 """Up to this one a prime factor costs less than turning an image over."""
@@ -85,7 +86,13 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
     return inverse
 
 
-@integrate_dct.opencl(requires=REQUIRES, own_lanes=True)
+def _can_run(device: DeviceTraits) -> Obstacle | None:
+    """In lanes the kernels transform by themselves."""
+    missing = None if device.lanes > 1 else missing_vkfft()
+    return Obstacle(missing) if missing else None
+
+
+@integrate_dct.opencl(can_run=_can_run)
 def _launch(run: Launch) -> None:
     """Divergence, transform, division by the eigenvalues, and back."""
     if run.lanes > 1:
@@ -99,6 +106,7 @@ def _launch(run: Launch) -> None:
     cosine.forward(out)
     run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))
     cosine.inverse(out)
+    run.mark()
 
 
 def _launch_in_lanes(run: Launch) -> None:

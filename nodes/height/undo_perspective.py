@@ -26,4 +26,4 @@ def undo_perspective(height: Height, camera: Vergence) -> Height:
     return np.asarray(height / (1 + np.float32(camera) * height), np.float32)
 
 
-undo_perspective.opencl(grid="H W", lanes=True)
+undo_perspective.opencl(grid="H W", lanes="grid")

@@ -2,7 +2,7 @@
 
 E. Catmull and R. Rom, "A class of local interpolating splines", 1974; R. Keys, "Cubic
 convolution interpolation for digital image processing", 1981, with a = -1/2.  A quadratic
-surface comes back as it is.  Beyond the frame its border goes on.
+surface comes back unchanged.  Beyond the frame its border goes on.
 """
 
 from __future__ import annotations

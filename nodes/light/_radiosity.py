@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 
 MOST_RIM_CELLS = 4
 """The film beyond the frame is far from most cells: this many cells across say enough."""
@@ -157,22 +157,38 @@ def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F
     edge = rim_blocks(grid.rim)
     for top in range(0, grid.rows, BLOCK):
         for left in range(0, grid.columns, SPAN):
-            here = np.s_[..., top : top + BLOCK, left : left + SPAN]
+            here = (slice(None), slice(top, top + BLOCK), slice(left, left + SPAN))
             first = max(0, top // BLOCK - near), max(0, left // BLOCK - near)
             last = top // BLOCK + near + 1, (left + SPAN) // BLOCK + near
             down, across = (slice(BLOCK * a, BLOCK * b) for a, b in zip(first, last, strict=True))
+<<<<<<< HEAD
             _, *size = blocks[2].shape
             far, count = np.ones(size, bool), [side - 2 * edge for side in size]
+=======
+            far = np.ones_like(blocks[2][0], bool)
+            count = far.shape[0] - 2 * edge, far.shape[1] - 2 * edge
+>>>>>>> main
             known = [
                 slice(edge + a, edge + min(b, c))
                 for a, b, c in zip(first, last, count, strict=True)
             ]
             far[known[0], known[1]] = False
             at, normal = (part[here].reshape(3, -1) for part in fine[:2])
+<<<<<<< HEAD
             near_by = [part[..., down, across].reshape(len(part), -1) for part in fine]
             shown = _arriving(at, normal, *near_by)
             shown += _arriving(at, normal, *(part[:, far] for part in blocks))
             found[here] = shown.reshape(found[here].shape)
+=======
+            shown = sum(
+                _arriving(at, normal, *(part.reshape(len(part), -1) for part in seen))
+                for seen in (
+                    [part[:, down, across] for part in fine],
+                    [part[:, far] for part in blocks],
+                )
+            )
+            found[here] = np.asarray(shown).reshape(found[here].shape)
+>>>>>>> main
     return found.reshape(len(sources), -1)
 
 
@@ -204,25 +220,3 @@ def _arriving(at: F4, normal: F4, places: F4, areas: F4, sources: F4) -> F4:
     arriving = np.maximum(nx * dx + ny * dy + nz * dz, np.float32(0))
     leaving = np.maximum(-(sx * dx + sy * dy + sz * dz), np.float32(0))
     return np.asarray(sources @ (arriving * leaving / (square * square)).T)
-
-
-def between_cells(planes: F4, size: tuple[int, ...], factor: int) -> F4:
-    """Bring the values of cells to pixels."""
-    if factor == 1:
-        return planes
-    above, below, down = _between(size[0], planes.shape[1], factor)
-    left, right, across = _between(size[1], planes.shape[2], factor)
-    wide = _mixed(planes[..., left], planes[..., right], across)
-    return _mixed(wide[:, above], wide[:, below], down[:, None])
-
-
-def _between(count: int, cells: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
-    """The cells whose middles a pixel lies between, and how far from the first."""
-    place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
-    place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))
-    first = place.astype(np.intp)
-    return first, np.minimum(first + 1, cells - 1), place - first.astype(np.float32)
-
-
-def _mixed(a: F4, b: F4, share: F4) -> F4:
-    return a + (b - a) * share

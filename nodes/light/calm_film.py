@@ -24,7 +24,7 @@ def calm_film(
 
     Light is divided by the flat frame, so the untouched film has 1 everywhere.  The mean
     over a square window is as many times less noisy as the window is wide, so that even the
-    gentle skirts of a press are told from the film at rest.
+    gentle skirts of a press differ from the film at rest.
 
     Parameters
     ----------

@@ -10,9 +10,9 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, InputError, node
 from tactograph.nodes import Albedo, Height, Light, LightPositions, PixelSize, Slope
+from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._radiosity import (
     BLOCK,
-    between_cells,
     cell_grid,
     cells_of,
     framed,

@@ -52,4 +52,4 @@ def flat_field(
     return light
 
 
-flat_field.opencl(grid="H W", lanes=True, whole="image")
+flat_field.opencl(grid="H W", lanes="grid", whole="image")

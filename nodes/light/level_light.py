@@ -27,4 +27,4 @@ def level_light(light: Light, drift: Drift) -> Light:
     return np.asarray(light / drift_gain(drift, light.shape[1:]), np.float32)
 
 
-level_light.opencl(grid="H W", lanes=True)
+level_light.opencl(grid="H W", lanes="grid")

@@ -43,4 +43,4 @@ def light_noise(
     return sigma
 
 
-light_noise.opencl(grid="H W", lanes=True, whole="image")
+light_noise.opencl(grid="H W", lanes="grid", whole="image")

@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._film import direct_share, is_affine, predict, touch_gain, turned
 from tactograph.nodes.light._near_light import places, vectors_at
 
@@ -86,7 +86,7 @@ def matt_light(
     return MattLight(*(plane.reshape(light.shape) for plane in made))
 
 
-matt_light.opencl(grid="H W", lanes=True)
+matt_light.opencl(grid="H W", lanes="grid")
 
 
 @matt_light.example

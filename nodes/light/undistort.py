@@ -20,7 +20,7 @@ def undistort(image: Light, lens: Lens) -> Light:
     The middle of the image stays where it is.  Values between pixels are interpolated by cubic
     convolution (`_bicubic`).  Ideal pixels that the camera does not see, at the border of an
     image with pincushion distortion, repeat the nearest pixel that it does.  Without a lens the
-    images are returned as they are, to the bit.
+    images are returned unchanged, to the bit.
 
     Parameters
     ----------
@@ -35,4 +35,4 @@ def undistort(image: Light, lens: Lens) -> Light:
     return np.stack([between_pixels(plane, x, y) for plane in image])
 
 
-undistort.opencl(grid="H W", row_lanes=True, whole="image")
+undistort.opencl(grid="H W", lanes="rows", whole="image")

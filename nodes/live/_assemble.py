@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.live._match_frames import FAINTEST, Film, cells
+from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2

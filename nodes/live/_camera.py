@@ -66,7 +66,7 @@ class Shot(NamedTuple):
 def open_capture(camera: int | str) -> Capture:
     """Open a camera by index, path or URL; it may turn out not to be opened."""
     text = str(camera)
-    # What cannot be opened is told once, by us.
+    # We report once what cannot be opened.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     if text.isdecimal():
         return cv2.VideoCapture(int(text))

@@ -1,6 +1,8 @@
 """The LED controller as the host sees it: found, commanded, watched, and found again.
 
 The protocol, the wiring and the firmware are described in docs/hardware.md.
+
+Long because every command has to restore the same state after a lost connection.
 """
 
 from __future__ import annotations

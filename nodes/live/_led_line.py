@@ -44,7 +44,7 @@ def frame(body: str) -> bytes:
 
 
 def unframe(line: bytes) -> str | None:
-    """The body of a line without its newline; None if a byte of it is not as it was sent."""
+    """The body of a line without its newline; None if a byte of it was changed on the way."""
     match = _LINE.fullmatch(line)
     if match is None or binascii.crc_hqx(match[1], 0xFFFF) != int(match[2], 16):
         return None

@@ -24,14 +24,11 @@ from tactograph.nodes.live._led_controller import (
     LedController,
     open_controller,
 )
-from tactograph.nodes.live._match_frames import Clock, Film, make_film
-from tactograph.nodes.live._simulated_camera import (
-    LitBetween,
-    SimulatedCamera,
-    SimulatedSensor,
-    read_scene,
-)
+from tactograph.nodes.live._led_in_frame import Film, make_film
+from tactograph.nodes.live._match_frames import Clock
+from tactograph.nodes.live._simulated_camera import LitBetween, SimulatedCamera
 from tactograph.nodes.live._simulated_controller import SimulatedController
+from tactograph.nodes.live._simulated_sensor import SimulatedSensor, read_scene
 
 FREE = "none"
 """The port of LEDs that flash by themselves."""
@@ -180,7 +177,7 @@ class Rig:
     Attributes
     ----------
     table, board, link
-        The sensor and the controller made of software, and the path that leads to its port.
+        The simulated sensor and controller, and the path of its port.
     """
 
     camera: Camera

@@ -1,4 +1,4 @@
-"""An LED controller made of software: the firmware's own logic behind a pseudo-terminal.
+"""A simulated LED controller: the firmware's own logic behind a pseudo-terminal.
 
 It is found, opened and spoken to like the board, and can be broken like one.
 """
@@ -52,7 +52,7 @@ class SimulatedController:
     burnt_out
         LEDs that give no light.
     garble
-        What becomes of each line on its way to the host; None: it arrives as it is.
+        What becomes of each line on its way to the host; None: it arrives unchanged.
     """
 
     def __init__(

@@ -21,9 +21,9 @@ from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.live._camera import Plane, Wanted
-from tactograph.nodes.live._guide import Guide, film_at_rest, tell
 from tactograph.nodes.live._sensor import open_rig
-from tactograph.nodes.live._stream import Stream
+from tactograph.nodes.live._touch_stream import Stream
+from tactograph.nodes.live._watch_film import Guide, film_at_rest, tell
 
 FULL, MOST_FULL = 0.998, 0.01
 """Light that counts as saturated, and the share of pixels that may be."""
@@ -63,11 +63,11 @@ def guide_presses(
     patience_s: Annotated[float, Gt(0)] = 120.0,
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
 ) -> Iterator[GuidedPresses]:
-    """Say what to do, see that it is done, and yield all presses so far after each.
+    """Ask for one press after another, and yield all presses so far after each.
 
     The untouched film is taken with one LED lit after the other, and with none.  A press is
     taken by itself: the light differs from that of the untouched film, and then is still.
-    No key has to be pressed.  A press that shows no ball is told and left out.  What is asked
+    No key has to be pressed.  A press that shows no ball is reported and left out.  What is asked
     for appears on the terminal at once.
 
     All images are kept beside `file`: ``cal_presses/untouched``, ``cal_presses/dark.png`` and

@@ -38,7 +38,7 @@ def live_statistics(
     session: Session,
     provenance: Provenance,
 ) -> None:
-    """Count the heights of a stream, tell of them while it runs, and sum up at its end.
+    """Count the heights of a stream, report while it runs, and sum up at its end.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Interval
 
@@ -14,7 +14,7 @@ from tactograph.nodes.live._assemble import Refresh
 from tactograph.nodes.live._camera import Wanted
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._sensor import open_sensor
-from tactograph.nodes.live._stream import Stream
+from tactograph.nodes.live._touch_stream import Stream
 
 
 @node(endless=True)
@@ -41,13 +41,13 @@ def read_camera(
 
     A frame is matched to its LED by its image, which shows the film at rest under one of the
     LEDs, and by the controller's clock; both have to agree.  What shows two LEDs, none, the
-    wrong one, or not the film at all is counted, told and discarded.  Camera and controller
+    wrong one, or not the film at all is counted, reported and discarded.  Camera and controller
     are opened again whenever they fail.
 
     Parameters
     ----------
     camera
-        Index, device, URL or video file; ``simulated`` for a sensor made of software, with
+        Index, device, URL or video file; ``simulated`` for a simulated sensor, with
         its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
     port
         The LED controller's serial port; None: found by its USB id.  ``simulated``: one made
@@ -57,7 +57,7 @@ def read_camera(
     rate
         Frames per second, and steps of the LEDs per second.
     exposure, gain, white_balance
-        In the driver's units; None leaves them as they are.  Automatic ones are turned off.
+        In the driver's units; None does not change them.  Automatic ones are turned off.
     refresh
         "rolling": each frame replaces the older one of its LED, a touch per frame.  "cycle":
         a touch whenever all LEDs are new.
@@ -119,3 +119,10 @@ def read_camera(
         yield from stream.touches(timeout_s / 2, seconds, items)
     finally:
         sensor.close()
+
+
+@read_camera.rehearsal
+def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
+    """The film at rest, as the calibration knows it."""
+    known = read_calibration(file=calibration)
+    return Touch(known.flat + known.dark, "", 0.0, [], LiveState())

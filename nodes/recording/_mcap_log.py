@@ -5,6 +5,8 @@ of the file nor its index (`_mcap_read.py`).  One thread writes, which survives 
 end; another asks the disk to keep it, which survives the computer's.
 
 All topics are CDR: ``ros2 bag`` refuses mixed serialisation.
+
+Long because writing, syncing, rotating and failing share the state of one open file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Read MCAP files as far as they are whole, with or without an end."""
+"""Read MCAP files up to the first damage, with or without an end."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class McapFile:
             yield from found
 
     def _payloads(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
-        """The records from the present position on, as far as they are all there."""
+        """The whole records from the present position on."""
         size = stream.seek(0, io.SEEK_END)
         at = stream.seek(min(len(MAGIC), size))
         while size - at >= _OPCODE_AND_LENGTH.size:

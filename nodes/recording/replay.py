@@ -17,10 +17,11 @@ from annotated_types import Ge
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes.calibrate.read_calibration import read_calibration
-from tactograph.nodes.capture.read_capture import MOST_LEDS, MOST_PIXELS
+from tactograph.nodes.capture._image_files import MOST_PIXELS
+from tactograph.nodes.capture.read_capture import MOST_LEDS
 from tactograph.nodes.live._assemble import Assembler, Refresh
 from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
-from tactograph.nodes.live._match_frames import make_film
+from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.recording._mcap_log import log_files
 from tactograph.nodes.recording._mcap_read import McapFile, Read
 from tactograph.nodes.recording._ros import read_image
@@ -54,7 +55,7 @@ def replay(
         For recordings that hold frames with all LEDs off: what of those is the camera's own
         dark, which the graph takes off by itself.
     speed
-        1: as it was recorded; 2: twice as fast; 0: as fast as possible.
+        1: at the recorded pace; 2: twice as fast; 0: as fast as possible.
     refresh
         "rolling": a touch with every frame, each replacing the older one of its LED.
         "cycle": a touch whenever all LEDs are new.

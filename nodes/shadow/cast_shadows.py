@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
-from tactograph.nodes.simulate._sample import bilinear
+from tactograph.nodes.simulate._interpolate import bilinear
 
 GROUP = 64
 STEP = np.float32(0.5)
@@ -98,13 +98,13 @@ def _is_blocked(
 def _launch(run: Launch) -> None:
     """The top of the surface, above which no ray need be followed; then the rays."""
     height, out = run.inputs["height"], run.outputs["cast_shadows"]
-    rows, columns = shape = run.sizes["H"], run.sizes["W"]
+    rows, columns = run.sizes["H"], run.sizes["W"]
     top = run.scratch((1,))
     seen = run.inputs.get("seen")
     run.kernel("highest", (GROUP,), height, top, rows * columns, local=(GROUP,))
     run.kernel(
         "cast",
-        shape,
+        run.in_row_lanes(rows, columns),
         height,
         run.inputs["lights"],
         seen if seen is not None else out,

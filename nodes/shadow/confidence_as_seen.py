@@ -15,7 +15,7 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     """Return the confidence in the labels that each pixel of the camera sees.
 
     It is that of the nearest ideal pixel, as with `labels_as_seen`.  Without a lens it is
-    returned as it is.
+    returned unchanged.
 
     Parameters
     ----------
@@ -29,4 +29,4 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     return confidence[nearest_ideal(lens, confidence.shape)]
 
 
-confidence_as_seen.opencl(grid="H W", row_lanes=True)
+confidence_as_seen.opencl(grid="H W", lanes="rows")

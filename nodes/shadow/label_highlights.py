@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import SizeLimit, node
+from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
-from tactograph.nodes.light._near_light import light_vectors, places
+from tactograph.nodes.light._cache_blocks import in_blocks
+from tactograph.nodes.light._near_light import F8, expected_light, light_vectors, places, vectors_at
 
 FEWEST = 3
 """LEDs that have to remain: two would leave two normals."""
@@ -26,15 +27,37 @@ class Highlights(NamedTuple):
     sigma: Light
 
 
+class _Moments(NamedTuple):
+    """A symmetric 3 x 3 matrix per pixel, taken apart into L D L^T: one over D, then L."""
+
+    first: F4
+    second: F4
+    third: F4
+    yx: F4
+    zx: F4
+    zy: F4
+
+    def solve(self, right: F4 | F8) -> F4:
+        """The inverse times 3 x N."""
+        y = right[1] - self.yx * right[0]
+        z = (right[2] - self.zx * right[0] - self.zy * y) * self.third
+        y = y * self.second - self.zy * z
+        x = right[0] * self.first - self.yx * y - self.zx * z
+        return np.asarray([x, y, z], np.float32)
+
+
 class _Fit(NamedTuple):
-    """Unit normals 3 x N, their covariance N x 3 x 3, and the chi-square that they leave."""
+    """Unit normals 3 x N, the matrix of their equations, and the chi-square that they leave."""
 
     normal: F4
-    covariance: F4
+    moments: _Moments
     misfit: F4
 
 
-@node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
+@node(
+    sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
+    tolerance=Flips(2e-3, why="thresholds on chi-squares, of sums in float32"),
+)
 def label_highlights(
     light: Light,
     sigma: Light,
@@ -82,54 +105,82 @@ def label_highlights(
         H x W, bit k-1 where LED k is mirrored; K x H x W, `sigma`, but 1000 there, so that
         `label_lights` leaves that light out without calling it a shadow.
     """
-    count = len(light)
-    marked = np.zeros(height.shape, np.uint8)
+    count, size = len(light), height.size
+    marked = np.zeros(size, np.uint8)
+    x, y = (np.broadcast_to(part, height.shape).ravel() for part in _places(height, pixel))
+    seen, noise, z = light.reshape(count, size), sigma.reshape(count, size), height.ravel()
+    near = np.cos(np.deg2rad(np.float32(lobe_deg)))
+
+    def mark(part: slice) -> None:
+        together = _fit(
+            seen[:, part], noise[:, part], vectors_at(lights, x[part], y[part], z[part])
+        )
+        at = np.flatnonzero(together.misfit > np.float32(unlikely)) + part.start
+        spot = np.stack([x[at], y[at], z[at]])
+        towards, halves = vectors_at(lights, *spot), _half_way(lights, spot)
+        marked[at] = _mirrored(seen[:, at], noise[:, at], towards, halves, likely, excess, near)
+
     if count > FEWEST:
-        vectors = light_vectors(lights, height, pixel)
-        together = _fit(*(part.reshape(*part.shape[:-2], -1) for part in (light, sigma, vectors)))
-        doubted = (together.misfit > np.float32(unlikely)).reshape(height.shape)
-        row, column = np.nonzero(doubted)
-        halves = _half_way(lights, height, pixel, row, column)
-        near = np.float32(np.cos(np.deg2rad(lobe_deg)))
-        seen, noise, towards = (part[..., row, column] for part in (light, sigma, vectors))
-        marked[row, column] = _mirrored(seen, noise, towards, halves, likely, excess, near)
+        in_blocks(mark, size)
+    highlight = marked.reshape(height.shape)
     numbers = np.arange(count, dtype=np.uint8)[:, None, None]
-    return Highlights(marked, np.where(marked >> numbers & 1, UNKNOWN, sigma).astype(np.float32))
+    raised = np.where(highlight >> numbers & 1, UNKNOWN, sigma)
+    return Highlights(highlight, np.asarray(raised, np.float32))
+
+
+label_highlights.opencl(grid="H W", lanes="grid")
 
 
 def _fit(light: F4, sigma: F4, vectors: F4) -> _Fit:
     """Least squares, then the nearest normal of unit length in the metric of the noise."""
     weight = np.float32(1) / np.maximum(sigma * sigma, np.float32(1e-10))
-    weighted = (weight[:, None] * vectors).transpose(2, 1, 0)
-    matrix = weighted @ vectors.transpose(2, 0, 1)
-    trace = np.trace(matrix, axis1=1, axis2=2)[:, None, None]
-    covariance = np.linalg.inv(matrix + SOFTLY * trace * np.eye(3, dtype=np.float32))
-    free = (covariance @ (weighted @ light.T[..., None]))[..., 0].T
-    length = np.sqrt((free * free).sum(axis=0))
+    moments = _moments(weight, vectors)
+    free = moments.solve(((weight * light)[:, None] * vectors).sum(axis=0))
+    length = np.sqrt(_dot(free, free))
     unit = free / np.maximum(length, np.float32(1e-6))
-    along = np.einsum("nij,jn->in", covariance, unit)
-    spread = np.maximum((unit * along).sum(axis=0), np.float32(1e-12))
-    over = length - np.float32(1)
-    normal = free - along * (over / spread)
-    normal = normal / np.maximum(np.sqrt((normal * normal).sum(axis=0)), np.float32(1e-6))
-    away = light - (vectors * normal).sum(axis=1)
-    return _Fit(normal, covariance, np.asarray((weight * away * away).sum(axis=0), np.float32))
+    along = moments.solve(unit)
+    spread = np.maximum(_dot(unit, along), np.float32(1e-12))
+    nearest = free - along * ((length - np.float32(1)) / spread)
+    length = np.maximum(np.sqrt(_dot(nearest, nearest)), np.float32(1e-6))
+    normal = np.asarray(nearest / length, np.float32)
+    away = light - _dot(vectors.swapaxes(0, 1), normal)
+    return _Fit(normal, moments, np.asarray((weight * away * away).sum(axis=0), np.float32))
 
 
-def _half_way(
-    lights: LightPositions,
-    height: Height,
-    pixel: float,
-    row: NDArray[np.intp],
-    column: NDArray[np.intp],
-) -> F4:
-    """Unit vectors half-way between each LED and the camera above, K x 3 x N."""
+def _moments(weight: F4, vectors: F4) -> _Moments:
+    """The sum of weight v v^T, softened, with pivots that stay above zero."""
+    x, y, z = vectors.swapaxes(0, 1)
+    xx, xy, xz, yy, yz, zz = (
+        (weight * a * b).sum(axis=0) for a, b in ((x, x), (x, y), (x, z), (y, y), (y, z), (z, z))
+    )
+    soft = np.maximum(SOFTLY * (xx + yy + zz), np.float32(1e-20))
+    one = np.float32(1)
+    first = one / (xx + soft)
+    yx, zx = xy * first, xz * first
+    second = one / np.maximum(yy + soft - yx * xy, soft)
+    zy = (yz - yx * xz) * second
+    third = one / np.maximum(zz + soft - zx * xz - zy * (yz - yx * xz), soft)
+    return _Moments(first, second, third, yx, zx, zy)
+
+
+def _dot(a: F4 | F8, b: F4 | F8) -> F4:
+    """The product of vectors whose x, y and z come first."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], np.float32)
+
+
+def _places(height: Height, pixel: float) -> tuple[F4, F4]:
+    """The x and y of the columns and rows, 1 x W and H x 1."""
     rows, columns = (places(size, np.float32(pixel)) for size in height.shape)
-    spot = np.stack([columns[column], rows[row], height[row, column]])
+    return columns[None, :], rows[:, None]
+
+
+def _half_way(lights: LightPositions, spot: F4) -> F4:
+    """Unit vectors half-way between each LED and the camera above places of 3 x N: K x 3 x N."""
     ray = lights[:, :, None] - spot
-    half = ray / np.sqrt((ray * ray).sum(axis=1, keepdims=True))
+    half = ray / np.sqrt(_dot(ray.swapaxes(0, 1), ray.swapaxes(0, 1)))[:, None]
     half[:, 2] += 1
-    return np.asarray(half / np.sqrt((half * half).sum(axis=1, keepdims=True)), np.float32)
+    parts = half.swapaxes(0, 1)
+    return np.asarray(half / np.sqrt(_dot(parts, parts))[:, None], np.float32)
 
 
 def _mirrored(
@@ -142,12 +193,33 @@ def _mirrored(
     for k in range(count):
         others = [j for j in range(count) if j != k]
         fit = _fit(light[others], sigma[others], vectors[others])
-        over = light[k] - (vectors[k] * fit.normal).sum(axis=0)
-        doubt = np.einsum("in,nij,jn->n", vectors[k], fit.covariance, vectors[k])
+        over = light[k] - _dot(vectors[k], fit.normal)
+        doubt = _dot(vectors[k], fit.moments.solve(vectors[k]))
         bright = over > np.float32(excess) * np.sqrt(sigma[k] * sigma[k] + doubt)
-        facing = (halves[k] * fit.normal).sum(axis=0) > near
+        facing = _dot(halves[k], fit.normal) > near
         better = fit.misfit < best
         best = np.where(better, fit.misfit, best)
         found = bright & facing & (fit.misfit < np.float32(likely))
         marked = np.where(better, np.where(found, np.uint8(1 << k), np.uint8(0)), marked)
     return marked
+
+
+@label_highlights.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """A film in slopes of all kinds under LEDs around it, some of it mirroring or in shadow."""
+    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
+    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
+    places_mm = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    lights = np.asarray(places_mm, np.float32)
+    height = rng.uniform(0, 1, (H, W)).astype(np.float32)
+    slope = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
+    light = expected_light(light_vectors(lights, height, 0.1), slope)
+    light += rng.normal(0, 0.01, light.shape) + (rng.random(light.shape) < 0.1)
+    light *= rng.random(light.shape) < 0.9
+    return {
+        "light": light.astype(np.float32),
+        "sigma": np.full_like(light, 0.01),
+        "lights": lights,
+        "height": height,
+        "pixel": 0.1,
+    }

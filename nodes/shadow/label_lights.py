@@ -1,4 +1,7 @@
-"""Tell for each pixel which LEDs light it, and find its slope from those."""
+"""Tell for each pixel which LEDs light it, and find its slope from those.
+
+Long because one node is one algorithm: each set of LEDs is solved, judged and compared.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from tactograph.nodes import (
     Slope,
     SlopeVariance,
 )
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._near_light import FLATTEST, places, vectors_at
 
 STEPS = 1
@@ -204,7 +207,7 @@ def label_lights(
     return Labelled(*planes)
 
 
-label_lights.opencl(grid="H W", lanes=True)
+label_lights.opencl(grid="H W", lanes="grid")
 
 
 @label_lights.example

@@ -15,7 +15,7 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     """Return the labels that each pixel of the camera sees: those of the nearest ideal pixel.
 
     Pixels that look beyond the ideal grid repeat its border.  Without a lens the labels are
-    returned as they are.
+    returned unchanged.
 
     Parameters
     ----------
@@ -29,4 +29,4 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     return labels[nearest_ideal(lens, labels.shape)]
 
 
-labels_as_seen.opencl(grid="H W", row_lanes=True)
+labels_as_seen.opencl(grid="H W", lanes="rows")

@@ -21,7 +21,7 @@ from tactograph.nodes import (
     Slope,
 )
 from tactograph.nodes.light._near_light import light_vectors
-from tactograph.nodes.simulate._sample import bilinear
+from tactograph.nodes.simulate._interpolate import bilinear
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -218,7 +218,7 @@ def _launch(run: Launch) -> None:
         of["light"], of["slope"], of["height"], of["lights"], part, *sizes, pixel,
     )  # fmt: skip
     run.kernel(
-        "measure", sizes,
+        "measure", run.in_row_lanes(*sizes),
         of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part, top, rise,
         *sizes, pixel, run.settings["step_px"], run.settings["longest_px"],
     )  # fmt: skip

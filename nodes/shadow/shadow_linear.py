@@ -59,4 +59,4 @@ def shadow_linear(
     return np.asarray(np.where(shadowed, darkest, 0), np.uint8)
 
 
-shadow_linear.opencl(grid="H W", lanes=True)
+shadow_linear.opencl(grid="H W", lanes="grid")

@@ -32,4 +32,4 @@ def diffuse_gel(
     return (np.float32(1) - np.float32(share)) * light + np.float32(share) * rest
 
 
-diffuse_gel.opencl(grid="K H W", lanes=True)
+diffuse_gel.opencl(grid="K H W", lanes="grid")

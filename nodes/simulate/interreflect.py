@@ -10,9 +10,9 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
+from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._radiosity import (
     all_on_all,
-    between_cells,
     cell_grid,
     cells_of,
     framed,

@@ -1,4 +1,7 @@
-"""Light a surface with one LED at a time: the images a sensor would take."""
+"""Light a surface with one LED at a time: the images a sensor would take.
+
+Long because one node is one algorithm: rays, lobe, coat and occlusion, as in its kernel.
+"""
 
 from __future__ import annotations
 

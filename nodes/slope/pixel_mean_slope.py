@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Slope
-from tactograph.nodes.light._blocks import in_blocks
+from tactograph.nodes.light._cache_blocks import in_blocks
 
 TWELFTH = np.float32(1 / 12)
 ONE = np.float32(1)
@@ -68,4 +68,4 @@ def _change(planes: F4, axis: int) -> F4:
     return np.asarray(np.gradient(planes, axis=axis), np.float32)
 
 
-pixel_mean_slope.opencl(grid="H W", lanes=True)
+pixel_mean_slope.opencl(grid="H W", lanes="grid")

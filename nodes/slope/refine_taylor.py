@@ -9,9 +9,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
-
-ONE = np.float32(1)
-SMALLEST = np.float32(1e-12)
+from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
 
 
 @node(
@@ -45,7 +43,7 @@ def refine_taylor(
     slope
         2 x H x W, the coarse G_0.
     shadow
-        H x W; a pixel with any bit set is left as it is.
+        H x W; a pixel with any bit set keeps its slope.
     reflectance
         K x 9, as `fit_reflectance` gives it.
     steps
@@ -65,27 +63,15 @@ def refine_taylor(
 
 def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:
     """One solution of the normal equations J^T J (dp, dq) = J^T (I - R), cut to `limit`."""
-    square = ONE + p * p + q * q
-    w: F4 = np.divide(ONE, np.sqrt(square), dtype=np.float32)
-    normal = (-p * w, -q * w, w)
-    cube = w / square
-    by_p = (p * p * cube - w, p * q * cube, -p * cube)
-    by_q = (p * q * cube, q * q * cube - w, -q * cube)
+    square, normal, by_p, by_q = normal_by_slope(p, q)
     a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
         value, gradient = _reflectance(normal, coefficients)
-        j_p = gradient[0] * by_p[0] + gradient[1] * by_p[1] + gradient[2] * by_p[2]
-        j_q = gradient[0] * by_q[0] + gradient[1] * by_q[1] + gradient[2] * by_q[2]
+        j_p, j_q = along(gradient, by_p), along(gradient, by_q)
         rest = plane - value
         a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
         u, v = u + j_p * rest, v + j_q * rest
-    determinant = np.maximum(a * c - b * b, SMALLEST)
-    dp = np.divide(c * u - b * v, determinant, dtype=np.float32)
-    dq = np.divide(a * v - b * u, determinant, dtype=np.float32)
-    longest = limit * square
-    length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
-    shrink = np.minimum(ONE, longest / np.maximum(length, SMALLEST), dtype=np.float32)
-    return np.asarray(dp * shrink, np.float32), np.asarray(dq * shrink, np.float32)
+    return limited_step((a, b, c), (u, v), limit * square)
 
 
 def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
@@ -104,4 +90,4 @@ def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
     return value, gradient
 
 
-refine_taylor.opencl(grid="H W", lanes=True)
+refine_taylor.opencl(grid="H W", lanes="grid")

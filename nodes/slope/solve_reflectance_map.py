@@ -9,6 +9,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, Slope
+from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
 from tactograph.nodes.slope._reflectance_map import DEGREE, SHADES, TERMS
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
@@ -16,7 +17,6 @@ ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 
 ONE = np.float32(1)
 HALF = np.float32(0.5)
-SMALLEST = np.float32(1e-12)
 
 
 @node(
@@ -92,29 +92,18 @@ def _step(
     rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
 ) -> tuple[F4, F4]:
     """One solution of the weighted normal equations, cut to `limit`."""
-    square = ONE + p * p + q * q
-    w: F4 = np.divide(ONE, np.sqrt(square), dtype=np.float32)
-    normal = (-p * w, -q * w, w)
-    cube = w / square
-    by_p = (p * p * cube - w, p * q * cube, -p * cube)
-    by_q = (p * q * cube, q * q * cube - w, -q * cube)
+    square, normal, by_p, by_q = normal_by_slope(p, q)
     a = c = np.full_like(p, prior)
     b = np.zeros_like(p)
     s, t = -prior * p, -prior * q
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
         value, gradient = _shading(normal, coefficients)
-        j_p = gradient[0] * by_p[0] + gradient[1] * by_p[1] + gradient[2] * by_p[2]
-        j_q = gradient[0] * by_q[0] + gradient[1] * by_q[1] + gradient[2] * by_q[2]
+        j_p, j_q = along(gradient, by_p), along(gradient, by_q)
         left = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
         s, t = s + w_p * left, t + w_q * left
-    determinant = np.maximum(a * c - b * b, SMALLEST)
-    dp = np.divide(c * s - b * t, determinant, dtype=np.float32)
-    dq = np.divide(a * t - b * s, determinant, dtype=np.float32)
-    length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
-    shrink = np.minimum(ONE, limit * square / np.maximum(length, SMALLEST), dtype=np.float32)
-    return np.asarray(dp * shrink, np.float32), np.asarray(dq * shrink, np.float32)
+    return limited_step((a, b, c), (s, t), limit * square)
 
 
 def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:

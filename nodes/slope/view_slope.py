@@ -51,4 +51,4 @@ def view_slope(
     return slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), LEAST)
 
 
-view_slope.opencl(grid="H W", lanes=True)
+view_slope.opencl(grid="H W", lanes="grid")

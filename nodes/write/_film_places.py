@@ -2,7 +2,7 @@
 
 A camera whose pupil is D above the film sees at the place (u, v) of the film at rest a point of
 height z that lies at (u, v) (1 - z / D).  Its lens shows that place elsewhere (`light._lens`).
-Both are told from the image's middle, and places here in pixels of the ideal image.
+Places are in pixels of the ideal image, from the image's middle.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
@@ -108,6 +107,8 @@ def on_even_grid(
 
 
 def _linear(plane: F4, x: Places, y: Places) -> Places:
+    from scipy.ndimage import map_coordinates  # 0.3 s, which a plain camera needs not wait for
+
     return np.asarray(map_coordinates(plane, (y, x), order=1, mode="nearest"))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Height
-from tactograph.nodes.capture.read_capture import Crop, read_truth
+from tactograph.nodes.capture._image_files import Crop, read_truth
 from tactograph.nodes.write._height_files import READERS
 
 

@@ -23,14 +23,20 @@ import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
-from tactograph.graph.command import COMMANDS
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.command import COMMANDS, run_command
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.files.strict_yaml import read_yaml
 from tests.conftest import ROOT, MadeOnce
 
 PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))
 RUN = ("sh", "python", "yaml")
 TITLE = re.compile(r'title="([^"]+)"')
+SENSOR = """\
+tactograph run simulate_flat out=flat seed=2 --quiet
+tactograph run simulate out=ball radius_mm=7 seed=1 --quiet
+tactograph run calibrate capture=ball flat=flat ball_radius_mm=7 pixel_size_mm=0.0714286 out=cal.npz --quiet
+"""  # noqa: E501
+"""What several pages begin with; run once for all of them."""
 
 
 class Block(NamedTuple):
@@ -91,18 +97,50 @@ def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
         assert not missing
 
 
-def test_a_script_is_checked_against_the_types_of_the_wheel(wheel: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def editable(tmp_path: Path) -> Path:
+    """The Python of an environment that the Makefile has shown the package's types."""
+    venv.create(tmp_path / "venv", with_pip=False)
+    subprocess.run(["make", "-s", "types", f"VENV={tmp_path / 'venv'}"], cwd=ROOT, check=True)
+    return tmp_path / "venv" / "bin" / "python"
+
+
+@pytest.mark.parametrize("install", ["wheel", "editable"])
+def test_a_users_script_is_type_checked(
+    install: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    python: Path = request.getfixturevalue(install)
     script = tmp_path / "script.py"
     script.write_text("from tactograph import load\nload('reconstruct', strict='yes')\n")
-    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(wheel), str(script)]
+    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(python), str(script)]
     done = subprocess.run(mypy, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert 'Argument "strict" to "load" has incompatible type' in done.stdout
     assert "Found 1 error" in done.stdout
 
 
+def test_the_links_for_type_checkers_are_not_what_python_imports(editable: Path) -> None:
+    site = next((editable.parents[1] / "lib").glob("python*/site-packages"))
+    (site / "__editable___tactograph_finder.py").write_text(
+        "import sys\n"
+        "class Finder:\n"
+        "    @staticmethod\n"
+        "    def find_spec(name, path=None, target=None):\n"
+        "        if name == 'tactograph': raise ImportError('the mapping was asked')\n"
+        "sys.meta_path.append(Finder)\n"
+    )
+    (site / "__editable__.tactograph.pth").write_text("import __editable___tactograph_finder\n")
+    ask = [str(editable), "-c", "import tactograph"]
+    done = subprocess.run(ask, cwd=editable.parent, capture_output=True, text=True, check=False)
+    assert "the mapping was asked" in done.stderr
+
+
 @pytest.mark.parametrize("page", RUNNABLE, ids=lambda page: page.name)
 def test_a_page_does_what_it_says(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    made_once: MadeOnce,
+    request: pytest.FixtureRequest,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     environment = dict(os.environ)
@@ -114,8 +152,16 @@ def test_a_page_does_what_it_says(
     environment["PATH"] = f"{python.parent}{os.pathsep}{os.environ['PATH']}"
     names: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(page):
-        if block.language == "sh":
-            _run_shell(block, tmp_path, environment)
+        if block.language == "sh" and block.text.startswith(SENSOR):
+
+            def set_up(folder: Path, where: str = block.where) -> None:
+                folder.mkdir()
+                _run_shell(SENSOR, where, folder, environment)
+
+            shutil.copytree(made_once("sensor", set_up), tmp_path, dirs_exist_ok=True)
+            _run_shell(block.text.removeprefix(SENSOR), block.where, tmp_path, environment)
+        elif block.language == "sh":
+            _run_shell(block.text, block.where, tmp_path, environment)
         elif block.language == "python":
             exec(compile(block.text, block.where, "exec"), names)
         elif block.language == "yaml":
@@ -125,23 +171,26 @@ def test_a_page_does_what_it_says(
             assert read_yaml(tmp_path / title[1]).data["format"] == 1
 
 
-def _run_shell(block: Block, folder: Path, environment: dict[str, str]) -> None:
+def _run_shell(text: str, where: str, folder: Path, environment: dict[str, str]) -> None:
     done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", block.text],
+        ["bash", "-euo", "pipefail", "-c", text],
         cwd=folder, env=environment,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 0, f"{block.where}\n{block.text}\n{done.stdout}\n{done.stderr}"
+    assert done.returncode == 0, f"{where}\n{text}\n{done.stdout}\n{done.stderr}"
 
 
 @pytest.mark.parametrize(
     ("where", "line"),
     [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")],
 )
-def test_a_command_that_is_only_shown_exists(where: str, line: str) -> None:
+def test_a_command_that_is_only_shown_exists(
+    where: str, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = shlex.split(line.partition("  #")[0].split("|")[0])[1:]
     assert words[0] in COMMANDS, where
-    _check_options(where, [sys.executable, "-m", "tactograph.graph.command", words[0]], words)
+    run_command([words[0], "--help"])
+    _check_options(where, capsys.readouterr().out, words)
     graphs = [read_graph(word) for word in words[1:] if word in shipped_names()]
     params = {name for graph in graphs for name in graph.params}
     for word in words[1:]:
@@ -158,18 +207,18 @@ def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
     words = shlex.split(line.partition("  #")[0])[1:]
     script = next(word for word in words if word.endswith(".py"))
     assert (ROOT / script).is_file(), f"{where}: {line}"
-    if words[0].startswith("benchmarks/"):
-        _check_options(where, [sys.executable, str(ROOT / script)], words)
+    if words[0].startswith("benchmarks/") and any(word.startswith("--") for word in words):
+        shown = subprocess.run(
+            [sys.executable, str(ROOT / script), "--help"],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert shown.returncode == 0, f"{where}: {shown.stderr}"
+        _check_options(where, shown.stdout, words)
 
 
-def _check_options(where: str, start: list[str], words: list[str]) -> None:
-    options = [word.partition("=")[0] for word in words if word.startswith("--")]
-    if not options:
-        return
-    shown = subprocess.run([*start, "--help"], capture_output=True, text=True, check=False)
-    assert shown.returncode == 0, f"{where}: {shown.stderr}"
-    for option in options:
-        assert option in shown.stdout, f"{where}: {option}"
+def _check_options(where: str, help_text: str, words: list[str]) -> None:
+    for option in (word.partition("=")[0] for word in words if word.startswith("--")):
+        assert option in help_text, f"{where}: {option}"
 
 
 def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:

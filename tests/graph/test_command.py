@@ -17,8 +17,8 @@ from ruamel.yaml import YAML
 
 from tactograph.graph import command
 from tactograph.graph.commands.run import _in_rows
-from tactograph.graph.files.read import read_graph, shipped_names
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
 
 WRITING = """
@@ -227,7 +227,7 @@ def test_a_fallback_is_one_line_on_the_terminal(
     toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
     done = tactograph("run", write(STREAM))
@@ -249,7 +249,7 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
     file = write(WRITING)
@@ -327,7 +327,7 @@ def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
         raise RuntimeError("two\nlines")
 
     monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
-    monkeypatch.setattr("tactograph.graph.files.read.read_graph", fail)
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
     said = one_line(tactograph("check", "paper"), code=1)
     assert "internal error: RuntimeError: two lines" in said
 
@@ -342,7 +342,7 @@ def test_an_end_from_outside_shows_no_traceback(
     def fail(*args: object, **keywords: object) -> None:
         raise error
 
-    monkeypatch.setattr("tactograph.graph.files.read.read_graph", fail)
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
     done = tactograph("check", "paper")
     assert done.code == code
     assert "Traceback" not in done.err
@@ -415,7 +415,7 @@ def test_explain_says_why_each_step_runs_where_it_does(
     graph = write(SLOPES)
     done = tactograph("explain", graph)
     assert done.code == 0, done.err
-    for words in ("preferred", "has no OpenCL kernel", "once", "transfers between host and device"):
+    for words in ("preferred", "has no opencl kernel", "once", "transfers between host and device"):
         assert words in done.out
     assert "shared by all readers" not in done.out
     every = tactograph("explain", graph, "--transfers").out
@@ -427,7 +427,9 @@ def test_explain_prints_brackets_as_they_are(
     tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, why))
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, why)
+    )
     assert "tactograph[vkfft]" in " ".join(tactograph("explain", write(SLOPES)).out.split())
 
 
@@ -590,7 +592,7 @@ def test_ctrl_c_says_how_to_go_on(
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tactograph.graph.files.read.read_graph", stop)
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", stop)
     done = tactograph("check", write(SLOPES))
     assert done.code == 130
     assert done.err.strip() == command.STOPPED

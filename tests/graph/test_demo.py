@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.commands.demo import STEPS
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Command
 
 LINES = [shlex.split(line) for line in STEPS.splitlines() if line.startswith("tactograph")]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import EVERYTHING, InputError, Parts, node
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write

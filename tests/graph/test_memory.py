@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError, Session, load
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draw import to_dot, to_mermaid
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, Command, Write
 

@@ -87,6 +87,12 @@ def endless_touches(*, stop_at: int = 3) -> Iterator[Touch]:
         CALLS.append("camera closed")
 
 
+@endless_touches.rehearsal
+def _rehearsal(**_: int) -> Touch:
+    CALLS.append("rehearsal")
+    return Touch(np.full((3, 4, 5), 7, np.float32), "rehearsal")
+
+
 @node
 def enough(image: Light, *, number: int = 2) -> None:
     """A sink that wants no further item."""

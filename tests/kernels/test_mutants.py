@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tactograph.graph.backends import compiled
+from tactograph.graph.backends import compiled_node
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.backends.opencl import OpenCL
@@ -253,10 +253,15 @@ MUTANTS = {
         "what is left out has a height": ("*= (float)mask[", "*= 1.0f + 0.0f * (float)mask["),
         "the height before ignored": ("total += log1p(r * r / square / right_variance[i])", ";"),
         "window off by one": ("z[y * W + x] : 0.0f", "z[y * W + max(x - 1, 0)] : 0.0f"),
-        "the coarsest level ignored": ("total += dense[", "total += 0.0f * dense["),
+        "rows of another length": ("z + first + row * S + x", "z + first + row * W + x"),
+        "springs beyond the frame": ("return filled(count) ? found : none;", "return found;"),
+        "the coarsest level ignored": (
+            "total += LOAD_LANES(dense",
+            "total += 0.0f * LOAD_LANES(dense",
+        ),
         "coarse springs half as stiff": (
-            "right[i] + right[i + W] : right[i]",
-            "right[i] : right[i]",
+            "east += PAIR_ENDS(",
+            "east += 0.0f * PAIR_ENDS(",
         ),
     },
     "shadow_constraints": {
@@ -271,6 +276,7 @@ MUTANTS = {
         "the slope at the end ignored": ("* tangent + to_end", "* tangent"),
         "a distant LED": ("- (height[i] + to_end)", "- 0.0f * height[i]"),
         "LEDs counted from 0": ("row / H + 1", "row / H"),
+        "shadows of the first LED alone": ("(labels & (1 << k)) != 0", "(labels & 1) != 0"),
         "no longest shadow": ("t <= longest", "t <= 1e9f"),
     },
     "height_error": {
@@ -365,10 +371,24 @@ MUTANTS = {
         "not clamped": ("LESS_OF(MORE_OF(u, none), right)", "MORE_OF(u, none)"),
         "no lens": ("!is_bent(lens)", "1"),
     },
+    "label_highlights": {
+        "the first LED left out": ("fit(&seen, K, k)", "fit(&seen, K, 0)"),
+        "darker too": ("bright & facing", "facing"),
+        "facing anything": ("bright & facing", "bright"),
+        "others that disagree": ("& (others.misfit < likely)", ""),
+        "all pixels doubted": ("marked = doubted ? marked : none;", ""),
+        "noise of the prediction forgotten": ("noise * noise + doubt", "noise * noise"),
+        "of any length": ("over = (length_ - 1.0f)", "over = 0.0f * (length_ - 1.0f)"),
+        "the film level": (
+            "light_vector(lights + 3 * k, x, y, z)",
+            "light_vector(lights + 3 * k, x, y, 0.0f)",
+        ),
+    },
     "cast_shadows": {
         "away from the LED": ("x + ux * t", "x - ux * t"),
-        "LEDs counted from 1": ("label |= 1 << k", "label |= 2 << k"),
+        "LEDs counted from 1": ("labels[l] |= 1 << k", "labels[l] |= 2 << k"),
         "the image not asked": ("if (ask_image &&", "if (0 &&"),
+        "shadows of the first LED alone": ("(near & (1 << k)) != 0", "(near & 1) != 0"),
         "the reach forgotten": ("max(row - reach, 0)", "row"),
     },
     "shadow_confidence": {
@@ -392,7 +412,7 @@ def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -
         assert before in source, "the mutant no longer fits the kernel"
         return source.replace(before, after)
 
-    monkeypatch.setattr(compiled, "kernel_source", mutated)
+    monkeypatch.setattr(compiled_node, "kernel_source", mutated)
     found, _ = choose_device()
     assert found is not None
     device, node = OpenCL(found), find_node(name)

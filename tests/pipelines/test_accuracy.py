@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 from tactograph.graph.run.result import Result
 from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
 

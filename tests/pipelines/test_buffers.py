@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import load
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 

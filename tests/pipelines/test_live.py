@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import load, open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import load, open_pipeline
 
 pytestmark = pytest.mark.realtime
 

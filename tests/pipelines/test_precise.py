@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tests.conftest import Calibration, MadeOnce, Raytraced

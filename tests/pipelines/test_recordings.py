@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.recording._mcap_log import log_files
 from tactograph.nodes.recording._mcap_read import McapFile
 from tests.graph.conftest import Command, tactograph

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 
 
 def figures(name: str) -> dict[str, float]:

@@ -24,15 +24,17 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.batch import work
+from tactograph.graph.batch import worker
 from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, FAILED, PENDING, Store, alone_in, open_store
-from tactograph.graph.batch.work import Chunk, Tally, do_chunk
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.batch.store import DONE, FAILED, PENDING, Job, Store, open_store
+from tactograph.graph.batch.store_lock import alone_in
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import Command, Write
 
 LIT = """
@@ -115,7 +117,9 @@ def test_what_runs_elsewhere_than_wanted_is_told_once(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", lambda text=None: (None, "none"))
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, "none")
+    )
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert code == 0
@@ -145,9 +149,11 @@ def test_what_is_finished_is_not_done_again(
     batch(tactograph, graph, over, tmp_path / "out.zarr")
     make_capture(tmp_path / "day" / "capture_99", 99)
     ran: list[str] = []
-    attempt = work._attempt
+    attempt = worker._attempt
     monkeypatch.setattr(
-        work, "_attempt", lambda p, job, place, t: (ran.append(place), attempt(p, job, place, t))[1]
+        worker,
+        "_attempt",
+        lambda p, place, *more: (ran.append(place), attempt(p, place, *more))[1],
     )
     batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert [Path(place).name for place in ran] == ["capture_99"]
@@ -169,6 +175,35 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(
         rows = list(csv.DictReader(table))
     assert [row["status"] for row in rows].count("failed") == 1
     assert "not an image" in rows[2]["reason"]
+
+
+def test_the_next_capture_is_read_while_one_is_computed(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each capture waits, before it is computed, until the one behind it has been read."""
+    read = {place.name: threading.Event() for place in captures}
+    begin, attempt = worker._read, worker._attempt
+
+    def note(pipeline: Pipeline, job: Job, place: str) -> object:
+        ready = begin(pipeline, job, place)
+        read[Path(place).name].set()
+        return ready
+
+    def wait(pipeline: Pipeline, place: str, *more: object) -> object:
+        names = list(read)
+        behind = names.index(Path(place).name) + 1
+        same_chunk = behind % 3 and behind < len(names)
+        assert not same_chunk or read[names[behind]].wait(60)
+        return attempt(pipeline, place, *more)
+
+    monkeypatch.setattr(worker, "_read", note)
+    monkeypatch.setattr(worker, "_attempt", wait)
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr")[0] == 0
 
 
 def test_failed_captures_are_done_again_only_when_asked(
@@ -555,7 +590,7 @@ def test_results_that_were_removed_are_made_again(
     removed = place / str(captures[2]).lstrip("/")
     shutil.rmtree(removed)
     code, err = batch(tactograph, graph, over, place)
-    assert (code, "1 captures" in err) == (0, True)
+    assert (code, "1 finished capture damaged" in err) == (0, True)
     assert (removed / "image.npy").is_file()
 
 

@@ -19,8 +19,8 @@ from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_
 from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.store import DONE, Store
-from tactograph.graph.batch.work import Chunk
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.batch.worker import Chunk
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.batch.test_batch import LIT, expected, lit, make_capture
 from tests.graph.conftest import Write
 

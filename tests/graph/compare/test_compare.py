@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tactograph.graph.compare import compare
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import Command, Write
 
 GRAPH = """
@@ -173,7 +173,7 @@ def test_a_fallback_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
     graph = write(GRAPH.replace("prefer: [numpy]\n", ""), "first.yaml")

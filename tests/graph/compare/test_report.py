@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from tactograph.graph.compare.differences import Difference, differences
+from tactograph.graph.compare.drawable_arrays import View, load_views, save_views
 from tactograph.graph.compare.report import _pictures
-from tactograph.graph.compare.views import View, load_views, save_views
-from tactograph.graph.files.dump import dump_graph
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.files.dump_graph import dump_graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tests.graph.conftest import Command, Write
 
 ONE = """

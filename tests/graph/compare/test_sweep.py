@@ -14,7 +14,7 @@ from tactograph.graph.compare.sweep import (
     seed_like,
     seeds,
 )
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Write
 
 NOISY = """

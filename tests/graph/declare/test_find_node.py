@@ -13,7 +13,7 @@ import pytest
 from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import builtin_names, find_node, node_names
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Command, Write
 
 NODE = '''

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple, Optional
+from typing import Annotated, Any, NamedTuple, Optional, TypeVar
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from typing_extensions import TypeAliasType
 
 from tactograph.graph import GraphError, Port
 from tactograph.graph.declare.ports import is_record, read_port, record_ports
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open import placeholders
+from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 
@@ -110,3 +111,12 @@ def test_a_value_that_may_be_absent_or_is_no_array_is_refused(
     text = f"format: 1\nnodes:\n  frames: {{op: touches}}\n  a: {reader}\noutputs: {{a: a}}"
     with pytest.raises(GraphError, match=message):
         make_plan(read_graph(write(text)), {}, device=None)
+
+
+def test_an_array_may_be_written_as_an_alias() -> None:
+    """As NumPy 2.5 does it from Python 3.12 on."""
+    scalar = TypeVar("scalar", bound=np.generic)
+    array = np.ndarray[Any, np.dtype[scalar]]  # type: ignore[valid-type]
+    alias = TypeAliasType("alias", array, type_params=(scalar,))
+    port = read_port("x", Annotated[alias[np.float32], Port("H W")])
+    assert (port.kind, port.dims, port.dtype) == ("array", ("H", "W"), np.float32)

@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 
 from tactograph.graph.declare.find_node import builtin_names
-from tactograph.graph.files.read import graph_file, shipped_names
+from tactograph.graph.files.read_graph import graph_file, shipped_names
 from tactograph.graph.files.schema import make_schema
 from tactograph.graph.files.strict_yaml import parse_yaml, read_yaml
 from tests.conftest import ROOT

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from tactograph.graph import GraphError, InputError
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.names import bind
-from tactograph.graph.run.open import placeholders
+from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.open import placeholders
+from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import STREAM, Write
 
 

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeError, load
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, Write
 

@@ -12,10 +12,10 @@ import pytest
 
 from tactograph.graph import InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.prepared import Prepared
+from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.graph.errors import DeviceError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import SLOPES, STREAM, Write
 
@@ -32,6 +32,18 @@ def test_a_source_may_yield_many_touches(toys: list[str], write: Write, backend:
     results = list(opened(write(STREAM), backend).items())
     assert [result["score"]["mean"] for result in results] == [1, 2, 3]
     assert [float(result["light"].mean()) for result in results] == [1, 2, 3]
+
+
+@BACKENDS
+def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
+    pipeline = opened(write(text), backend)
+    with pytest.raises(KeyboardInterrupt):
+        list(pipeline.items())
+    found = [call for call in toys if call != "at_rest"]
+    assert found == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
 
 
 @BACKENDS

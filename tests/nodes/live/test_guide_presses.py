@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import EndOfStream, InputError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.live.end_when_good import end_when_good
@@ -119,15 +119,15 @@ def test_leds_that_flash_by_themselves_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_burnt_out_led_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tactograph.nodes.live import _simulated_camera
+    from tactograph.nodes.live import _simulated_sensor
 
-    made = _simulated_camera.SimulatedSensor.__init__
+    made = _simulated_sensor.SimulatedSensor.__init__
 
-    def burnt(self: _simulated_camera.SimulatedSensor, *args: object) -> None:
+    def burnt(self: _simulated_sensor.SimulatedSensor, *args: object) -> None:
         made(self, *args)  # type: ignore[arg-type]
         self.strength[1] = 0
 
-    monkeypatch.setattr(_simulated_camera.SimulatedSensor, "__init__", burnt)
+    monkeypatch.setattr(_simulated_sensor.SimulatedSensor, "__init__", burnt)
     with pytest.raises(InputError, match="LED 2 gives no light"):
         next(guide_presses(camera=SCENE, **GIVEN, file=tmp_path / "cal.npz"))
 

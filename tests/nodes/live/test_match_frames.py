@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.live._match_frames import Film, Matcher, Verdict, cells, make_film, reach, see
-from tactograph.nodes.live._simulated_camera import Scene, SimulatedSensor
+from tactograph.nodes.live._led_in_frame import Film, cells, make_film, reach, see
+from tactograph.nodes.live._match_frames import Matcher, Verdict
+from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor
 
 ROWS, COLUMNS = 120, 160
 RATE = 30.0

@@ -22,8 +22,8 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live._camera import Wanted, settle
 from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._sensor import Sensor, open_sensor
-from tactograph.nodes.live._simulated_camera import SimulatedSensor, read_scene
-from tactograph.nodes.live._stream import Stream
+from tactograph.nodes.live._simulated_sensor import SimulatedSensor, read_scene
+from tactograph.nodes.live._touch_stream import Stream
 
 pytestmark = pytest.mark.realtime
 

@@ -10,12 +10,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.live._simulated_camera import (
-    Scene,
-    SimulatedCamera,
-    SimulatedSensor,
-    read_scene,
-)
+from tactograph.nodes.live._simulated_camera import SimulatedCamera
+from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
 from tactograph.nodes.simulate.render import render
 
 pytestmark = pytest.mark.realtime

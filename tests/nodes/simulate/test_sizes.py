@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 from tactograph.nodes.calibrate.find_ball import find_ball
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball

@@ -11,8 +11,8 @@ import pytest
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.calibrate.find_ball import find_ball
 from tactograph.nodes.calibrate.find_presses import find_presses
 from tactograph.nodes.calibrate.fit_reflectance_map import degree_for, fit_reflectance_map

@@ -16,8 +16,8 @@ from PIL import Image
 from surfalize import Surface
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tactograph.nodes.write._height_files import MESHES, PNG_TEXT, WRITERS, read_tmd, write_tmd

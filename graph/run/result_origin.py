@@ -1,4 +1,4 @@
-"""What makes a result: a stored one may stand in for a new one only if all of this is the same."""
+"""What makes a result.  A stored result may replace a new one only if all of this is the same."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -22,7 +22,7 @@ from tactograph.graph.backends.kernel_source import kernel_text
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import versions
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 
 ENGINE = "tactograph.graph"
@@ -41,7 +41,7 @@ class Origin:
     versions
         Of Python, this package, what it needs and what the nodes' packages need.
     device
-        Name and driver of the OpenCL device; empty where none is used.
+        Name and driver of the device; empty where none is used.
     """
 
     code: dict[str, str]
@@ -62,9 +62,9 @@ def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Ori
     found = versions()
     for package in {node.package for node in nodes}:
         found |= _versions_around(package)
-    preferred = (backend,) if backend else graph.prefer
-    uses = "opencl" in preferred or any(e.backend == "opencl" for e in graph.nodes.values())
-    name = _device(devices.choose_device, device) if uses or device else ""
+    names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
+    uses_device = names != ["numpy"] or device is not None
+    name = _device(devices.choose_device, device) if uses_device else ""
     return Origin({"engine": _engine(), **code}, dict(sorted(found.items())), name)
 
 

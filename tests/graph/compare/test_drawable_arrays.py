@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.graph.compare.views import Kind, View, find_truth
+from tactograph.graph.compare.drawable_arrays import Kind, View, find_truth
 
 
 def views(*names: str, kind: Kind = "map", unit: str = "mm") -> dict[str, View]:

@@ -13,9 +13,9 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._match_frames import FAINTEST, Film, cells
+from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
 from tactograph.nodes.live._sensor import Rig
-from tactograph.nodes.live._stream import SAYS, Stream
+from tactograph.nodes.live._touch_stream import SAYS, Stream
 
 SETTLE_S = 0.25
 """For so long a camera may deliver frames from before an LED was switched."""
@@ -46,7 +46,7 @@ def tell(line: str) -> None:
 def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, Dark]:
     """Take the untouched film, one LED lit after the other, and none.
 
-    Which LED a frame belongs to cannot be told from its image yet, and needs not be.
+    The image does not show yet which LED a frame belongs to, and need not.
 
     Returns
     -------

@@ -12,9 +12,9 @@ import pytest
 from tactograph.graph.batch.batch import make_job, open_batch
 from tactograph.graph.declare import find_node as find
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run import origin
-from tactograph.graph.run.origin import Origin, find_origin
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run import result_origin
+from tactograph.graph.run.result_origin import Origin, find_origin
 from tests.graph.conftest import Command, Write
 
 GRAPH = """
@@ -67,7 +67,7 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
     monkeypatch.chdir(tmp_path)
     Path("made.txt").write_text("made")
-    origin._folder.cache_clear()
+    result_origin._folder.cache_clear()
     for name in [name for name in sys.modules if name.partition(".")[0].startswith("felt")]:
         del sys.modules[name]
     importlib.invalidate_caches()
@@ -121,7 +121,7 @@ def test_a_comparison_runs_again_whatever_changed(
     elif what == "kernel":
         (plug_in / "felt/halved.cl").write_text(FILES["felt/halved.cl"].replace("level;", "1;"))
     elif what == "version":
-        monkeypatch.setattr(origin, "versions", lambda: {"scipy": "99"})
+        monkeypatch.setattr(result_origin, "versions", lambda: {"scipy": "99"})
     elif what == "file of the graph":
         Path("made.txt").write_text("another")
     assert count_runs(tactograph, *words) == (what != "nothing")
@@ -145,7 +145,7 @@ def test_a_batch_goes_on_only_with_what_began_it(
     if what == "code":
         (plug_in / "felt/_deeper.py").write_text("TWO = 4")
     elif what == "version":
-        monkeypatch.setattr(origin, "versions", lambda: {**first.versions, "scipy": "99"})
+        monkeypatch.setattr(result_origin, "versions", lambda: {**first.versions, "scipy": "99"})
     else:
         Path("made.txt").write_text("another")
     with pytest.raises(InputError, match=said):

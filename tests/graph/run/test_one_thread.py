@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError, load
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, Write
 from tests.graph.toys import Gate

@@ -7,18 +7,23 @@ import tempfile
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
 from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
 from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
-from tactograph.graph.files.model import Graph
-from tactograph.graph.files.read import read_graph
-from tactograph.graph.run.open import open_pipeline
-from tactograph.graph.run.origin import find_origin
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
+from tactograph.graph.run.result_origin import find_origin
+from tactograph.graph.run.source_stream import SourceStream
 
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""
@@ -60,10 +65,18 @@ def do_chunk(chunk: Chunk) -> Tally:
     open_ones = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
     types = store.map_types()
     entries: dict[int, Entry] = {}
-    for number, place in open_ones:
-        # Opened again if a device failed: it may not recover otherwise.
-        _, pipeline = _opened(chunk.out, chunk.stamp)
-        entries[number] = _attempt(pipeline, store.job, place, types)
+    with ThreadPoolExecutor(1, "read ahead") as reader:
+        read = [partial(_read, pipeline, store.job, place) for _, place in open_ones]
+        coming = reader.submit(read[0]) if read else None
+        for at, (number, place) in enumerate(open_ones):
+            assert coming is not None
+            ready = coming.result()
+            if at + 1 < len(read):
+                coming = reader.submit(read[at + 1])
+            # Opened again if a device failed: it may not recover otherwise.
+            _, pipeline = _opened(chunk.out, chunk.stamp)
+            with ready.kept:
+                entries[number] = _attempt(pipeline, place, types, ready)
     if entries:
         store.write(entries)
     reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
@@ -84,7 +97,8 @@ def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, M
     reason = ""
     for place in captures:
         try:
-            result = _run(pipeline, store.job, place)
+            with (ready := _read(pipeline, store.job, place)).kept:
+                result = _run(pipeline, place, ready)
         except TactographError as error:
             reason = str(error)
             continue
@@ -148,11 +162,39 @@ def _check_origin(graph: Graph, job: Job) -> None:
             )
 
 
-def _attempt(pipeline: Pipeline, job: Job, place: str, types: dict[str, MapType]) -> Entry:
+class _Ready(NamedTuple):
+    """A capture that was read: for which values of the graph's params, or why it was not.
+
+    What is `kept` for it is given back when its block ends.
+    """
+
+    kept: ExitStack
+    aims: dict[str, Any]
+    stream: SourceStream | None
+    error: TactographError | MemoryError | None
+
+
+def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
+    """Fetch and read a capture, in whichever thread, while the one before it is computed."""
+    with ExitStack() as kept:
+        try:
+            folder = kept.enter_context(at_hand(place))
+            aims = {job.param: folder}
+            if job.folders is not None:
+                aims["out"] = str(Path(job.folders) / folder_name(place))
+            stream = pipeline.begin(**aims)
+            if stream is not None:
+                stream.read_ahead()
+        except (TactographError, MemoryError) as error:
+            return _Ready(ExitStack(), {}, None, error)
+        return _Ready(kept.pop_all(), aims, stream, None)
+
+
+def _attempt(pipeline: Pipeline, place: str, types: dict[str, MapType], ready: _Ready) -> Entry:
     start = time.perf_counter()
     try:
-        result = _run(pipeline, job, place)
-        maps = {name: result[name] for name in job.maps}
+        result = _run(pipeline, place, ready)
+        maps = {name: result[name] for name in types}
         for name, array in maps.items():
             if array.shape != types[name].shape:
                 raise InputError(
@@ -176,13 +218,11 @@ def _attempt(pipeline: Pipeline, job: Job, place: str, types: dict[str, MapType]
     return Entry(DONE, "", figures, result.warnings, spent, maps)
 
 
-def _run(pipeline: Pipeline, job: Job, place: str) -> Result:
-    with at_hand(place) as folder:
-        aims = {job.param: folder}
-        if job.folders is not None:
-            aims["out"] = str(Path(job.folders) / folder_name(place))
-        pipeline.aim(**aims)
-        results = list(pipeline.items())
+def _run(pipeline: Pipeline, place: str, ready: _Ready) -> Result:
+    if ready.error is not None:
+        raise ready.error
+    pipeline.aim(**ready.aims)
+    results = list(pipeline.items(stream=ready.stream))
     if len(results) != 1:
         raise InputError(
             f"{place}: holds {len(results)} captures; let --over match each of them, "

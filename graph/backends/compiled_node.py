@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
+from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source, scalar_type
-from tactograph.graph.backends.queue import Queue
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
 
@@ -70,7 +70,7 @@ def _converters(node: Node) -> dict[str, Convert]:
 
 
 def _converter(annotation: Any) -> Convert:
-    """Numbers are passed as they are, tuples one by one, a choice by its index."""
+    """Pass a number itself, a tuple item by item, a choice by its index."""
     found = scalar_type(annotation)
     assert found is not None
     c_type, count, choices = found

@@ -1,4 +1,4 @@
-"""The stream of touches: frames are matched and assembled, faults counted and told."""
+"""The stream of touches: frames are matched and assembled, faults counted and reported."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from tactograph.nodes.live._sensor import Sensor
 
 LOG = logging.getLogger("tactograph")
 AGAIN_S = 2.0
-"""A fault that goes on is told again after so many seconds."""
+"""A fault that goes on is reported again after so many seconds."""
 SILENCE_S = 0.7
-"""Without a touch for so long, faults are told at once instead of with the next touch."""
+"""Without a touch for so long, faults are reported at once instead of with the next touch."""
 KEPT = 64
 """Frames that wait for a touch to go with, at most."""
 PACE_S, MOST_OFF_PACE = 2.0, 0.05

@@ -6,7 +6,7 @@ import io
 
 from ruamel.yaml import YAML
 
-from tactograph.graph.files.model import Graph
+from tactograph.graph.files.flat_graph import Graph
 
 
 def dump_graph(graph: Graph) -> str:

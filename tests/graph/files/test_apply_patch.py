@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tactograph.graph import GraphError
-from tactograph.graph.files.model import Graph
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import SLOPES, Write
 
 

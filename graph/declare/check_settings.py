@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.model import NOT_GIVEN, Entry
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
 from tactograph.graph.files.strict_yaml import parse_scalar
 
 _WRAPPERS = (Annotated, Union, UnionType)

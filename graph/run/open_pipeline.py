@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends import BACKENDS
+from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.model import BACKENDS, NOT_GIVEN, Graph
-from tactograph.graph.files.patch import apply_patch
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.pipeline import Pipeline
@@ -48,7 +48,7 @@ def load(
     device
         A part of the name of the OpenCL device to use.
     strict
-        Refuse to run anything elsewhere than it was wanted.
+        Raise an error where a node would fall back to another back end.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
@@ -61,7 +61,7 @@ def load(
     Returns
     -------
     Pipeline
-        What runs elsewhere than it was wanted is told by a warning.
+        A warning names each node that falls back to another back end, and why.
 
     Raises
     ------
@@ -109,23 +109,21 @@ def open_pipeline(
     Raises
     ------
     InputError
-        Also if `strict` and a node would run elsewhere than it was wanted.
+        Also if `strict` and a node would fall back to another back end.
     """
     if backend is not None:
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
-    opencl, reason = open_device(graph, device)
-    if opencl is None and backend == "opencl":
-        raise InputError(f"--backend opencl: {reason}; 'tactograph devices' says more")
+    found, reason = open_device(graph.backends, device)
+    if found is None and backend not in (None, "numpy"):
+        raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, given)
-    plan = make_plan(
-        graph, given, device=opencl, no_device=reason, sinks=sinks, stand_ins=stand_ins
-    )
+    plan = make_plan(graph, given, device=found, no_device=reason, sinks=sinks, stand_ins=stand_ins)
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
-    return Pipeline(plan, opencl)
+    return Pipeline(plan, found)
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
@@ -184,15 +182,6 @@ def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
 def placeholders(graph: Graph) -> dict[str, Any]:
     """Values that stand for needed params where only the plan matters, not the data."""
     return {name: NOT_GIVEN for name, param in graph.params.items() if param.required}
-
-
-def open_device(graph: Graph, text: str | None) -> tuple[OpenCL | None, str]:
-    """The OpenCL device for `graph` if it may want one, or None and the reason."""
-    bound = any(entry.backend == "opencl" for entry in graph.nodes.values())
-    if "opencl" not in graph.prefer and not bound and text is None:
-        return None, "opencl is not among the preferred back ends"
-    device, reason = choose_device(text)
-    return (OpenCL(device) if device is not None else None), reason
 
 
 def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:

@@ -14,9 +14,6 @@ from tactograph.graph.files.strict_yaml import Place
 FORMAT = 1
 NOT_GIVEN = object()
 """Stands for the value of a param where only the plan matters, not the data."""
-BACKENDS = ("numpy", "opencl")
-PREFERRED = ("opencl", "numpy")
-"""Where a graph runs that does not say what it prefers."""
 PREVIOUS = "previous"
 """``previous.node.port`` is the value that the port had at the item before."""
 
@@ -110,6 +107,12 @@ class Graph:
             param.pop("help", None)
         text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def backends(self) -> list[str]:
+        """The back ends that it prefers, in order, then those that its nodes are bound to."""
+        bound = (entry.backend for entry in self.nodes.values())
+        return list(dict.fromkeys([*self.prefer, *filter(None, bound)]))
 
     def entry(self, node_id: str) -> Entry:
         """The node called `node_id`, or an error that names the ones there are."""

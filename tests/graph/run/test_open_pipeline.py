@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError, InputError, load
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open import open_pipeline, with_changes
+from tactograph.graph.run.open_pipeline import open_pipeline, with_changes
 from tests.graph.conftest import STREAM, Write
 
 WAITING = STREAM.replace(", default: 3}", "}")
@@ -22,7 +22,7 @@ WAITING = STREAM.replace(", default: 3}", "}")
 @pytest.fixture
 def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "tactograph.graph.run.open.choose_device",
+        "tactograph.graph.backends.opencl.choose_device",
         lambda text=None: (None, "no OpenCL device works"),
     )
 
@@ -100,7 +100,7 @@ def test_a_device_that_does_not_exist_is_refused(toys: list[str], write: Write) 
 def test_numpy_looks_for_no_device(
     toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.run.open.choose_device", None)
+    monkeypatch.setattr("tactograph.graph.backends.opencl.choose_device", None)
     assert load(write(WAITING), backend="numpy").plan.device is None
 
 
@@ -181,8 +181,8 @@ def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> No
     """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
     script = (
         "import sys;"
-        "from tactograph.graph.files.read import read_graph;"
-        "from tactograph.graph.run.open import open_pipeline, placeholders;"
+        "from tactograph.graph.files.read_graph import read_graph;"
+        "from tactograph.graph.run.open_pipeline import open_pipeline, placeholders;"
         "graph = read_graph('reconstruct');"
         "open_pipeline(graph, placeholders(graph));"
         "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"

@@ -16,15 +16,15 @@ from pydantic import (
     ValidationError,
 )
 
+from tactograph.graph.backends import PREFERRED, Backend
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.model import FORMAT, PREFERRED, Entry, Graph, Param
-from tactograph.graph.files.patch import apply_patch
+from tactograph.graph.files.apply_patch import apply_patch
+from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph, Param
 from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
 Input = Annotated[str, StringConstraints(pattern=r"^(previous\.)?[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
-Backend = Literal["numpy", "opencl"]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 
 

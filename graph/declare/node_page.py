@@ -113,8 +113,6 @@ def _item(name: str, facts: str, words: str) -> str:
 def _facts(node: Node) -> list[str]:
     kernel = f"OpenCL kernel `{node.name}.cl`" if node.has_kernel else "no OpenCL kernel"
     facts = [f"Of the package {node.package}; {kernel}."]
-    if node.has_kernel and node.kernels.on_cpu:
-        facts.append(f"On a CPU device its NumPy function is preferred: {node.kernels.on_cpu}.")
     if node.neutral is not None:
         what = f"`{node.neutral}` is passed on" if isinstance(node.neutral, str) else node.neutral
         facts.append(f"Taken out (`neutral`): {what}.")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.model import PREVIOUS, Entry, Graph, split_previous
+from tactograph.graph.files.flat_graph import PREVIOUS, Entry, Graph, split_previous
 from tactograph.graph.files.strict_yaml import Place
 
 Change = Mapping[str, Any]

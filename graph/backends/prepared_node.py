@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 
 from tactograph.graph.backends.arrays import (
     DeviceArray,
@@ -16,12 +15,12 @@ from tactograph.graph.backends.arrays import (
     in_row_lanes,
     local_size,
 )
-from tactograph.graph.backends.compiled import Compiled
-from tactograph.graph.backends.events import Timer
+from tactograph.graph.backends.compiled_node import Compiled
+from tactograph.graph.backends.device_backend import Timer
+from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
-from tactograph.graph.backends.kernels import LaunchFunction
+from tactograph.graph.backends.kernel_declaration import LaunchFunction
 from tactograph.graph.backends.launch import Launch
-from tactograph.graph.backends.queue import Queue
 from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import NodeError
 
@@ -109,7 +108,7 @@ class Prepared:
         return outputs, (event, event)
 
     def _kernel(self, inputs: Mapping[str, Any]) -> Kernel:
-        """The kernel, compiled for the integers of images that came as they were."""
+        """The kernel, compiled for float images or for the camera's integers."""
         node, whole = self._node, self._declared.whole
         dtype = np.dtype(np.float32) if whole is None else inputs[whole].dtype
         if dtype not in self._kernels:
@@ -120,12 +119,7 @@ class Prepared:
     def _by_function(
         self, function: LaunchFunction, inputs: Mapping[str, Any], outputs: dict[str, DeviceArray]
     ) -> tuple[dict[str, DeviceArray], Timer]:
-        device = self._device
-        launch = Launch(device, self._compiled, inputs, outputs, self._settings, self.sizes)
-        if not self._declared.uses_library(device.lanes):
-            function(launch)
-            return launch.outputs, launch.timer
-        # A library's kernels leave no event.
-        before = cl.enqueue_marker(device.queue)
+        device, settings = self._device, self._settings
+        launch = Launch(device, self._compiled, inputs, outputs, settings, self.sizes)
         function(launch)
-        return launch.outputs, (before, cl.enqueue_marker(device.queue))
+        return launch.outputs, launch.timer

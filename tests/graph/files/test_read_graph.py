@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph import GraphError, InputError
-from tactograph.graph.files.model import Graph
-from tactograph.graph.files.read import read_graph, shipped_names
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tests.graph.conftest import SLOPES, Write
 
 BACKENDS = "'numpy' or 'opencl' is needed"

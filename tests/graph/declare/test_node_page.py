@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 import pytest
 from annotated_types import Ge, Gt, Interval, Lt
 
-from tactograph.graph.declare.describe import describe, node_page, range_of
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Parameter
+from tactograph.graph.declare.node_page import describe, node_page, range_of
 
 
 @pytest.mark.parametrize("name", builtin_names())

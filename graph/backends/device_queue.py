@@ -21,8 +21,8 @@ from tactograph.graph.backends.arrays import (
     in_lanes,
     local_size,
 )
+from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.devices import Device
-from tactograph.graph.backends.events import Timer
 from tactograph.graph.backends.kernel import Kernel
 
 _FRACTION = """
@@ -52,6 +52,8 @@ class Queue:
     `lanes` is how many elements a work-item does side by side; None takes what suits the
     device: CPUs' compilers do not all vectorise across work-items, GPUs want one each.
     """
+
+    error: type[Exception] = cl.Error
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         self.name = device.name
@@ -159,6 +161,21 @@ class Queue:
 
     def finish(self) -> None:
         self.queue.finish()
+
+    def has_failed(self, timer: Timer) -> bool:
+        """Whether what the two events stand for ended in an error."""
+        try:
+            return any(event.command_execution_status < 0 for event in timer)
+        except cl.Error:
+            return True
+
+    def milliseconds(self, timer: Timer) -> float:
+        """The time between the start of the first event and the end of the last, on the device."""
+        first, last = timer
+        # Twice as fast as the attribute `profile`.
+        start: Any = first.get_profiling_info(cl.profiling_info.START)
+        end: Any = last.get_profiling_info(cl.profiling_info.END)
+        return float(end - start) * 1e-6
 
     @property
     def buffers(self) -> int:

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactograph.graph import GraphError
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import builtin_names, find_node
-from tactograph.graph.declare.settings import check_settings
-from tactograph.graph.files.model import NOT_GIVEN, Entry
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
 from tactograph.graph.files.strict_yaml import Place
 from tests.graph.toys import choosy
 

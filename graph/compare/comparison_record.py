@@ -14,10 +14,10 @@ from tactograph.graph.compare.compare import Row, Study, content_hash
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.errors import InputError, TactographError
-from tactograph.graph.files.dump import dump_graph
-from tactograph.graph.files.read import read_graph
+from tactograph.graph.files.dump_graph import dump_graph
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.whole_files import whole_file
-from tactograph.graph.run.origin import find_origin
+from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.typed_values import read_words
 
 FILE = "report.json"
@@ -67,7 +67,7 @@ def make_record(
 
 
 def _code(study: Study) -> dict[str, str]:
-    """The code of every node of the study's graphs, as far as it is there."""
+    """The hash of the code of every node of the study's graphs that can be found."""
     found: dict[str, str] = {}
     for graph in study.graphs:
         with suppress(TactographError):  # a row of the table says what is wrong

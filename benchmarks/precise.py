@@ -1,0 +1,172 @@
+"""How long `precise` takes at 640 x 480, by node, and against another version of the package.
+
+    python benchmarks/precise.py
+    python benchmarks/precise.py --before "../before/.venv/bin/python" --rounds 7
+    python benchmarks/precise.py --outputs height --backend numpy
+
+An easy capture (a ball pressed into a soft film), and a hard one (a cat, rigid, under near LEDs):
+those of tests/data, with twice as many pixels and noise drawn anew.  From images in memory to
+maps in memory.  With `--before`, a command that starts the Python of another version, both take
+turns, a process each, so that ratios hold on a busy machine; processor time counts all threads.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import click
+import cv2
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "tests" / "data"
+EASY, HARD = "far28/sphere_film", "near33/cat"
+SHOWN = 12
+
+
+class Spent(NamedTuple):
+    """Milliseconds of an item: on the wall, of the processor, and by node."""
+
+    wall: float
+    processor: float
+    nodes: dict[str, float]
+
+
+@click.command()
+@click.option("--rounds", default=5)
+@click.option("--outputs", default="height,error,shadow,confidence", show_default=True)
+@click.option("--backend", type=click.Choice(["numpy", "opencl"]), default=None)
+@click.option("--graph", default="precise", show_default=True)
+@click.option("--before", default=None, help="A command that starts another version's Python.")
+@click.option("--serve", default=None, hidden=True)
+@click.option("--frames", default="", hidden=True)
+def main(
+    rounds: int,
+    outputs: str,
+    backend: str | None,
+    graph: str,
+    before: str | None,
+    serve: str | None,
+    frames: str,
+) -> None:
+    if serve is not None:
+        answer(serve, Path(frames), graph, outputs.split(","), backend)
+        return
+    more = ["--outputs", outputs, "--graph", graph, *(["--backend", backend] if backend else [])]
+    for name in (EASY, HARD):
+        with tempfile.TemporaryDirectory() as folder:
+            prepare(name, Path(folder))
+            report(name, Path(folder), more, rounds, before)
+
+
+def report(name: str, folder: Path, more: list[str], rounds: int, before: str | None) -> None:
+    """Print the medians of a capture."""
+    ours = Server([sys.executable], name, folder, more)
+    theirs = Server(shlex.split(before), name, folder, more) if before else None
+    spent: list[Spent] = []
+    earlier: list[Spent] = []
+    for _ in range(rounds):
+        spent.append(ours.item())
+        if theirs is not None:
+            earlier.append(theirs.item())
+    for each in (ours, theirs):
+        if each is not None:
+            each.end()
+    wall, processor = median(s.wall for s in spent), median(s.processor for s in spent)
+    print(f"{name}: {wall:.0f} ms on the wall, {processor:.0f} ms of the processor")
+    if earlier:
+        then = median(s.wall for s in earlier), median(s.processor for s in earlier)
+        print(
+            f"  before: {then[0]:.0f} and {then[1]:.0f} ms; now 1/{then[0] / wall:.1f} of it on "
+            f"the wall, 1/{then[1] / processor:.1f} by processor"
+        )
+    nodes = {n: median(s.nodes[n] for s in spent) for n in spent[0].nodes}
+    longest = sorted(nodes.items(), key=lambda pair: -pair[1])[:SHOWN]
+    print("  " + ", ".join(f"{node} {ms:.1f}" for node, ms in longest), flush=True)
+
+
+def prepare(name: str, folder: Path) -> None:
+    """Write a capture at twice its size."""
+    rng = np.random.default_rng(5)
+    files = sorted((DATA / name).glob("led*.png"))
+    np.save(folder / "frames.npy", np.stack([twice(cv2.imread(str(f), -1), rng) for f in files]))
+
+
+def calibrated(name: str, folder: Path) -> Path:
+    """Calibrate a capture's rig by this version's own command, for images of twice the size."""
+    rig, first, file = DATA / name.partition("/")[0], folder / "small.npz", folder / "cal.npz"
+    given = {"capture": rig / "calibration", "flat": rig / "flat", "out": first}
+    words = [f"{key}={value}" for key, value in given.items()]
+    words += ["ball_radius_mm=7", f"pixel_size_mm={1 / 14}", "--quiet"]
+    command = [sys.executable, "-m", "tactograph.graph.command", "run", "calibrate", *words]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=folder)
+    with np.load(first, allow_pickle=False) as found:
+        known = dict(found)
+    known["pixel_size"] = np.float32(known["pixel_size"] / 2)
+    known["flat"] = np.stack([cv2.resize(plane, None, fx=2, fy=2) for plane in known["flat"]])
+    known["dark"] = cv2.resize(known["dark"], None, fx=2, fy=2)
+    np.savez(file, **known)
+    return file
+
+
+def twice(image: Any, rng: np.random.Generator) -> Any:
+    """An image with twice as many pixels along both axes, and as much noise in each."""
+    level = np.diff(image[:40].astype(np.float32), axis=1).std() / np.sqrt(2)
+    smooth = cv2.resize(cv2.GaussianBlur(image, (0, 0), 1), None, fx=2, fy=2).astype(np.float32)
+    noisy = smooth + level * rng.standard_normal(smooth.shape, np.float32)
+    return np.clip(np.round(noisy), 0, np.iinfo(image.dtype).max).astype(image.dtype)
+
+
+class Server:
+    """A process that keeps a graph open, and computes an item whenever it is asked."""
+
+    def __init__(self, python: list[str], name: str, folder: Path, more: list[str]) -> None:
+        frames = str(folder / "frames.npy")
+        words = [*python, __file__, "--serve", name, "--frames", frames, *more]
+        self._process = subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.item()
+
+    def item(self) -> Spent:
+        """Compute one; return what it took."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        print("item", file=self._process.stdin, flush=True)
+        return Spent(*json.loads(self._process.stdout.readline()))
+
+    def end(self) -> None:
+        """Let the process end."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait()
+
+
+def answer(name: str, file: Path, graph: str, outputs: list[str], backend: str | None) -> None:
+    """What the process of a `Server` does."""
+    from tactograph.graph import load
+
+    with tempfile.TemporaryDirectory() as folder:
+        calibration = str(calibrated(name, Path(folder)))
+        pipeline = load(graph, calibration=calibration, outputs=outputs, backend=backend)
+        frames = np.load(file)
+        pipeline(frames=frames)
+    for _ in sys.stdin:
+        wall, processor = time.perf_counter(), time.process_time()
+        times = pipeline(frames=frames).times
+        spent = time.perf_counter() - wall, time.process_time() - processor
+        streams = {step.name for step in pipeline.plan.steps if step.stream}
+        nodes = {name: ms for name, ms in times.items() if name in streams}
+        print(json.dumps([1e3 * spent[0], 1e3 * spent[1], nodes]), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+"""What planning and running need of a device's back end."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.backends import BACKENDS
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
+
+if TYPE_CHECKING:
+    from tactograph.graph.declare.node import Node
+
+
+class Event(Protocol):
+    """A point in a device's queue."""
+
+    def wait(self) -> object:
+        """Return once the device is past it."""
+        ...
+
+
+Timer = tuple[Any, Any]
+"""The first and the last `Event` of something that is timed."""
+
+
+class PreparedNode(Protocol):
+    """A node's launch over arrays of known sizes."""
+
+    @property
+    def sizes(self) -> Mapping[str, int]: ...
+
+    @property
+    def shapes(self) -> Mapping[str, tuple[int, ...]] | None:
+        """The outputs' shapes; None where only the data tell one of them."""
+        ...
+
+    def launch(self, inputs: Mapping[str, Any]) -> tuple[dict[str, DeviceArray], Timer]:
+        """Enqueue the node; return its outputs, which are not ready yet."""
+        ...
+
+
+class DeviceBackend(Protocol):
+    """One device with its queue, its buffers and its compiled nodes.
+
+    Attributes
+    ----------
+    backend
+        What graph files call it.
+    name
+        The device's own name.
+    error
+        What the device's library raises.
+    lanes
+        How many elements a work-item does side by side.
+    poison
+        In tests, what every byte of a fresh buffer holds.
+    """
+
+    backend: str
+    name: str
+    error: type[Exception]
+    lanes: int
+    is_cpu: bool
+    poison: int | None
+
+    @property
+    def buffers(self) -> int:
+        """How many buffers were ever allocated."""
+        ...
+
+    def compile(self, node: Node) -> object:
+        """Compile a node's kernels, once."""
+        ...
+
+    def prepare(
+        self,
+        node: Node,
+        settings: Mapping[str, Any],
+        sizes: Mapping[str, int],
+        wanted: Wanted = EVERYTHING,
+    ) -> PreparedNode:
+        """Work out a node's launch over arrays of the given sizes."""
+        ...
+
+    def upload(self, array: NDArray[Any]) -> DeviceArray: ...
+
+    def start_upload(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]: ...
+
+    def start_upload_of_fraction(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]: ...
+
+    def download(self, source: DeviceArray) -> NDArray[Any]: ...
+
+    def start_download(self, source: DeviceArray) -> tuple[NDArray[Any], Timer]: ...
+
+    def fill(self, shape: tuple[int, ...], dtype: np.dtype[Any], value: float) -> DeviceArray: ...
+
+    def finish(self) -> None:
+        """Wait for all that was enqueued."""
+        ...
+
+    def has_failed(self, timer: Timer) -> bool: ...
+
+    def milliseconds(self, timer: Timer) -> float: ...
+
+
+def open_device(
+    backends: Collection[str], text: str | None = None
+) -> tuple[DeviceBackend | None, str]:
+    """The first of these back ends whose device works, or None and the reason.
+
+    Parameters
+    ----------
+    backends
+        In order of preference.  If none of them has a device, `text` asks for any that has.
+    text
+        A part of the device's name.
+
+    Raises
+    ------
+    InputError
+        If `text` matches no device that works.
+    """
+    with_device = [name for name in BACKENDS if name != "numpy"]
+    wanted = [name for name in backends if name in with_device]
+    if not wanted and text is None:
+        return None, f"{' or '.join(with_device)} is not among the preferred back ends"
+    reasons = []
+    for name in dict.fromkeys(wanted or with_device):
+        module = importlib.import_module(f"tactograph.graph.backends.{name}")
+        device, reason = module.open_device(text)
+        if device is not None:
+            return device, ""
+        reasons.append(reason)
+    return None, "; ".join(reasons)

@@ -1,0 +1,52 @@
+"""One batch at a time in a store."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tactograph.graph.batch.captures import is_url
+from tactograph.graph.errors import InputError
+
+
+@contextmanager
+def alone_in(place: str) -> Iterator[None]:
+    """Keep other batches out of a store inside the block, where folders can be locked.
+
+    Two that add captures, or merge into one chunk, would undo each other's work.
+
+    Raises
+    ------
+    InputError
+        If another batch is at work there, or its folder cannot be made.
+    """
+    if is_url(place):
+        yield
+        return
+    try:
+        Path(place).mkdir(parents=True, exist_ok=True)
+        folder = os.open(place, os.O_RDONLY)
+    except OSError as error:
+        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
+    try:
+        _lock(folder, place)
+        yield
+    finally:
+        os.close(folder)
+        with suppress(OSError):  # nothing came into it
+            Path(place).rmdir()
+
+
+def _lock(folder: int, place: str) -> None:
+    try:
+        import fcntl
+
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(
+            f"{place}: another batch is at work in it; wait until it is done"
+        ) from None
+    except (ImportError, OSError):
+        return  # neither Windows nor every file system has such locks

@@ -1,0 +1,178 @@
+"""From a function to a `Node`: its signature, read and checked."""
+
+from __future__ import annotations
+
+import collections.abc
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit
+from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
+from tactograph.graph.declare.provenance import Provenance
+from tactograph.graph.declare.session import Session
+from tactograph.graph.declare.tolerance import Exact, Tolerance
+from tactograph.graph.declare.wanted_outputs import Wanted
+
+
+@typing.overload
+def node(function: Callable[..., Any]) -> Node: ...
+
+
+@typing.overload
+def node(
+    *,
+    neutral: float | str | None = None,
+    tolerance: Tolerance | None = None,
+    sizes: Mapping[str, SizeLimit] | None = None,
+    derived: Mapping[str, Parts] | None = None,
+    endless: bool = False,
+) -> Callable[[Callable[..., Any]], Node]: ...
+
+
+def node(
+    function: Callable[..., Any] | None = None,
+    *,
+    neutral: float | str | None = None,
+    tolerance: Tolerance | None = None,
+    sizes: Mapping[str, SizeLimit] | None = None,
+    derived: Mapping[str, Parts] | None = None,
+    endless: bool = False,
+) -> Node | Callable[[Callable[..., Any]], Node]:
+    """Declare a function as a node.
+
+    Parameters
+    ----------
+    neutral
+        What stands in when a variant takes the node out: a constant for the output, or the
+        name of the input that is passed on.  None: the node cannot be taken out.
+    tolerance
+        How far other back ends' output may differ from the NumPy one, and why.
+    sizes
+        Limits on size symbols, with the sentence a user reads when they are not met.
+    derived
+        Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``.
+    endless
+        A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
+        to end a run, not an accident.
+
+    Raises
+    ------
+    TypeError
+        If the signature is not a declaration: a port without a type, a parameter that is
+        not keyword-only, a neutral input whose type is not the output's.
+    """
+    if function is None:
+        return lambda f: _declare(f, neutral, tolerance, sizes or {}, derived or {}, endless)
+    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless)
+
+
+def _declare(
+    function: Callable[..., Any],
+    neutral: float | str | None,
+    tolerance: Tolerance | None,
+    sizes: Mapping[str, SizeLimit],
+    derived: Mapping[str, Parts],
+    endless: bool,
+) -> Node:
+    """Read a function's signature."""
+    hints = typing.get_type_hints(function, include_extras=True)
+    inputs: dict[str, PortType] = {}
+    records: dict[str, type] = {}
+    optional: set[str] = set()
+    parameters: dict[str, Parameter] = {}
+    provenance: str | None = None
+    session: str | None = None
+    wanted: str | None = None
+    for name, argument in inspect.signature(function).parameters.items():
+        annotation = hints.get(name)
+        if annotation is None:
+            raise TypeError(f"{function.__name__}: argument '{name}' has no type")
+        if argument.kind is argument.KEYWORD_ONLY:
+            if annotation is Provenance:
+                provenance = name
+            elif annotation is Session:
+                session = name
+            elif annotation is Wanted:
+                wanted = name
+            else:
+                parameters[name] = Parameter(name, annotation, argument.default)
+        elif is_record(annotation):
+            records[name] = annotation
+            ports = record_ports(annotation, f"{name}.")
+            inputs.update({port.name: port for port in ports.values()})
+        else:
+            inputs[name] = read_port(name, annotation)
+            if argument.default is not argument.empty:
+                optional.add(name)
+    outputs, record, stream = _read_outputs(function.__name__, hints.get("return"))
+    declared = Node(
+        name=function.__name__,
+        function=function,
+        inputs=inputs,
+        input_records=records,
+        parameters=parameters,
+        outputs=outputs,
+        output_record=record,
+        stream=stream,
+        neutral=neutral,
+        tolerance=tolerance or Exact(),
+        sizes=sizes,
+        derived=derived,
+        provenance=provenance,
+        session=session,
+        wanted=wanted,
+        endless=endless,
+        optional_inputs=frozenset(optional),
+        kernel_package=_kernel_package(function.__module__),
+    )
+    declared.__doc__ = function.__doc__
+    _check_neutral(declared)
+    _check_derived(declared)
+    return declared
+
+
+def _kernel_package(module: str) -> str:
+    """Where the kernels of a module's node lie: ``kernels/`` has the same rooms as ``nodes/``."""
+    package, _, _ = module.rpartition(".")
+    room = package.removeprefix("tactograph.nodes")
+    return f"tactograph.kernels{room}" if room != package else package or module
+
+
+def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:
+    if annotation is None or annotation is type(None):
+        return {}, None, False
+    stream = typing.get_origin(annotation) in (
+        collections.abc.Iterator,
+        collections.abc.Generator,
+    )
+    if stream:
+        annotation = typing.get_args(annotation)[0]
+    if is_record(annotation):
+        return record_ports(annotation), annotation, stream
+    return {name: read_port(name, annotation)}, None, stream
+
+
+def _check_neutral(declared: Node) -> None:
+    neutral = declared.neutral
+    if neutral is None:
+        return
+    if len(declared.outputs) != 1:
+        raise TypeError(f"{declared.name}: only a node with one output can have a neutral")
+    if isinstance(neutral, str):
+        output = next(iter(declared.outputs.values()))
+        port = declared.inputs.get(neutral)
+        if port is None or (port.dims, port.dtype) != (output.dims, output.dtype):
+            raise TypeError(
+                f"{declared.name}: neutral '{neutral}' is no input of the output's type"
+            )
+
+
+def _check_derived(declared: Node) -> None:
+    for symbol, parts in declared.derived.items():
+        if {symbol, parts.of} - set(declared.symbols) or parts.by not in declared.parameters:
+            raise TypeError(
+                f"{declared.name}: size {symbol} = {parts.of} / {parts.by} names no size or "
+                "no parameter"
+            )

@@ -1,0 +1,169 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+
+#define MOST 8
+#define SOFTLY 1e-6f
+#define UNKNOWN 1e3f
+#define NONE (-1)
+
+// What the lights of LANES pixels say: light and weight of each LED, and where it comes from.
+typedef struct {
+    floats light[MOST], weight[MOST];
+    Vector towards[MOST];
+} Seen;
+
+// A symmetric 3 x 3 matrix taken apart into L D L^T: one over D, then L.
+typedef struct {
+    floats first, second, third, yx, zx, zy;
+} Moments;
+
+typedef struct {
+    Vector normal;
+    Moments moments;
+    floats misfit;
+} Fit;
+
+static floats dot_of(const Vector a, const Vector b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+static floats length_of(const Vector a)
+{
+    const floats tiny = 1e-6f, length_ = sqrt(dot_of(a, a));
+    return MORE_OF(length_, tiny);
+}
+
+// The inverse times a vector.
+static Vector solve(const Moments m, const Vector right)
+{
+    floats y = right.y - m.yx * right.x;
+    const floats z = (right.z - m.zx * right.x - m.zy * y) * m.third;
+    y = y * m.second - m.zy * z;
+    const Vector found = {right.x * m.first - m.yx * y - m.zx * z, y, z};
+    return found;
+}
+
+// Least squares over all LEDs but one, then the nearest normal of unit length.
+static Fit fit(const Seen *seen, const int K, const int without)
+{
+    const floats tiny = 1e-20f, thin = 1e-12f;
+    floats xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
+    Vector right = {0.0f, 0.0f, 0.0f};
+    for (int k = 0; k < K; ++k) {
+        if (k == without) continue;
+        const floats weight = seen->weight[k], weighted = weight * seen->light[k];
+        const Vector v = seen->towards[k];
+        xx += weight * v.x * v.x;
+        xy += weight * v.x * v.y;
+        xz += weight * v.x * v.z;
+        yy += weight * v.y * v.y;
+        yz += weight * v.y * v.z;
+        zz += weight * v.z * v.z;
+        right.x += weighted * v.x;
+        right.y += weighted * v.y;
+        right.z += weighted * v.z;
+    }
+    const floats share = SOFTLY * (xx + yy + zz), soft = MORE_OF(share, tiny);
+    Fit found;
+    Moments *m = &found.moments;
+    m->first = 1.0f / (xx + soft);
+    m->yx = xy * m->first;
+    m->zx = xz * m->first;
+    const floats second = yy + soft - m->yx * xy;
+    m->second = 1.0f / MORE_OF(second, soft);
+    m->zy = (yz - m->yx * xz) * m->second;
+    const floats third = zz + soft - m->zx * xz - m->zy * (yz - m->yx * xz);
+    m->third = 1.0f / MORE_OF(third, soft);
+
+    const Vector free_ = solve(*m, right);
+    const floats length_ = sqrt(dot_of(free_, free_)), divisor = length_of(free_);
+    const Vector unit = {free_.x / divisor, free_.y / divisor, free_.z / divisor};
+    const Vector along = solve(*m, unit);
+    const floats spread = dot_of(unit, along);
+    const floats over = (length_ - 1.0f) / MORE_OF(spread, thin);
+    Vector n = {free_.x - along.x * over, free_.y - along.y * over, free_.z - along.z * over};
+    const floats size = length_of(n);
+    n.x /= size;
+    n.y /= size;
+    n.z /= size;
+    found.normal = n;
+    found.misfit = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        if (k == without) continue;
+        const floats away = seen->light[k] - dot_of(seen->towards[k], n);
+        found.misfit += seen->weight[k] * away * away;
+    }
+    return found;
+}
+
+// The unit vector half-way between an LED and the camera above.
+static Vector half_way(
+    __global const float *led, const floats x, const floats y, const floats z)
+{
+    const Vector ray = {led[0] - x, led[1] - y, led[2] - z};
+    const floats away = sqrt(dot_of(ray, ray));
+    const Vector half_ = {ray.x / away, ray.y / away, ray.z / away + 1.0f};
+    const floats size = sqrt(dot_of(half_, half_));
+    const Vector found = {half_.x / size, half_.y / size, half_.z / size};
+    return found;
+}
+
+// Mark the LED whose light exceeds what the others allow, where it could be mirrored.
+LANED __kernel void label_highlights(
+    __global const float *restrict light,
+    __global const float *restrict sigma,
+    __global const float *restrict lights,
+    __global const float *restrict height,
+    const float pixel,
+    __global uchar *restrict highlight,
+    __global float *restrict sigma_,
+    const int K, const int H, const int W,
+    const float unlikely,
+    const float likely,
+    const float excess,
+    const float lobe_deg)
+{
+    const int size = H * W;
+    GRID_LANES(i, count, size)
+    const floats least = 1e-10f, z = load_floats(height + i, count);
+    const float near = cos(lobe_deg * 0.017453293f);
+    floats x, y;
+    Seen seen;
+    places(i, H, W, pixel, &x, &y);
+    for (int k = 0; k < K; ++k) {
+        const floats noise = load_floats(sigma + k * size + i, count), square = noise * noise;
+        seen.light[k] = load_floats(light + k * size + i, count);
+        seen.weight[k] = 1.0f / MORE_OF(square, least);
+        seen.towards[k] = light_vector(lights + 3 * k, x, y, z);
+    }
+    ints marked = 0;
+    const ints doubted = fit(&seen, K, NONE).misfit > unlikely;
+    if (K > 3 && ANY(doubted)) {
+        floats best = INFINITY;
+        for (int k = 0; k < K; ++k) {
+            const Fit others = fit(&seen, K, k);
+            const Vector towards = seen.towards[k];
+            const floats noise = load_floats(sigma + k * size + i, count);
+            const floats over = seen.light[k] - dot_of(towards, others.normal);
+            const floats doubt = dot_of(towards, solve(others.moments, towards));
+            const ints bright = over > excess * sqrt(noise * noise + doubt);
+            const Vector half_ = half_way(lights + 3 * k, x, y, z);
+            const ints facing = dot_of(half_, others.normal) > near;
+            const ints better = others.misfit < best;
+            const ints bit = 1 << k, none = 0;
+            const ints found = bright & facing & (others.misfit < likely) ? bit : none;
+            best = better ? others.misfit : best;
+            marked = better ? found : marked;
+        }
+        const ints none = 0;
+        marked = doubted ? marked : none;
+    }
+    store_bytes(marked, highlight + i, count);
+    const floats unknown = UNKNOWN;
+    for (int k = 0; k < K; ++k) {
+        const floats noise = load_floats(sigma + k * size + i, count);
+        store_floats((marked & (1 << k)) != 0 ? unknown : noise, sigma_ + k * size + i, count);
+    }
+}

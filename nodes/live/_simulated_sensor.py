@@ -1,0 +1,321 @@
+"""A simulated sensor: a film, LEDs, a ball that is pressed and rolled around, and faults."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple
+from urllib.parse import parse_qsl
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass as checked_dataclass
+from scipy.interpolate import CubicSpline
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4
+from tactograph.nodes.light._near_light import light_vectors, places
+from tactograph.nodes.live.expose import _lens
+from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.press import press
+from tactograph.nodes.simulate.render import render
+from tactograph.nodes.simulate.shape_ball import shape_ball
+
+FULL = 255
+DEPTHS = 9
+"""Depths at which the film's shape is computed; between them it is interpolated."""
+RADII = 4096
+"""Distances from the ball's axis at which it is tabulated."""
+REACH_MM = 3.0
+"""So far beyond the contact the film has come to rest: six times `press`'s own reach."""
+NOISES = 8
+"""Fields of noise, used in turn."""
+RECENT = 8
+"""Films that are kept for the truth."""
+
+
+@checked_dataclass(frozen=True, config={"extra": "forbid"})
+class Scene:
+    """The sensor and the ball that presses it; defaults agree with the graph `simulate`.
+
+    The ball's axis runs round a circle of `path_mm` once in `period_s`, and in `press_s` the
+    ball goes down to `depth_mm` and up again.  Pressed `by_hand`, it stays away for `rest_s`,
+    and then comes down once in every `press_s`, each time elsewhere within `path_mm` of the
+    middle, and is held still for half of the time.
+    """
+
+    width_px: Annotated[int, Interval(ge=8, le=4096)] = 640
+    height_px: Annotated[int, Interval(ge=8, le=4096)] = 480
+    pixel_size_mm: Annotated[float, Gt(0)] = PAPER_PIXEL_MM / 2
+    slant_deg: Annotated[float, Interval(ge=0, lt=90)] = 28.0
+    distance_mm: Annotated[float, Gt(0)] = 380.0
+    radius_mm: Annotated[float, Gt(0)] = 4.0
+    depth_mm: Annotated[float, Ge(0)] = 1.0
+    path_mm: Annotated[float, Ge(0)] = 3.0
+    period_s: Annotated[float, Gt(0)] = 20.0
+    press_s: Annotated[float, Gt(0)] = 8.0
+    by_hand: bool = False
+    rest_s: Annotated[float, Ge(0)] = 6.0
+    exposure_s: Annotated[float, Gt(0)] = 0.02
+    readout_s: Annotated[float, Ge(0)] = 0.0
+    ambient: Annotated[float, Ge(0)] = 0.0
+    vignetting: Annotated[float, Interval(ge=0, le=1)] = 0.0
+    full_well: Annotated[float, Gt(0)] = 15000.0
+    read_noise: Annotated[float, Ge(0)] = 10.0
+    seed: Annotated[int, Ge(0)] = 0
+
+
+def read_scene(text: str) -> Scene:
+    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``.
+
+    Raises
+    ------
+    InputError
+        If it names something that a scene has not, or a value that is out of range.
+    """
+    pairs = parse_qsl(text.partition("?")[2], keep_blank_values=True)
+    try:
+        return TypeAdapter(Scene).validate_python(dict(pairs))
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"camera={text}: {name}: {first['msg'].lower()}") from None
+
+
+class _Pressed(NamedTuple):
+    """The film around the ball: where, its middle in mm, height and slopes p and q."""
+
+    rows: slice
+    columns: slice
+    middle: tuple[float, float, float]
+    height: F4
+    p: F4
+    q: F4
+
+
+class SimulatedSensor:
+    """Film, LEDs and ball, and the faults that a test lets happen.
+
+    Attributes
+    ----------
+    plugged
+        False: the cable is out; no camera can be opened, an open one fails.
+    covered, flooded
+        Something lies before the lens; light from elsewhere saturates the camera.
+    frozen
+        The driver hangs: a fetch does not return.
+    strength
+        Brightness of each LED, 1 as calibrated; 0 is burnt out.
+    size
+        Width and height that the camera delivers, whatever is asked; None: the scene's.
+    faults
+        What happens to the next frames, one each: "double", "lose", "swap", "late" or
+        "none".
+    """
+
+    def __init__(self, scene: Scene, start: float | None = None) -> None:
+        self.scene = scene
+        self.start = time.monotonic() if start is None else start
+        self.plugged = True
+        self.covered = False
+        self.flooded = False
+        self.frozen = False
+        self.size: tuple[int, int] | None = None
+        self.faults: deque[str] = deque()
+        pixel = scene.pixel_size_mm
+        shape = scene.height_px, scene.width_px
+        self.lights = light_ring(slant_deg=scene.slant_deg, distance_mm=scene.distance_mm)
+        self.strength = np.ones(len(self.lights), np.float32)
+        flat = render(np.zeros(shape, np.float32), pixel, self.lights).light
+        self._lens = _lens(shape, scene.vignetting)
+        self._flat: F4 = flat * self._lens
+        self._film = _PressedFilm(scene)
+        rng = np.random.Generator(np.random.SFC64(scene.seed))
+        self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISES)]
+        self._resting: dict[tuple[int, int], NDArray[np.uint8]] = {}
+        self._pressed: dict[float, _Pressed] = {}
+
+    def place(self, moment: float) -> tuple[float, float, float]:
+        """The ball at a moment: x and y of its axis from the middle, its depth; all mm."""
+        scene, since = self.scene, moment - self.start
+        if scene.by_hand:
+            return self._place_by_hand(since - scene.rest_s)
+        turn = 2 * math.pi * since / scene.period_s
+        down = 0.5 - 0.5 * math.cos(2 * math.pi * since / scene.press_s)
+        x, y = scene.path_mm * math.cos(turn), scene.path_mm * math.sin(turn)
+        return x, y, scene.depth_mm * down
+
+    def _place_by_hand(self, since: float) -> tuple[float, float, float]:
+        """The ball's place, `since` seconds after the film was left alone for long enough."""
+        scene = self.scene
+        count, part = divmod(max(since, 0.0) / scene.press_s, 1)
+        # Roberts' sequence: any run of it, and any stride through it, fills the film evenly.
+        x, y = (2 * ((0.5 + step * count) % 1) - 1 for step in (0.7548776662, 0.5698402910))
+        down = np.interp(part, (0, 0.1, 0.55, 0.65), (0, 1, 1, 0)) if since > 0 else 0.0
+        narrow = scene.height_px / scene.width_px
+        return scene.path_mm * x, scene.path_mm * narrow * y, scene.depth_mm * float(down)
+
+    def truth(self, end: float) -> F4:
+        """The true height, H x W in mm, of a frame whose exposure ended at `end`."""
+        return self.true_height(end - 0.5 * (self.scene.exposure_s + self.scene.readout_s))
+
+    def true_height(self, moment: float) -> F4:
+        """H x W, mm, at a moment."""
+        height = np.zeros(self._flat.shape[1:], np.float32)
+        pressed = self._press(moment)
+        height[pressed.rows, pressed.columns] = pressed.height
+        return height
+
+    def image(self, shares: Sequence[F4], moment: float, number: int) -> NDArray[np.uint8]:
+        """What the camera records.
+
+        Parameters
+        ----------
+        shares
+            By LED, from 1: how much of its light each row takes up, length H.
+        moment
+            Where the ball is then.
+        number
+            Chooses the noise.
+        """
+        if self.covered:
+            return self._recorded(np.zeros_like(self._lens), number, ...)
+        if self.flooded:
+            return np.full(self._lens.shape, FULL, np.uint8)
+        lit = [k for k, share in enumerate(shares) if share.any() and self.strength[k]]
+        full = [k for k in lit if (share := shares[k]).min() == share.max() == 1]
+        if lit == full and len(lit) < 2:
+            recorded = self._at_rest(lit[0] + 1 if lit else 0, number).copy()
+            if lit:
+                light, part = self._pressed_light(lit[0], moment)
+                recorded[part] = self._recorded(light, number, part)
+            return recorded
+        total = np.zeros_like(self._lens)
+        for k in lit:
+            light = self._flat[k] * self.strength[k]
+            under, part = self._pressed_light(k, moment)
+            light[part] = under
+            total += light * shares[k][:, None]
+        return self._recorded(total, number, ...)
+
+    def _press(self, moment: float) -> _Pressed:
+        """The film around the ball at a moment; all LEDs and the truth ask for the same one."""
+        pressed = self._pressed.get(moment)
+        if pressed is None:
+            x, y, depth = self.place(moment)
+            rows, columns = self._window(x, y)
+            across, down = self._offsets(rows, columns, x, y)
+            middle = (
+                x + float(across[0, 0] + across[0, -1]) / 2,
+                y + float(down[0, 0] + down[-1, 0]) / 2,
+                0.0,
+            )
+            pressed = _Pressed(rows, columns, middle, *self._film.surface(across, down, depth))
+            # Only the last few: the truth of a frame is asked for soon after it was taken.
+            self._pressed = dict([*self._pressed.items()][-RECENT:]) | {moment: pressed}
+        return pressed
+
+    def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
+        """Light of LED k around the ball, and where that is (equation N1; no cast shadows)."""
+        film = self._press(moment)
+        led = (self.lights[k] - np.array(film.middle, np.float32))[None]
+        (vector,) = light_vectors(led, film.height, self.scene.pixel_size_mm)
+        p, q = film.p, film.q
+        cosine = (vector[2] - p * vector[0] - q * vector[1]) / np.sqrt(1 + p * p + q * q)
+        flat = self._flat[k, film.rows, film.columns] * self.strength[k]
+        light = np.asarray(flat * np.maximum(cosine, np.float32(0)), np.float32)
+        return light, (film.rows, film.columns)
+
+    def _at_rest(self, led: int, number: int) -> NDArray[np.uint8]:
+        """The untouched film under an LED; rendered once for every field of noise."""
+        key = led, number % NOISES
+        if key not in self._resting or (led and self.strength[led - 1] != 1):
+            light = self._flat[led - 1] * self.strength[led - 1] if led else 0 * self._lens
+            self._resting[key] = self._recorded(light, number, ...)
+        return self._resting[key]
+
+    def _recorded(self, light: F4, number: int, part: Any) -> NDArray[np.uint8]:
+        """Ambient light, noise and quantisation, as `expose` has them."""
+        scene = self.scene
+        seen = light + np.float32(scene.ambient) * self._lens[part]
+        electrons = seen * np.float32(scene.full_well)
+        spread = np.sqrt(electrons + np.float32(scene.read_noise**2))
+        electrons += spread * self._noises[number % NOISES][part]
+        levels = electrons * np.float32(FULL / scene.full_well) + np.float32(0.5)
+        return np.clip(levels, 0, FULL).astype(np.uint8)
+
+    def _window(self, x: float, y: float) -> tuple[slice, slice]:
+        """The rows and columns around the ball's axis that are not at rest."""
+        scene = self.scene
+        half = self._film.radius_mm / scene.pixel_size_mm
+
+        def span(middle: float, size: int) -> slice:
+            at = middle / scene.pixel_size_mm + (size - 1) / 2
+            first, last = math.floor(at - half), math.ceil(at + half) + 1
+            return slice(min(max(first, 0), size - 1), max(min(last, size), 1))
+
+        return span(y, scene.height_px), span(x, scene.width_px)
+
+    def _offsets(self, rows: slice, columns: slice, x: float, y: float) -> tuple[F4, F4]:
+        """Places of the window's pixels from the ball's axis, mm: 1 x W and H x 1."""
+        pixel = np.float32(self.scene.pixel_size_mm)
+        across = places(self.scene.width_px, pixel)[columns] - np.float32(x)
+        down = places(self.scene.height_px, pixel)[rows] - np.float32(y)
+        return across[None, :], down[:, None]
+
+
+class _PressedFilm:
+    """The film around a ball, at any depth: `press`, tabulated by distance from the axis."""
+
+    def __init__(self, scene: Scene) -> None:
+        radius, deepest = scene.radius_mm, scene.depth_mm
+        contact = math.sqrt(max(radius**2 - max(radius - deepest, 0) ** 2, 0))
+        self.radius_mm = contact + REACH_MM
+        self._deepest = max(deepest, 1e-9)
+        self._step = self.radius_mm / (RADII - 1)
+        half = math.ceil(self.radius_mm / PAPER_PIXEL_MM) + 1
+        at = np.linspace(0, self.radius_mm, RADII)
+        self._height = np.zeros((DEPTHS, RADII), np.float32)
+        self._steepness = np.zeros((DEPTHS, RADII), np.float32)
+        for i in range(1, DEPTHS):
+            rise = deepest * i / (DEPTHS - 1)
+            if not rise:
+                continue
+            ball = shape_ball(
+                radius_mm=radius, rise_mm=rise, width_px=2 * half + 1, height_px=2 * half + 1
+            )
+            film = press(ball.height, ball.pixel_size)
+            section = film[half, half:].astype(np.float64)
+            curve = CubicSpline(np.arange(half + 1) * ball.pixel_size, section)
+            self._height[i], self._steepness[i] = curve(at), curve(at, 1)
+        # The last tenth of a micron goes to zero, so that the window's border is no step.
+        self._height -= self._height[:, -1:]
+
+    def surface(self, across: F4, down: F4, depth: float) -> tuple[F4, F4, F4]:
+        """Height in mm and slopes p and q at offsets from the ball's axis."""
+        distance = np.sqrt(across * across + down * down)
+        cell = distance * np.float32(1 / self._step)
+        index = np.minimum(cell.astype(np.int32), RADII - 2)
+        share = np.minimum(cell - index, np.float32(1))
+        height = _between(self._at_depth(self._height, depth), index, share)
+        steepness = _between(self._at_depth(self._steepness, depth), index, share)
+        steepness[cell > RADII - 1] = 0
+        steepness /= np.maximum(distance, np.float32(1e-6))
+        return height, steepness * across, steepness * down
+
+    def _at_depth(self, table: F4, depth: float) -> F4:
+        """The table's row at a depth, between two rows."""
+        level = min(depth / self._deepest, 1.0) * (DEPTHS - 1)
+        i = min(int(level), DEPTHS - 2)
+        share = np.float32(level - i)
+        return table[i] + share * (table[i + 1] - table[i])
+
+
+def _between(table: F4, index: NDArray[np.int32], share: F4) -> F4:
+    low = table[index]
+    return low + share * (table[index + 1] - low)

@@ -1,0 +1,37 @@
+"""One Gauss-Newton step for a slope: the normal's derivatives, and the solution cut in length."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.nodes import F4
+
+ONE = np.float32(1)
+SMALLEST = np.float32(1e-12)
+Vector = tuple[F4, F4, F4]
+
+
+def normal_by_slope(p: F4, q: F4) -> tuple[F4, Vector, Vector, Vector]:
+    """1 + p^2 + q^2, the unit normal, and its derivatives by p and by q."""
+    square: F4 = np.add(ONE + p * p, q * q, dtype=np.float32)
+    w: F4 = np.divide(ONE, np.sqrt(square), dtype=np.float32)
+    cube: F4 = np.divide(w, square, dtype=np.float32)
+    by_p = (p * p * cube - w, p * q * cube, -p * cube)
+    by_q = (p * q * cube, q * q * cube - w, -q * cube)
+    return square, (-p * w, -q * w, w), by_p, by_q
+
+
+def along(gradient: Vector, direction: Vector) -> F4:
+    """The derivative in a direction."""
+    return gradient[0] * direction[0] + gradient[1] * direction[1] + gradient[2] * direction[2]
+
+
+def limited_step(matrix: Vector, right: tuple[F4, F4], longest: F4) -> tuple[F4, F4]:
+    """Solve a dp + b dq = u, b dp + c dq = v, and shorten (dp, dq) to `longest`."""
+    (a, b, c), (u, v) = matrix, right
+    determinant = np.maximum(a * c - b * b, SMALLEST)
+    dp = np.divide(c * u - b * v, determinant, dtype=np.float32)
+    dq = np.divide(a * v - b * u, determinant, dtype=np.float32)
+    length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
+    shrink = np.minimum(ONE, longest / np.maximum(length, SMALLEST), dtype=np.float32)
+    return np.asarray(dp * shrink, np.float32), np.asarray(dq * shrink, np.float32)

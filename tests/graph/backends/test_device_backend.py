@@ -1,0 +1,53 @@
+"""A back end is a module of its folder and an entry in the list of names."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from tactograph.graph.backends import device_backend
+from tactograph.graph.backends.device_backend import open_device
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.run.open_pipeline import placeholders
+from tests.graph.conftest import SLOPES, Write
+
+GPU = SimpleNamespace(backend="cuda", name="a GPU", lanes=1, is_cpu=False)
+
+
+@pytest.fixture
+def cuda(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("tactograph.graph.backends.cuda")
+    module.open_device = lambda text: (None, "no GPU") if text else (GPU, "")  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(device_backend, "BACKENDS", ("numpy", "cuda"))
+
+
+def test_the_first_preferred_back_end_with_a_device_is_opened(cuda: None) -> None:
+    assert open_device(["numpy", "cuda"]) == (GPU, "")
+    assert open_device(["cuda"], "other") == (None, "no GPU")
+
+
+def test_a_graph_that_prefers_no_device_opens_none(cuda: None) -> None:
+    assert open_device(["numpy"]) == (None, "cuda is not among the preferred back ends")
+
+
+def test_a_name_alone_asks_for_any_back_end(cuda: None) -> None:
+    assert open_device(["numpy"], "other") == (None, "no GPU")
+
+
+def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_for(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = find_node("height_slopes")
+    both = {**node.implementations, "cuda": node.kernels}
+    monkeypatch.setattr(node, "implementations", both)
+    graph = read_graph(write(SLOPES))
+    graph = type(graph)(**{**vars(graph), "prefer": ("cuda", "opencl", "numpy")})
+    plan = make_plan(graph, placeholders(graph), device=GPU)  # type: ignore[arg-type]
+    assert plan.placements["slope"].backend == "cuda"
+    assert plan.placements["again"].backend == "numpy"
+    assert {s.backend for s in plan.steps if s.kind in ("upload", "download")} == {"cuda"}
