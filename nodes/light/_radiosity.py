@@ -161,22 +161,18 @@ def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F
             first = max(0, top // BLOCK - near), max(0, left // BLOCK - near)
             last = top // BLOCK + near + 1, (left + SPAN) // BLOCK + near
             down, across = (slice(BLOCK * a, BLOCK * b) for a, b in zip(first, last, strict=True))
-            far = np.ones_like(blocks[2][0], bool)
-            count = far.shape[0] - 2 * edge, far.shape[1] - 2 * edge
+            _, *size = blocks[2].shape
+            far, count = np.ones(size, bool), [side - 2 * edge for side in size]
             known = [
                 slice(edge + a, edge + min(b, c))
                 for a, b, c in zip(first, last, count, strict=True)
             ]
             far[known[0], known[1]] = False
             at, normal = (part[here].reshape(3, -1) for part in fine[:2])
-            shown = sum(
-                _arriving(at, normal, *(part.reshape(len(part), -1) for part in seen))
-                for seen in (
-                    [part[:, down, across] for part in fine],
-                    [part[:, far] for part in blocks],
-                )
-            )
-            found[here] = np.asarray(shown).reshape(found[here].shape)
+            near_by = [part[..., down, across].reshape(len(part), -1) for part in fine]
+            shown = _arriving(at, normal, *near_by)
+            shown += _arriving(at, normal, *(part[:, far] for part in blocks))
+            found[here] = shown.reshape(found[here].shape)
     return found.reshape(len(sources), -1)
 
 
