@@ -44,7 +44,7 @@ def make_plan(
     ports.check(draft)
     classes = sizes.unify(draft)
     placements = backends.place(draft, device, no_device)
-    steps = order.order(*transfers.insert(draft, placements), draft)
+    steps = order.order(transfers.insert(draft, placements), draft)
     return Plan(
         graph=graph,
         given=dict(given),

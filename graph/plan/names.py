@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import networkx as nx
+
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
@@ -17,7 +19,6 @@ from tactograph.graph.files.flat_graph import (
     split_reference,
 )
 from tactograph.graph.plan.draft import Draft, Task, Value
-from tactograph.graph.plan.edges import Edges, find_cycle, reachable, turned
 
 
 def bind(
@@ -52,8 +53,8 @@ def bind(
     edges = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
     reads = {n: reads for n, (reads, _) in edges.items()}
     recalls = {n: recalls for n, (_, recalls) in edges.items()}
-    before = _before(reads)
-    _refuse_cycles(graph, before)
+    dag = _dag(reads)
+    _refuse_cycles(graph, dag)
     outputs = {
         name: _resolve(reference, graph, found, passed, graph.where(f"outputs.{name}"))
         for name, reference in graph.outputs.items()
@@ -63,8 +64,8 @@ def bind(
         wanted |= {n for n in reads if found[n].sink}
     if not wanted:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    recalled = _before(recalls)
-    live = reachable({n: [*before[n], *recalled[n]] for n in before}, wanted)
+    needs = nx.compose(dag, _dag(recalls))
+    live = wanted.union(*(nx.ancestors(needs, n) for n in wanted))
     tasks = {
         n: Task(
             id=n,
@@ -78,7 +79,7 @@ def bind(
         for n in graph.nodes
         if n in live
     }
-    _mark_streams(tasks, before)
+    _mark_streams(tasks, dag)
     _check_recalls(tasks)
     unused = [n for n in reads if n not in live]
     return Draft(graph, tasks, outputs, passed, unused)
@@ -216,16 +217,20 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
                 )
 
 
-def _before(reads: Mapping[str, Mapping[str, Value]]) -> dict[str, list[str]]:
-    """For each node those that it reads from."""
-    return {n: list(dict.fromkeys(v.node for v in vs.values())) for n, vs in reads.items()}
+def _dag(reads: Mapping[str, Mapping[str, Value]]) -> nx.DiGraph[str]:
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    dag.add_nodes_from(reads)
+    dag.add_edges_from((v.node, node_id) for node_id, vs in reads.items() for v in vs.values())
+    return dag
 
 
-def _refuse_cycles(graph: Graph, before: Edges) -> None:
-    cycle = find_cycle(before)
-    if cycle is not None:
-        where = graph.nodes[cycle[0]].where("in")
-        raise GraphError(f"{where}: the graph runs in a circle: {' -> '.join(cycle)}")
+def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
+    try:
+        cycle = nx.find_cycle(dag)
+    except nx.NetworkXNoCycle:
+        return
+    walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
+    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph runs in a circle: {walk}")
 
 
 def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -259,11 +264,11 @@ def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any
     return param.default
 
 
-def _mark_streams(tasks: Mapping[str, Task], before: Edges) -> None:
+def _mark_streams(tasks: Mapping[str, Task], dag: nx.DiGraph[str]) -> None:
     """A task is part of the stream if it, or anything it reads, yields items."""
     streams = [task for task in tasks.values() if task.node.stream]
     for stream in streams:
-        for node_id in reachable(turned(before), [stream.id]) & tasks.keys():
+        for node_id in {stream.id, *nx.descendants(dag, stream.id)} & tasks.keys():
             tasks[node_id].stream = True
     if len(streams) > 1:
         first, second = streams[:2]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from graphlib import TopologicalSorter
+
+import networkx as nx
 
 from tactograph.graph.plan.draft import Draft, Value
-from tactograph.graph.plan.edges import Edges, in_order, turned
 from tactograph.graph.plan.plan import Step
 
 
-def order(steps: Mapping[str, Step], before: Edges, draft: Draft) -> list[Step]:
+def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
     What the device does is enqueued before the host starts on something itself, so that both
@@ -20,31 +19,31 @@ def order(steps: Mapping[str, Step], before: Edges, draft: Draft) -> list[Step]:
     a later computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
-    ahead = _ways_ahead(steps, before)
+    ahead = _ways_ahead(dag)
 
     def rank(name: str) -> tuple[bool, int, bool, int, int, int, str]:
-        step = steps[name]
+        step: Step = dag.nodes[name]["step"]
         task = draft.tasks.get(name)
         group = 1
         if task is not None and task.node.source:
             group = 0
         elif task is not None and task.node.sink:
             group = 2
-        transfers, number = ahead[name]
+        transfers, steps = ahead[name]
         place = file_order.get(name, len(file_order))
-        return step.stream, group, not step.on_device, -transfers, -number, place, name
+        return step.stream, group, not step.on_device, -transfers, -steps, place, name
 
-    return _with_releases([steps[name] for name in in_order(before, rank)], draft)
+    names = list(nx.lexicographical_topological_sort(dag, key=rank))
+    return _with_releases([dag.nodes[name]["step"] for name in names], draft)
 
 
-def _ways_ahead(steps: Mapping[str, Step], before: Edges) -> dict[str, tuple[int, int]]:
+def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
     """For each step the most transfers, and then steps, on any way from it to the end."""
     ahead: dict[str, tuple[int, int]] = {}
-    behind = turned(before)
-    for name in TopologicalSorter(behind).static_order():
-        transfers, number = max((ahead[after] for after in behind[name]), default=(0, 0))
-        own = steps[name].kind in ("upload", "download")
-        ahead[name] = transfers + own, number + 1
+    for name in reversed(list(nx.topological_sort(dag))):
+        transfers, steps = max((ahead[after] for after in dag.successors(name)), default=(0, 0))
+        own = dag.nodes[name]["step"].kind in ("upload", "download")
+        ahead[name] = transfers + own, steps + 1
     return ahead
 
 

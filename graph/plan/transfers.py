@@ -3,74 +3,83 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
-from tactograph.graph.plan.draft import Draft, Value
+import networkx as nx
+
+from tactograph.graph.plan.draft import Draft, Task, Value
 from tactograph.graph.plan.plan import Placement, Step
 
 
-def insert(
-    draft: Draft, placements: Mapping[str, Placement]
-) -> tuple[dict[str, Step], dict[str, list[str]]]:
-    """Return the steps by name, transfers among them, and what each waits for."""
-    plan = _Steps(draft, placements)
+def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]:
+    """Return the graph of steps: the tasks, and the transfers between them.
+
+    Each node of the result carries its `Step` as the attribute ``step``.
+    """
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    for task in draft.tasks.values():
+        placement = placements[task.id]
+        dag.add_node(
+            task.id,
+            step=Step(
+                kind="fill" if task.filled else "run",
+                name=task.id,
+                backend=placement.backend,
+                # A constant depends on its inputs' sizes, not on the inputs.
+                reads=() if task.filled else tuple(dict.fromkeys(task.reads.values())),
+                writes=tuple(Value(task.id, port) for port in task.node.outputs),
+                stream=task.stream,
+                why=placement.why,
+            ),
+        )
     for task in draft.tasks.values():
         for name, value in task.reads.items():
             moves = task.node.inputs[name].kind == "array" and not task.filled
             there = placements[task.id].on_device if moves else None
-            plan.before[task.id].append(plan.origin(value, there))
+            _connect(dag, draft, placements, value, there, task.id)
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
                 # Brought over at the end of an item, for the reader at the next one.
-                plan.origin(value, placements[task.id].on_device)
+                _connect(dag, draft, placements, value, placements[task.id].on_device, None)
     for value in draft.outputs.values():
         if draft.tasks[value.node].node.outputs[value.port].kind == "array":
-            plan.origin(value, False)
-    return plan.steps, plan.before
+            _connect(dag, draft, placements, value, False, None)
+    return dag
 
 
-class _Steps:
-    """The steps so far, and for each those that it waits for."""
+def _connect(
+    dag: nx.DiGraph[str],
+    draft: Draft,
+    placements: Mapping[str, Placement],
+    value: Value,
+    on_device: bool | None,
+    reader: str | None,
+) -> None:
+    """Connect the maker of `value` to `reader`, through a transfer if they are apart.
 
-    def __init__(self, draft: Draft, placements: Mapping[str, Placement]) -> None:
-        self._draft, self._placements = draft, placements
-        self.steps: dict[str, Step] = {}
-        self.before: dict[str, list[str]] = {}
-        for task in draft.tasks.values():
-            placement = placements[task.id]
-            self._add(
-                Step(
-                    kind="fill" if task.filled else "run",
-                    name=task.id,
-                    backend=placement.backend,
-                    # A constant depends on its inputs' sizes, not on the inputs.
-                    reads=() if task.filled else tuple(dict.fromkeys(task.reads.values())),
-                    writes=tuple(Value(task.id, port) for port in task.node.outputs),
-                    stream=task.stream,
-                    why=placement.why,
-                )
-            )
+    `on_device` says where the value is read; None where it is not moved.
+    """
+    origin = value.node
+    if on_device is not None and on_device != placements[value.node].on_device:
+        device = next(each.backend for each in placements.values() if each.on_device)
+        origin = _transfer(dag, draft.tasks[value.node], value, on_device, device)
+    if reader is not None:
+        dag.add_edge(origin, reader)
 
-    def origin(self, value: Value, on_device: bool | None) -> str:
-        """The step behind which a value can be read, a transfer if it is made elsewhere.
 
-        `on_device` says where the value is read; None where it is not moved.
-        """
-        if on_device is None or on_device == self._placements[value.node].on_device:
-            return value.node
-        name = f"{'upload' if on_device else 'download'} {value}"
-        if name not in self.steps:
-            transfer = Step(
-                kind="upload" if on_device else "download",
-                name=name,
-                backend=next(p.backend for p in self._placements.values() if p.on_device),
-                reads=(value,),
-                writes=(value,),
-                stream=self._draft.tasks[value.node].stream,
-                why="shared by all readers",
-            )
-            self._add(transfer, value.node)
-        return name
-
-    def _add(self, step: Step, *before: str) -> None:
-        self.steps[step.name] = step
-        self.before[step.name] = list(before)
+def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, up: bool, device: str) -> str:
+    kind: Literal["upload", "download"] = "upload" if up else "download"
+    name = f"{kind} {value}"
+    if name not in dag:
+        step = Step(
+            kind=kind,
+            name=name,
+            backend=device,
+            reads=(value,),
+            writes=(value,),
+            stream=maker.stream,
+            why="shared by all readers",
+        )
+        dag.add_node(name, step=step)
+        dag.add_edge(value.node, name)
+    return name
