@@ -1,4 +1,7 @@
-"""The page: the graph as a drawing, a node's controls and outputs, and the result."""
+"""The page: the graph as a drawing, a node's controls and outputs, and the result.
+
+Long because it is one page: its parts share what is chosen, shown and drawn.
+"""
 
 from __future__ import annotations
 
