@@ -484,11 +484,15 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     around = rng.uniform(0, 2 * np.pi, lights)
     places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     shape = rows, columns
+    # Level film at the left; an edge that no pixel resolves in the middle.
+    rising = np.linspace(0, 1, columns)
+    height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
     return {
         "rest": rest,
+        "misfit": np.float32([0.003, 1, 0.002, 0.05, 0.002]),
         "variance": rng.uniform(1e-6, 1e-2, (2, *shape)).astype(np.float32),
-        "slope": rng.uniform(-1, 1, (2, *shape)).astype(np.float32),
-        "height": rng.uniform(-0.1, 0.5, shape).astype(np.float32),
+        "slope": (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32),
+        "height": np.asarray(height, np.float32),
         "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
         "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
         "lights": places.astype(np.float32),
