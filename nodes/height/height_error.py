@@ -489,7 +489,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
     return {
         "rest": rest,
-        "misfit": np.float32([0.003, 1, 0.002, 0.05, 0.002]),
+        "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
         "variance": rng.uniform(1e-6, 1e-2, (2, *shape)).astype(np.float32),
         "slope": (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32),
         "height": np.asarray(height, np.float32),
