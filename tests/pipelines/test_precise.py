@@ -13,7 +13,7 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
-from tests.conftest import Calibration, MadeOnce, Raytraced
+from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
 
 
 def run(graph: str, capture: Path, calibration: str, **more: str) -> Result:
@@ -89,6 +89,18 @@ def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
 def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape: str) -> None:
     found = metrics("precise", rig, shape)
     assert found["in_90_percent_band"] > 85
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_the_worst_pixel_is_no_worse_than_fast_or_says_so(
+    raytraced: Raytraced, calibration: Calibration, metrics: Figures, rig: str
+) -> None:
+    capture = raytraced / rig / "cat"
+    found = run("precise", capture, calibration(rig))
+    departure = np.abs(found["height"] - np.load(capture / "truth_height_mm.npy"))
+    worst = np.unravel_index(departure.argmax(), departure.shape)
+    fast = metrics("reconstruct", rig, "cat")["max_error_px"]
+    assert departure[worst] <= max(fast * RIG_PIXEL_MM[rig], 3 * found["error"][worst])
 
 
 def test_the_error_is_written_beside_the_height(
