@@ -54,7 +54,7 @@ def _taps(sigma: float) -> F4:
 def _launch(run: Launch) -> None:
     """Blur along rows, then along columns."""
     light, out = run.inputs["light"], run.outputs["gaussian_blur"]
-    sigma, border = float(run.settings["sigma"]), str(run.settings["border"])
+    sigma, border = float(run.settings["sigma"]), run.settings["border"]
     taps = run.put(_taps(sigma))
     rule = list(BORDER_TYPES).index(border)
     grid = run.sizes["K"], run.sizes["H"], run.sizes["W"]
