@@ -1,8 +1,9 @@
 #include "common.clh"
+#include "lanes.clh"
 #include "border.clh"
 
 // The mean over a disk, weighted by how near a pixel lies and how alike its light is.
-__kernel void bilateral_blur(
+LANED __kernel void bilateral_blur(
     __global const float *restrict light,
     __global float *restrict out,
     const int K, const int H, const int W,
@@ -11,22 +12,24 @@ __kernel void bilateral_blur(
     const float sigma_px,
     const int border)
 {
-    GRID_3(k, y, x, K, H, W)
+    GRID_PARTS_OF_ROWS(line, x, count, K * H, W)
+    const int k = line / H, y = line - k * H;
     __global const float *plane = light + k * H * W;
-    const float here = plane[y * W + x];
+    const floats here = load_floats(plane + y * W + x, count);
     const float of_light = -0.5f / (sigma_light * sigma_light);
     const float of_place = -0.5f / (sigma_px * sigma_px);
-    float total = 0.0f, weights = 0.0f;
+    floats total = 0.0f, weights = 0.0f;
     for (int j = -radius; j <= radius; ++j) {
         __global const float *row = plane + within_border(y + j, H, border) * W;
         for (int i = -radius; i <= radius; ++i) {
             const int square = i * i + j * j;
             if (square > radius * radius) continue;
-            const float value = row[within_border(x + i, W, border)], step = value - here;
-            const float weight = exp(of_place * (float)square + of_light * step * step);
+            const floats value = load_within_border(row, x + i, count, W, border);
+            const floats step = value - here;
+            const floats weight = exp(of_place * (float)square + of_light * step * step);
             total += weight * value;
             weights += weight;
         }
     }
-    out[(k * H + y) * W + x] = total / weights;
+    store_floats(total / weights, out + line * W + x, count);
 }

@@ -1,8 +1,10 @@
 #include "common.clh"
+#include "lanes.clh"
 #include "border.clh"
 
-// A sum weighted with 2 * radius + 1 taps along a row, then along a column.
-__kernel void blur_rows(
+// A sum weighted with 2 * radius + 1 taps along a row, then along a column; a work-item does
+// LANES pixels of a row.
+LANED __kernel void blur_rows(
     __global const float *restrict light,
     __global const float *restrict taps,
     __global float *restrict out,
@@ -10,15 +12,15 @@ __kernel void blur_rows(
     const int radius,
     const int border)
 {
-    GRID_3(k, y, x, K, H, W)
-    __global const float *row = light + (k * H + y) * W;
-    float total = 0.0f;
+    GRID_PARTS_OF_ROWS(line, x, count, K * H, W)
+    __global const float *row = light + line * W;
+    floats total = 0.0f;
     for (int i = -radius; i <= radius; ++i)
-        total += taps[i + radius] * row[within_border(x + i, W, border)];
-    out[(k * H + y) * W + x] = total;
+        total += taps[i + radius] * load_within_border(row, x + i, count, W, border);
+    store_floats(total, out + line * W + x, count);
 }
 
-__kernel void blur_columns(
+LANED __kernel void blur_columns(
     __global const float *restrict light,
     __global const float *restrict taps,
     __global float *restrict out,
@@ -26,10 +28,13 @@ __kernel void blur_columns(
     const int radius,
     const int border)
 {
-    GRID_3(k, y, x, K, H, W)
-    __global const float *column = light + k * H * W + x;
-    float total = 0.0f;
-    for (int i = -radius; i <= radius; ++i)
-        total += taps[i + radius] * column[within_border(y + i, H, border) * W];
-    out[(k * H + y) * W + x] = total;
+    GRID_PARTS_OF_ROWS(line, x, count, K * H, W)
+    const int k = line / H, y = line - k * H;
+    __global const float *plane = light + k * H * W;
+    floats total = 0.0f;
+    for (int i = -radius; i <= radius; ++i) {
+        __global const float *row = plane + within_border(y + i, H, border) * W;
+        total += taps[i + radius] * load_floats(row + x, count);
+    }
+    store_floats(total, out + line * W + x, count);
 }

@@ -51,4 +51,4 @@ def bilateral_blur(
     return np.asarray(blurred, np.float32)
 
 
-bilateral_blur.opencl(grid="K H W")
+bilateral_blur.opencl(grid="K H W", lanes="rows")

@@ -57,8 +57,8 @@ def _launch(run: Launch) -> None:
     sigma, border = float(run.settings["sigma"]), run.settings["border"]
     taps = run.put(_taps(sigma))
     rule = list(BORDER_TYPES).index(border)
-    grid = run.sizes["K"], run.sizes["H"], run.sizes["W"]
-    along = run.scratch(grid)
+    sizes = run.sizes["K"], run.sizes["H"], run.sizes["W"]
+    along, grid = run.scratch(sizes), run.in_row_lanes(*sizes)
     radius = taps.shape[0] // 2
-    run.kernel("blur_rows", grid, light, taps, along, *grid, radius, rule)
-    run.kernel("blur_columns", grid, along, taps, out, *grid, radius, rule)
+    run.kernel("blur_rows", grid, light, taps, along, *sizes, radius, rule)
+    run.kernel("blur_columns", grid, along, taps, out, *sizes, radius, rule)

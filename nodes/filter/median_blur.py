@@ -28,4 +28,4 @@ def median_blur(light: Light, *, size: Literal[3, 5] = 3) -> Light:
     return np.asarray([cv2.medianBlur(plane, size) for plane in light], np.float32)
 
 
-median_blur.opencl(grid="K H W")
+median_blur.opencl(grid="K H W", lanes="rows")

@@ -402,16 +402,19 @@ MUTANTS = {
     "gaussian_blur": {
         "a tap left out": ("int i = -radius; i", "int i = 1 - radius; i"),
         "columns along rows": (
-            "column[within_border(y + i, H, border) * W]",
-            "column[within_border(y + i, H, border)]",
+            "plane + within_border(y + i, H, border) * W",
+            "plane + within_border(y + i, H, border)",
         ),
         "the border always repeated": ("border == REPLICATE || n == 1", "1"),
         "the last pixel twice, or not": ("border == REFLECT;", "border != REFLECT;"),
-        "one plane for all": ("light + k * H * W + x", "light + x"),
+        "one plane for all": ("light + k * H * W", "light"),
     },
     "median_blur": {
-        "always 3 x 3": ("radius = size + 1", "radius = 1"),
-        "the value above the middle": ("window[count / 2];", "window[min(count / 2 + 1, 24)];"),
+        "always 3 x 3": ("size ? middle_of(window, 25) :", "0 ? middle_of(window, 25) :"),
+        "the value below the middle": (
+            "return window[count / 2];",
+            "return window[count / 2 - 1];",
+        ),
         "rows mixed up": ("within_border(y + j, H, REPLICATE) * W", "y * W"),
     },
     "threshold": {
