@@ -445,6 +445,12 @@ MUTANTS = {
         "a square": ("if (square > radius * radius) continue;", ""),
         "the border always repeated": ("border == REPLICATE || n == 1", "1"),
     },
+    "rectify": {
+        "from the corner": ("- 0.5f * (float)(W - 1)", ""),
+        "x and y swapped": ("find_taps(x, y,", "find_taps(y, x,"),
+        "one plane for all": ("value_at(light + plane,", "value_at(light,"),
+        "the nearest pixel": ("spread_weights(x - left,", "spread_weights(none,"),
+    },
 }
 LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 
