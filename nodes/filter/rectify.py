@@ -79,7 +79,9 @@ def _homography(
     frame = ((left, top), (right, top), (right, bottom), (left, bottom))
     half = np.array([width_mm, height_mm]) / pixel / 2
     even = half * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    found = cv2.getPerspectiveTransform(np.float32(even), np.float32(seen or frame))
+    found = cv2.getPerspectiveTransform(
+        np.asarray(even, np.float32), np.asarray(seen or frame, np.float32)
+    )
     return np.asarray(found, np.float32).ravel()
 
 
