@@ -399,6 +399,58 @@ MUTANTS = {
         "the last LED alone": ("sure_of_all *= 1.0f", "sure_of_all = 1.0f"),
         "lights from the corner": ("0.5f * (float)(W - 1)", "0.0f"),
     },
+    "gaussian_blur": {
+        "a tap left out": ("int i = -radius; i", "int i = 1 - radius; i"),
+        "columns along rows": (
+            "plane + within_border(y + i, H, border) * W",
+            "plane + within_border(y + i, H, border)",
+        ),
+        "the border always repeated": ("border == REPLICATE || n == 1", "1"),
+        "the last pixel twice, or not": ("border == REFLECT;", "border != REFLECT;"),
+        "one plane for all": ("light + k * H * W", "light"),
+    },
+    "median_blur": {
+        "always 3 x 3": ("size ? middle_of(window, 25) :", "0 ? middle_of(window, 25) :"),
+        "the value below the middle": (
+            "return window[count / 2];",
+            "return window[count / 2 - 1];",
+        ),
+        "rows mixed up": ("within_border(y + j, H, REPLICATE) * W", "y * W"),
+    },
+    "threshold": {
+        "as bright counts": ("> level", ">= level"),
+        "any for all": ("brighter == K", "brighter > 0"),
+        "all for any": ("lights ? brighter > 0", "lights ? brighter == K"),
+    },
+    "mask_image": {
+        "mask inverted": ("mask[y * W + x] ?", "!mask[y * W + x] ?"),
+        "black outside": (": outside", ": 0.0f * outside"),
+    },
+    "blend_images": {
+        "weights swapped": (
+            "first[i] * (1.0f - share) + second[i] * share",
+            "first[i] * share + second[i] * (1.0f - share)",
+        ),
+        "a sum": ("first[i] * (1.0f - share)", "first[i]"),
+    },
+    "morphology": {
+        "always the whole square": ("if (!element[", "if (0 && element["),
+        "beyond the frame is 0": ("found = highest ? 0 : 255", "found = 0"),
+        "turned over": ("highest ? max(found, value) :", "!highest ? max(found, value) :"),
+        "a column short": ("min(x + radius, W - 1)", "min(x + radius - 1, W - 1)"),
+    },
+    "bilateral_blur": {
+        "edges do not count": ("of_light * step * step", "0.0f * of_light"),
+        "places do not count": ("of_place * (float)square", "0.0f * of_place"),
+        "a square": ("if (square > radius * radius) continue;", ""),
+        "the border always repeated": ("border == REPLICATE || n == 1", "1"),
+    },
+    "rectify": {
+        "from the corner": ("- 0.5f * (float)(W - 1)", ""),
+        "x and y swapped": ("find_taps(x, y,", "find_taps(y, x,"),
+        "one plane for all": ("value_at(light + plane,", "value_at(light,"),
+        "the nearest pixel": ("spread_weights(x - left,", "spread_weights(none,"),
+    },
 }
 LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 

@@ -1,0 +1,33 @@
+"""Keep the part of images that a mask shows."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Light, Mask
+
+
+@node(neutral="light")
+def mask_image(light: Light, mask: Mask, *, outside: float = 1.0) -> Light:
+    """Return the images where the mask is set, and one value elsewhere.
+
+    OpenCV's `copyTo` with a mask.
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    mask
+        H x W; any value but 0 keeps the pixel.
+    outside
+        The light elsewhere; 1 is the film at rest, once divided by the flat field.
+    """
+    kept = np.full_like(light, outside)
+    for plane, found in zip(light, kept, strict=True):
+        cv2.copyTo(plane, mask, found)
+    return kept
+
+
+mask_image.opencl(grid="K H W")

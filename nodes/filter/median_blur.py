@@ -1,0 +1,31 @@
+"""Take single wrong pixels out of images by a median."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Light
+
+
+@node(neutral="light")
+def median_blur(light: Light, *, size: Literal[3, 5] = 3) -> Light:
+    """Return the median of the pixels around each pixel, each LED's images by themselves.
+
+    OpenCV's `medianBlur`.  A hot pixel or a speck of dust smaller than half the window goes;
+    a straight edge stays where it is.
+
+    Parameters
+    ----------
+    light
+        K x H x W; beyond the frame its border goes on (OpenCV's ``BORDER_REPLICATE``).
+    size
+        Side of the window in pixels.
+    """
+    return np.asarray([cv2.medianBlur(plane, size) for plane in light], np.float32)
+
+
+median_blur.opencl(grid="K H W", lanes="rows")

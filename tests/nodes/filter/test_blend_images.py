@@ -1,0 +1,21 @@
+"""Two exposures mixed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes.filter.blend_images import blend_images
+
+
+def test_the_mean_of_two_exposures_has_less_noise_than_each() -> None:
+    first, second = 0.5 + 0.01 * np.random.default_rng(1).standard_normal((2, 1, 200, 200)).astype(
+        np.float32
+    )
+    mixed = blend_images(first, second)
+    assert mixed.std() == pytest.approx(first.std() / np.sqrt(2), rel=0.03)
+
+
+def test_the_share_is_that_of_the_second() -> None:
+    one, other = np.zeros((1, 1, 1), np.float32), np.ones((1, 1, 1), np.float32)
+    assert blend_images(one, other, share=0.25).item() == 0.25
