@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -94,7 +94,7 @@ def find_contact(
 
 
 def _fill(
-    raised: NDArray[np.uint8], outlines: Sequence[NDArray[np.int32]]
+    raised: NDArray[np.uint8], outlines: Sequence[NDArray[Any]]
 ) -> tuple[dict[int, float], dict[int, float]]:
     """Fill what is connected with an outlined core with a number: its area, its cores' area.
 
