@@ -45,9 +45,11 @@ def test_what_measures_the_bounce_finds_the_light_that_was_given() -> None:
     rest = even(height) * rng.uniform(0.9, 1.1, (len(FAR), 1, 1)).astype(np.float32)
     light = rest * np.linspace(0.2, 1.3, 91, dtype=np.float32)
     seen = interreflect(light, rest, height, FAR, PIXEL, albedo=0.7, cells=2100)
-    bounced = film_bounce(seen / rest, height, FAR, PIXEL, 0.7, cells=2100)
     assert np.abs(seen - light).max() > 0.03
-    np.testing.assert_allclose(seen / rest - bounced, light / rest, atol=1e-3)
+    # Far cells that count in blocks leave up to a per cent of the light beside the steepest walls.
+    for near, error in ((8, 1e-3), (1, 0.015)):
+        bounced = film_bounce(seen / rest, height, FAR, PIXEL, 0.7, cells=2100, near=near)
+        np.testing.assert_allclose(seen / rest - bounced, light / rest, atol=error)
 
 
 def test_a_film_that_reflects_nothing_keeps_its_light() -> None:
