@@ -39,6 +39,8 @@ Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
 """A bit per LED: bit k-1 stands for LED k."""
 Confidence = Annotated[F4, Port("H W", "1", high=1)]
 """Probability that a pixel's labels are right."""
+Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
+"""The number of the contact that a pixel belongs to, from 1; 0: none."""
 Mask = Annotated[U1, Port("H W", "flag", high=1)]
 """1 where a pixel counts, else 0."""
 PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]

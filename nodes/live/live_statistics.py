@@ -32,6 +32,7 @@ def live_statistics(
     time: Annotated[float, Port(unit="s")],
     state: LiveState,
     truth: Height | None = None,
+    contact: Metrics | None = None,
     *,
     folder: Path | None = None,
     every_s: Annotated[float, Gt(0)] = 1.0,
@@ -50,13 +51,15 @@ def live_statistics(
         What the stream has counted.
     truth
         H x W in mm, where it is known: what the film was at the newest exposure.
+    contact
+        Figures of the contacts, as `measure_contact` gives them.
     folder
         Where ``result.json`` goes when the stream ends; None: nowhere.
     every_s
         Time between two lines on the terminal.
     """
     statistics = session.keep(lambda: Statistics(folder, every_s))
-    statistics.take(height, time, state, truth, provenance)
+    statistics.take(height, time, state, truth, provenance, contact)
 
 
 class Statistics:
@@ -71,6 +74,8 @@ class Statistics:
         self._latencies = np.zeros(round(LONGEST_S / BIN_S), np.int64)
         self._errors = 0
         self._square_error = self._worst = 0.0
+        self._contact: Metrics = {}
+        self._touched = self._deepest = 0.0
         self._memory_first = self._memory_most = 0.0
         self._state = LiveState()
         self._provenance: Provenance | None = None
@@ -82,6 +87,7 @@ class Statistics:
         state: LiveState,
         truth: Height | None,
         provenance: Provenance | None = None,
+        contact: Metrics | None = None,
     ) -> None:
         """Count one height, which is ready now."""
         now = time.monotonic()
@@ -100,6 +106,10 @@ class Statistics:
             self._errors += 1
             self._square_error += rmse * rmse
             self._worst = max(self._worst, rmse)
+        self._contact = contact or {}
+        depths = _of_all(self._contact, "contact_depth_mm")
+        self._touched += bool(depths)
+        self._deepest = max(self._deepest, *depths, 0.0)
         if now - self._told >= self._every:
             self._tell(now)
 
@@ -115,6 +125,9 @@ class Statistics:
         if self._errors:
             figures["rmse_um"] = 1e3 * float(np.sqrt(self._square_error / self._errors))
             figures["worst_rmse_um"] = 1e3 * self._worst
+        if self._contact:
+            figures["touched_percent"] = 100 * self._touched / self._heights
+            figures["deepest_contact_mm"] = self._deepest
         figures["frames"] = float(self._state.frames)
         figures["dropped"] = float(self._state.dropped)
         for fault, times in sorted(self._state.faults.items()):
@@ -151,10 +164,20 @@ class Statistics:
         parts = [f"{rate:5.1f} heights/s", f"latency {figures.get('latency_median_ms', 0):.1f} ms"]
         if "rmse_um" in figures:
             parts.append(f"rmse {figures['rmse_um']:.1f} um")
+        depths = _of_all(self._contact, "contact_depth_mm")
+        if depths:
+            area = sum(_of_all(self._contact, "contact_area_mm2"))
+            many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
+            parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep")
         faults = sum(self._state.faults.values())
         parts += [f"{self._state.dropped} dropped", f"{faults} faults"]
         parts.append(f"{figures['memory_mib']:.0f} MiB")
         print(", ".join(parts), flush=True)
+
+
+def _of_all(figures: Metrics, name: str) -> list[float]:
+    """A figure of every contact."""
+    return [figure for key, figure in figures.items() if key.startswith(f"{name}/")]
 
 
 def resident_mib() -> float:

@@ -13,6 +13,7 @@ from tactograph.graph import Provenance, node, warn
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.nodes import (
     Confidence,
+    Contacts,
     Height,
     HeightError,
     Labels,
@@ -42,6 +43,7 @@ def write_result(
     confidence: Confidence | None = None,
     lens: Lens | None = None,
     camera: Vergence | None = None,
+    contact: Contacts | None = None,
     *,
     folder: Path,
     grid: Literal["pixel", "metric"] = "pixel",
@@ -56,7 +58,7 @@ def write_result(
     pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``; with an error
     ``error.npy`` and ``error.png`` too, with highlights ``highlight.png`` (bits as in
     ``shadow.png``), with a confidence ``confidence.npy`` (float32, 0 to 1) and
-    ``confidence.png``.
+    ``confidence.png``, with contacts ``contact.png`` (8 bit, the contact's number, 0: none).
 
     Parameters
     ----------
@@ -82,13 +84,15 @@ def write_result(
         Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
         pupil above the film (0: orthographic), where the graph knows them.  The mesh has its
         points where these lie on the film.
+    contact
+        H x W, the number of the contact at each pixel, where the graph looks for contacts.
     folder
         Made if needed.
     grid
         "pixel": ``height.npy`` is what each pixel of the camera sees.  "metric": height and
         error are on an even grid on the film, `pixel` apart, of the image's size and about its
-        middle; NaN at the border where no pixel sees the film.  Labels and confidence stay
-        those of the pixels.
+        middle; NaN at the border where no pixel sees the film.  Labels, contacts and
+        confidence stay those of the pixels.
     mesh, pictures
         Whether to write those too; they take longer than all the rest.
 
@@ -117,6 +121,8 @@ def write_result(
             np.save(target / "error.npy", error)
         if highlight is not None:
             cv2.imwrite(str(target / "highlight.png"), highlight)
+        if contact is not None:
+            cv2.imwrite(str(target / "contact.png"), contact)
         if confidence is not None:
             np.save(target / "confidence.npy", confidence)
         if mesh:

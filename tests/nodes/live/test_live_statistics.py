@@ -59,3 +59,23 @@ def test_faults_and_settings_are_in_the_result_when_the_stream_ends(
     assert result["metrics"]["dropped"] == 2
     assert result["metrics"]["faults/swapped"] == 3
     assert "heights_per_s" in capsys.readouterr().out
+
+
+def test_contacts_are_counted_and_the_newest_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    statistics = Statistics(every_s=1e-9)
+    touch = {
+        "contacts": 2.0,
+        "contact_area_mm2/c1": 3.0,
+        "contact_depth_mm/c1": 0.2,
+        "contact_area_mm2/c2": 1.5,
+        "contact_depth_mm/c2": 0.41,
+    }
+    for contact in (touch, touch, {"contacts": 0.0}, {"contacts": 0.0}):
+        statistics.take(STILL, time.monotonic(), LiveState(), None, contact=contact)
+    figures = statistics.figures()
+    assert figures["touched_percent"] == 50
+    assert figures["deepest_contact_mm"] == 0.41
+    told = capsys.readouterr().out.splitlines()
+    assert "2 contacts of 4.5 mm2, 0.41 mm deep" in told[0]
+    assert "contact" not in told[-1]
+    assert "touched_percent" not in Statistics().figures()

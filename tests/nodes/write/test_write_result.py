@@ -57,3 +57,14 @@ def test_the_labels_confidence_is_written_beside_them(tmp_path: Path) -> None:
     )  # fmt: skip
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
+
+
+def test_contacts_are_written_as_their_numbers(tmp_path: Path) -> None:
+    numbers = np.zeros(SHAPE, np.uint8)
+    numbers[2:4, 3:5] = 2
+    write_result(
+        np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32),
+        0.1, {}, "", contact=numbers, folder=tmp_path, mesh=False, pictures=False, provenance=MADE,
+    )  # fmt: skip
+    kept = cv2.imread(str(tmp_path / "contact.png"), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(kept, numbers)

@@ -1,0 +1,124 @@
+"""Find where something presses against the film."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Flips, InputError, node, warn
+from tactograph.nodes import Contacts, Height, HeightError
+
+SAMPLES = 10_000
+"""At least so many pixels, evenly spread, tell the noise level; neighbours err alike."""
+OPEN = np.uint8(255)
+"""Raised film of which no contact is known yet; smaller values are numbers of contacts."""
+TO_DEVIATION = 1.4826
+"""Median size to standard deviation, for a normal distribution."""
+
+
+@node(tolerance=Flips(1e-3, why="thresholds on a rounded height"))
+def find_contact(
+    height: Height,
+    error: HeightError | None = None,
+    *,
+    enter: Annotated[float, Gt(0)] = 10.0,
+    leave: Annotated[float, Gt(0)] = 4.0,
+    least_error_mm: Annotated[float, Gt(0)] = 0.001,
+    least_px: Annotated[int, Interval(ge=1)] = 20,
+    most: Annotated[int, Interval(ge=1, le=254)] = 16,
+) -> Contacts:
+    """Number the contacts: connected film that stands out of its error, by hysteresis.
+
+    A contact is film higher than `leave` errors, all that is connected with it over edges or
+    corners, if at least `least_px` of its pixels are higher than `enter` errors.  Two
+    thresholds, so that the noise neither starts a contact nor frays its edge (Canny 1986).
+
+    Without a stated error the film at rest tells it: heights below rest are noise alone, and
+    noise is as often below as above.  Their median size, times 1.4826, is the error of all
+    pixels, however much of the frame is touched.  A film that bulges downwards around a
+    contact makes that error larger, and the contact found smaller.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    error
+        H x W, the height's standard deviation in mm; else it is measured.
+    enter, leave
+        In multiples of the error; `leave` must not exceed `enter`.  A height is the sum of
+        noisy slopes: errors of neighbours are alike, and the largest of a frame is 4 to 8
+        times their level.
+    least_error_mm
+        No error counts as smaller.
+    least_px
+        Pixels above `enter`, or enclosed by such, that make a contact.
+    most
+        Only so many contacts, the largest ones, are numbered; more give a warning.
+
+    Returns
+    -------
+    ndarray
+        H x W, 1 on the contact of the largest area, 2 on the next, 0 on free film.
+
+    Raises
+    ------
+    InputError
+        If `leave` exceeds `enter`.
+    """
+    if leave > enter:
+        raise InputError(f"find_contact: leave={leave:g} is above enter={enter:g}; make it smaller")
+    if error is None:
+        level: Height | np.float32 = np.float32(max(_rest_noise(height), least_error_mm))
+    else:
+        level = np.maximum(error, np.float32(least_error_mm))
+    high = (height > np.float32(enter) * level).view(np.uint8)
+    lines, nested = cv2.findContours(high, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    if not lines:
+        return np.zeros(height.shape, np.uint8)
+    # A line without a parent goes around a core, the others around its holes.
+    outlines = [line for line, (*_, parent) in zip(lines, nested[0], strict=True) if parent < 0]
+    raised = (height > np.float32(leave) * level).view(np.uint8) * OPEN
+    areas, cores = _fill(raised, outlines)
+    found = [number for number in areas if cores[number] >= least_px]
+    if len(found) > most:
+        warn(f"find_contact: {len(found)} contacts, of which the {most} largest are numbered")
+    largest = sorted(found, key=lambda number: -areas[number])[:most]
+    numbers = np.zeros(256, np.uint8)
+    numbers[largest] = np.arange(1, len(largest) + 1)
+    return np.asarray(cv2.LUT(raised, numbers))
+
+
+def _fill(
+    raised: NDArray[np.uint8], outlines: Sequence[NDArray[Any]]
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Fill what is connected with an outlined core with a number: its area, its cores' area.
+
+    An outline and what it encloses has as many pixels as Pick's theorem says.
+    """
+    sizes = [cv2.contourArea(line) + len(line) / 2 + 1 for line in outlines]
+    areas: dict[int, float] = {}
+    cores: dict[int, float] = {}
+    for size, line in sorted(zip(sizes, outlines, strict=True), key=lambda each: -each[0]):
+        x, y = map(int, line[0, 0])
+        number = int(raised[y, x])
+        if number == OPEN:
+            number = len(areas) + 1
+            if number == OPEN:
+                break
+            areas[number] = float(cv2.floodFill(raised, None, (x, y), number, flags=8)[0])
+            cores[number] = 0.0
+        cores[number] += size
+    return areas, cores
+
+
+def _rest_noise(height: Height) -> float:
+    """Standard deviation of the film at rest in mm; zero where nothing lies below rest."""
+    step = max(1, int((height.size / SAMPLES) ** 0.5))
+    seen = height[::step, ::step]
+    below = seen[seen < 0]
+    return TO_DEVIATION * float(-np.median(below)) if below.size else 0.0

@@ -1,0 +1,79 @@
+"""Say how large, how deep and where each contact is."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import Contacts, Height, Metrics, PixelSize
+
+PIXEL_VARIANCE = 1 / 12
+"""Of the places within a square pixel, in px^2."""
+
+
+@node
+def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metrics:
+    """Return area, depth, volume, place and principal axes of every contact.
+
+    How far the object presses the film in is how far the film stands out: depth is height.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    contact
+        H x W, the number of the contact at each pixel, as `find_contact` gives it.
+    pixel
+        mm per px.
+
+    Returns
+    -------
+    dict
+        ``contacts``, how many there are, and of each its own, as ``contact_area_mm2/c1``,
+        ``contact_area_mm2/c2`` ...:
+
+        ``contact_area_mm2``, seen from above; ``contact_depth_mm``, the greatest;
+        ``contact_mean_depth_mm``; ``contact_volume_mm3``, between film and film at rest;
+        ``contact_x_px``, ``contact_y_px``, the area's centroid, (0, 0) in the middle of the
+        first pixel; ``contact_x_mm``, ``contact_y_mm``, the same from the centre of the
+        image, x right, y down; ``contact_major_mm``, ``contact_minor_mm``, the axes (full
+        lengths) of the ellipse that has the area's second moments;
+        ``contact_angle_deg``, from x towards y to the major axis, above -90 up to 90.
+    """
+    figures: Metrics = {"contacts": float(contact.max(initial=0))}
+    for number in range(1, int(figures["contacts"]) + 1):
+        mask = (contact == number).view(np.uint8)
+        found = _measured(height, mask, pixel) if mask.any() else {}
+        figures |= {f"contact_{name}/c{number}": figure for name, figure in found.items()}
+    return figures
+
+
+def _measured(height: Height, mask: NDArray[np.uint8], pixel: float) -> Metrics:
+    left, top, width, rows = cv2.boundingRect(mask)
+    part = slice(top, top + rows), slice(left, left + width)
+    weight = mask[part].astype(np.float32)
+    depth = height[part] * weight
+    moments = cv2.moments(weight)
+    area = moments["m00"]
+    x, y = left + moments["m10"] / area, top + moments["m01"] / area
+    mean = float(depth.sum()) / area
+    spread_x = moments["mu20"] / area + PIXEL_VARIANCE
+    spread_y = moments["mu02"] / area + PIXEL_VARIANCE
+    shared = moments["mu11"] / area
+    (minor, major), axes = np.linalg.eigh([[spread_x, shared], [shared, spread_y]])
+    angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    return {
+        "area_mm2": area * pixel**2,
+        "depth_mm": float(depth.max()),
+        "mean_depth_mm": mean,
+        "volume_mm3": mean * area * pixel**2,
+        "x_px": x,
+        "y_px": y,
+        "x_mm": (x - (height.shape[1] - 1) / 2) * pixel,
+        "y_mm": (y - (height.shape[0] - 1) / 2) * pixel,
+        "major_mm": 4 * float(np.sqrt(major)) * pixel,
+        "minor_mm": 4 * float(np.sqrt(minor)) * pixel,
+        "angle_deg": float(90 - (90 - angle) % 180),
+    }

@@ -1,0 +1,93 @@
+"""Contacts of shapes whose area, volume, place and axes are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import Height
+from tactograph.nodes.contact.find_contact import find_contact
+from tactograph.nodes.contact.measure_contact import measure_contact
+
+PIXEL = 0.02
+ROWS, COLUMNS = 240, 320
+
+
+def places(x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of all pixels, in mm, from (x, y), itself from the image's centre."""
+    rows, columns = np.indices((ROWS, COLUMNS))
+    return (columns - (COLUMNS - 1) / 2) * PIXEL - x, (rows - (ROWS - 1) / 2) * PIXEL - y
+
+
+def cap(x: float, y: float, radius: float, depth: float) -> Height:
+    """A ball of a radius, pressed in by a depth; all in mm."""
+    right, down = places(x, y)
+    squares = np.maximum(radius**2 - right**2 - down**2, 0)
+    return np.maximum(np.sqrt(squares) - (radius - depth), 0).astype(np.float32)
+
+
+def ellipse(x: float, y: float, major: float, minor: float, angle: float) -> Height:
+    """A plateau with such axes, in mm and degrees from x towards y."""
+    right, down = places(x, y)
+    turn = np.radians(angle)
+    along, across = (
+        right * np.cos(turn) + down * np.sin(turn),
+        down * np.cos(turn) - right * np.sin(turn),
+    )
+    inside = (2 * along / major) ** 2 + (2 * across / minor) ** 2 <= 1
+    return np.where(inside, 0.1, 0).astype(np.float32)
+
+
+def test_a_spherical_cap() -> None:
+    radius, depth = 4.0, 0.3
+    height = cap(0.4, -0.7, radius, depth)
+    figures = measure_contact(height, find_contact(height, least_error_mm=1e-5), PIXEL)
+    area = np.pi * (2 * radius * depth - depth**2)
+    volume = np.pi * depth**2 * (radius - depth / 3)
+    assert figures["contacts"] == 1
+    assert figures["contact_area_mm2/c1"] == pytest.approx(area, rel=0.005)
+    assert figures["contact_volume_mm3/c1"] == pytest.approx(volume, rel=0.005)
+    assert figures["contact_depth_mm/c1"] == pytest.approx(depth, rel=0.002)
+    assert figures["contact_mean_depth_mm/c1"] == pytest.approx(volume / area, rel=0.005)
+    assert figures["contact_major_mm/c1"] == pytest.approx(2 * np.sqrt(area / np.pi), rel=0.005)
+    assert figures["contact_minor_mm/c1"] == pytest.approx(2 * np.sqrt(area / np.pi), rel=0.005)
+    assert figures["contact_x_mm/c1"] == pytest.approx(0.4, abs=0.003)
+    assert figures["contact_y_mm/c1"] == pytest.approx(-0.7, abs=0.003)
+    assert figures["contact_x_px/c1"] == pytest.approx(159.5 + 20, abs=0.15)
+    assert figures["contact_y_px/c1"] == pytest.approx(119.5 - 35, abs=0.15)
+
+
+def test_two_balls_are_two_contacts() -> None:
+    height = cap(-1.5, 0.5, 2.0, 0.3) + cap(1.5, -0.4, 3.0, 0.2)
+    figures = measure_contact(height, find_contact(height), PIXEL)
+    assert figures["contacts"] == 2
+    assert figures["contact_depth_mm/c1"] == pytest.approx(0.2, rel=0.01)
+    assert figures["contact_depth_mm/c2"] == pytest.approx(0.3, rel=0.01)
+    assert figures["contact_x_mm/c1"] == pytest.approx(1.5, abs=0.01)
+    assert figures["contact_x_mm/c2"] == pytest.approx(-1.5, abs=0.01)
+
+
+@pytest.mark.parametrize("angle", [-60.0, 0.0, 25.0, 90.0])
+def test_the_axes_of_a_tilted_ellipse(angle: float) -> None:
+    height = ellipse(0.3, 0.2, 3.0, 1.2, angle)
+    figures = measure_contact(height, find_contact(height), PIXEL)
+    assert figures["contact_major_mm/c1"] == pytest.approx(3.0, rel=0.005)
+    assert figures["contact_minor_mm/c1"] == pytest.approx(1.2, rel=0.005)
+    apart = (figures["contact_angle_deg/c1"] - angle + 90) % 180 - 90
+    assert apart == pytest.approx(0, abs=0.3)
+    assert -90 < figures["contact_angle_deg/c1"] <= 90
+
+
+def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_seen() -> None:
+    height = np.zeros((ROWS, COLUMNS), np.float32)
+    height[:10, :30] = 0.1
+    figures = measure_contact(height, find_contact(height), PIXEL)
+    assert figures["contact_area_mm2/c1"] == pytest.approx(300 * PIXEL**2)
+    assert figures["contact_volume_mm3/c1"] == pytest.approx(30 * PIXEL**2)
+    assert (figures["contact_x_px/c1"], figures["contact_y_px/c1"]) == (14.5, 4.5)
+    assert figures["contact_major_mm/c1"] == pytest.approx(4 * 30 / np.sqrt(12) * PIXEL)
+
+
+def test_no_contact_is_a_figure_too() -> None:
+    level = np.zeros((ROWS, COLUMNS), np.float32)
+    assert measure_contact(level, find_contact(level), PIXEL) == {"contacts": 0.0}

@@ -1,0 +1,70 @@
+"""A shipped graph says of a simulated touch where it is and how deep; of none, none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+
+PIXEL = 0.2
+SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": PIXEL}
+
+
+def run(graph: str, **given: object) -> None:
+    for _ in open_pipeline(read_graph(graph), given).items():
+        pass
+
+
+@pytest.fixture(scope="module")
+def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibrated sensor, a touch and the untouched film at another time."""
+    folder = tmp_path_factory.mktemp("sensor")
+    run("simulate", radius_mm=5.0, seed=1, out=str(folder / "ball"), **SIZE)
+    run("simulate_flat", seed=2, out=str(folder / "flat"), **SIZE)
+    run("simulate_flat", seed=5, out=str(folder / "untouched"), **SIZE)
+    run("simulate_press", radius_mm=4.0, seed=3, out=str(folder / "touch"), **SIZE)
+    run(
+        "calibrate",
+        capture=str(folder / "ball"),
+        flat=str(folder / "flat"),
+        ball_radius_mm=5.0,
+        pixel_size_mm=PIXEL,
+        out=str(folder / "cal.npz"),
+    )
+    return folder
+
+
+def test_a_touch_is_measured_in_its_result(sensor: Path) -> None:
+    out = sensor / "touched"
+    run(
+        "reconstruct",
+        capture=str(sensor / "touch"),
+        calibration=str(sensor / "cal.npz"),
+        out=str(out),
+    )
+    figures = json.loads((out / "result.json").read_text())["metrics"]
+    numbers = cv2.imread(str(out / "contact.png"), cv2.IMREAD_UNCHANGED)
+    height = np.load(out / "height.npy")
+    assert figures["contacts"] == 1
+    assert figures["contact_area_mm2/c1"] == pytest.approx((numbers == 1).sum() * PIXEL**2)
+    assert figures["contact_depth_mm/c1"] == pytest.approx(height.max())
+    assert figures["contact_x_mm/c1"] == pytest.approx(0, abs=0.3)
+    assert figures["contact_y_mm/c1"] == pytest.approx(0, abs=0.3)
+
+
+def test_the_untouched_film_has_no_contact(sensor: Path) -> None:
+    out = sensor / "free"
+    run(
+        "reconstruct",
+        capture=str(sensor / "untouched"),
+        calibration=str(sensor / "cal.npz"),
+        out=str(out),
+    )
+    assert json.loads((out / "result.json").read_text())["metrics"]["contacts"] == 0
+    assert not cv2.imread(str(out / "contact.png"), cv2.IMREAD_UNCHANGED).any()
