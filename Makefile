@@ -40,7 +40,7 @@ $(VENV)/.tested: $(VENV)/.installed
 
 test: $(VENV)/.tested lint
 	$(BIN)/tactograph devices --require
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not realtime'
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m 'not realtime'
 	$(BIN)/python -m pytest -m realtime
 
 lint: $(VENV)/.tested types

@@ -65,6 +65,9 @@ def page(
         _until_served(address)
         browser.open(address)
         browser.wait(f"document.querySelector('{element('graph')} [data-node]') !== null", 60)
+        # The page is there before its connection is; a picture comes through that.
+        shown = f"document.querySelector('{element('picture')} img')?.naturalWidth > 100"
+        browser.wait(shown, 60)
         yield Page(browser, address, folder)
     finally:
         browser.close()
