@@ -184,6 +184,8 @@ def test_a_back_end_is_switched_a_second_graph_beside_and_all_is_saved(page: Pag
 
 
 def test_the_next_capture_comes_and_the_one_before_comes_back(page: Page) -> None:
+    # A dialog that closes takes the clicks meanwhile.
+    page.browser.wait("document.querySelector('.q-dialog') === null")
     page.browser.click(element("next"))
     wait_for(page, "capture", "sphere")
     page.browser.click(element("previous"))

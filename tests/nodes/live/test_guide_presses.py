@@ -54,7 +54,8 @@ def test_a_session_ends_with_a_good_calibration(guided: Path) -> None:
     x, y, z = read_calibration(file=guided).lights.astype(float).T
     np.testing.assert_allclose(np.degrees(np.arctan2(np.hypot(x, y), z)), 33, atol=0.5)
     np.testing.assert_allclose(np.sqrt(x * x + y * y + z * z), 60, atol=1.5)
-    assert guided.with_suffix(".out").read_text().splitlines()[-1].startswith("good: ")
+    said = guided.with_suffix(".out").read_text().splitlines()
+    assert any(line.startswith("good: ") for line in said)
     assert guided.with_suffix(".png").stat().st_size > 10_000
 
 
