@@ -40,6 +40,7 @@ $(VENV)/.tested: $(VENV)/.installed
 
 test: $(VENV)/.tested lint
 	$(BIN)/tactograph devices --require
+	@# Two workers on two cores: threads of OpenBLAS would only wait for one another.
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m 'not realtime'
 	$(BIN)/python -m pytest -m realtime
 

@@ -131,7 +131,6 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
         say(f"fallback: {line}", err=True)
     told: set[str] = set()
     count = 0
-    ended = False
     with pipeline, _stoppable(pipeline):
         for count, result in enumerate(pipeline.items(repeats), start=1):
             for warning in result.warnings:
@@ -143,10 +142,9 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
                 write_kept(result, kept, folder / str(count))
             if not quiet and (not pipeline.endless or count == 1):
                 say(_summary(count, result))
-        ended = True
-    # Ctrl-C may come when an item's files are written but its turn has not ended.
-    if ended and not count:
-        raise InputError(f"{read.name}: its stream ended before a first item came")
+        # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
+        if not count:
+            raise InputError(f"{read.name}: its stream ended before a first item came")
     if trace is not None and wanted.trace_file is not None:
         trace.write(wanted.trace_file)
     ending = _ending(pipeline, told) if wanted.until is None else ""

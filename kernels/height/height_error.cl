@@ -14,15 +14,19 @@
 #define FLAT 0.3f
 #define MOST 8
 
-// +1 or -1, as the hash of a number and of what is drawn says (nodes/height/height_error.py, _draw).
+// The hash of nodes/height/height_error.py, _drawn, of one number or of several in lanes.
+#define SCATTER(x) \
+    x ^= x >> 16;  \
+    x *= 0x7feb352dU; \
+    x ^= x >> 15;  \
+    x *= 0x846ca68bU; \
+    x ^= x >> 16;
+
+// +1 or -1, as the hash of a number and of what is drawn says.
 static float drawn(const uint number, const uint key)
 {
     uint x = number ^ key;
-    x ^= x >> 16;
-    x *= 0x7feb352dU;
-    x ^= x >> 15;
-    x *= 0x846ca68bU;
-    x ^= x >> 16;
+    SCATTER(x)
     return x >> 31 ? 1.0f : -1.0f;
 }
 
@@ -40,11 +44,7 @@ static floats drawn_from(const uint number, const uint key)
 {
     const floats up = 1.0f, down = -1.0f;
     uints x = (number + LANE_COUNTS) ^ key;
-    x ^= x >> 16;
-    x *= 0x7feb352dU;
-    x ^= x >> 15;
-    x *= 0x846ca68bU;
-    x ^= x >> 16;
+    SCATTER(x)
     return AS_INTS(x) < 0 ? up : down;
 }
 
@@ -102,8 +102,8 @@ LANED __kernel void err_slopes(
     const int frame_width, const int top, const int left, const int H, const int W,
     const float pixel, const int number, const float flat_noise, const uint key,
     __global const float *misfit, __global const float *bounced, __global const float *earlier,
-    const int sign_, const int settling, const int leaning, const float across, const float down, const float phase,
-    const float length_)
+    const int sign_, const int settling, const int leaning, const float across, const float down,
+    const float phase, const float length_)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int frame_size = frame_height * frame_width;
@@ -122,27 +122,28 @@ LANED __kernel void err_slopes(
         const floats flat = flat_noise * load_floats(light + at, count);
         const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
-        const floats changed = bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
+        const floats changed =
+            bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
         const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
         const Vector known = light_vector(lights + 3 * k, x, y, z);
         const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
-            + (there.z - there.x * a - there.y * b) * nz - (known.z - known.x * a - known.y * b) * nz;
+            + (there.z - there.x * a - there.y * b) * nz
+            - (known.z - known.x * a - known.y * b) * nz;
         const floats change = common + noise * drawn_from(k * H * W + i, key);
         total_p += load_floats(by_p + at, count) * change;
         total_q += load_floats(by_q + at, count) * change;
     }
-    const floats steepest = STEEPEST;
-    total_p = clamp(total_p, -steepest, steepest);
-    total_q = clamp(total_q, -steepest, steepest);
+    total_p = clamp(total_p, -STEEPEST, STEEPEST);
+    total_q = clamp(total_q, -STEEPEST, STEEPEST);
     if (misfit) {
         const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
         const floats turn = per_mm * (across * x + down * y) + phase;
-        const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT + none, 1.0f + none);
+        const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT, 1.0f);
         const floats lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const floats steeper = (float)leaning * misfit[4] / MORE_OF(slant, TILTED + none);
+        const floats steeper = (float)leaning * misfit[4] / fmax(slant, TILTED);
         const floats along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
-        total_p = clamp(total_p + lean * across + along * a, -steepest, steepest);
-        total_q = clamp(total_q + lean * down + along * b, -steepest, steepest);
+        total_p = clamp(total_p + lean * across + along * a, -STEEPEST, STEEPEST);
+        total_q = clamp(total_q + lean * down + along * b, -STEEPEST, STEEPEST);
     }
     store_floats(total_p, p + i, count);
     store_floats(total_q, q + i, count);

@@ -1,15 +1,6 @@
 #include "common.clh"
 #include "lanes.clh"
-
-// `count` elements of a row from x on; beyond the frame its border goes on.
-static floats load_within(
-    __global const float *row, const int x, const int count, const int W)
-{
-    if (x >= 0 && x + count <= W) return load_floats(row + x, count);
-    float found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = row[clamp(x + l, 0, W - 1)];
-    return LOAD_LANES(found);
-}
+#include "border.clh"
 
 // 1 where the mean light of every LED over a window is 1 within its noise.
 LANED __kernel void calm_film(
@@ -30,7 +21,7 @@ LANED __kernel void calm_film(
         for (int dy = -radius_px; dy <= radius_px; ++dy) {
             __global const float *row = light + k * size + clamp(y + dy, 0, H - 1) * W;
             for (int dx = -radius_px; dx <= radius_px; ++dx)
-                sum += load_within(row, x + dx, count, W) - 1.0f;
+                sum += load_within_border(row, x + dx, count, W, REPLICATE) - 1.0f;
         }
         const floats noise = load_floats(sigma + k * size + i, count);
         calm = fabs(sum) / width < level * noise ? calm : none;

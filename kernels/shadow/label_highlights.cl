@@ -24,11 +24,6 @@ typedef struct {
     floats misfit;
 } Fit;
 
-static floats dot_of(const Vector a, const Vector b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
 static floats length_of(const Vector a)
 {
     const floats tiny = 1e-6f, length_ = sqrt(dot_of(a, a));
@@ -153,7 +148,7 @@ LANED __kernel void label_highlights(
             const ints facing = dot_of(half_, others.normal) > near;
             const ints better = others.misfit < best;
             const ints bit = 1 << k, none = 0;
-            const ints found = bright & facing & (others.misfit < likely) ? bit : none;
+            const ints found = (bright & facing & (others.misfit < likely)) ? bit : none;
             best = better ? others.misfit : best;
             marked = better ? found : marked;
         }

@@ -80,11 +80,6 @@ typedef struct {
     float floor_, price, one_sided, steepest;
 } Rules;
 
-static floats dot_(const Vector a, const Vector b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
 // a s + b t
 static Vector combined(const Vector a, const floats s, const Vector b, const floats t)
 {
@@ -106,7 +101,7 @@ static Vector scaled(const Vector n, const floats by)
 
 static Vector unit(const Vector n)
 {
-    return scaled(n, 1.0f / (sqrt(dot_(n, n)) + TINY));
+    return scaled(n, 1.0f / (sqrt(dot_of(n, n)) + TINY));
 }
 
 static floats at_least(const float least, const floats value)
@@ -217,7 +212,7 @@ static floats lit_behind(const Pixels *pixels, const int used, const Vector n)
     const floats plenty = 10.0f, none = 0.0f;
     floats total = n.z < 0.05f ? plenty : none;
     for (int k = 0; k < pixels->K; ++k)
-        if (!(used >> k & 1)) total += at_least(0.0f, dot_(pixels->vector[k], n));
+        if (!(used >> k & 1)) total += at_least(0.0f, dot_of(pixels->vector[k], n));
     return total;
 }
 
@@ -232,12 +227,12 @@ static Normals pair_of(const Pixels *pixels, const int used, const int attached)
         }
     const Vector u = pixels->vector[i], v = pixels->vector[j];
     const Vector across = {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
-    const floats uu = dot_(u, u), uv = dot_(u, v), vv = dot_(v, v);
+    const floats uu = dot_of(u, u), uv = dot_of(u, v), vv = dot_of(v, v);
     const floats determinant = at_least(1e-9f, uu * vv - uv * uv);
     const floats s = (vv * pixels->light[i] - uv * pixels->light[j]) / determinant;
     const floats t = (uu * pixels->light[j] - uv * pixels->light[i]) / determinant;
     const Vector base = combined(u, s, v, t);
-    const floats beyond = sqrt(at_least(0.0f, 1.0f - dot_(base, base)) / determinant);
+    const floats beyond = sqrt(at_least(0.0f, 1.0f - dot_of(base, base)) / determinant);
     const floats one = 1.0f;
     const Vector first = unit(combined(base, one, across, beyond));
     const Vector second = unit(combined(base, one, across, -beyond));
@@ -247,7 +242,7 @@ static Normals pair_of(const Pixels *pixels, const int used, const int attached)
         const floats a = lit_behind(pixels, used, first), b = lit_behind(pixels, used, second);
         take = fabs(a - b) < ALIKE ? flatter : a < b;
     } else {
-        take = dot_(first, pixels->believed) >= dot_(second, pixels->believed);
+        take = dot_of(first, pixels->believed) >= dot_of(second, pixels->believed);
     }
     take = MORE_OF(first.z, second.z) > AT_REST ? flatter : take;
     const Normals found = {visible(chosen_of(take, first, second)),
@@ -299,7 +294,7 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     ints dim = 0;
     for (int k = 0; k < pixels->K; ++k) {
         const ints bit = 1 << k;
-        const floats due = at_least(FAINTEST, dot_(pixels->vector[k], n));
+        const floats due = at_least(FAINTEST, dot_of(pixels->vector[k], n));
         dim |= pixels->light[k] < 0.5f * due ? bit : nothing;
     }
     return dim;
@@ -311,7 +306,7 @@ static floats squares_of(const Pixels *pixels, const int lit, const Vector norma
     floats squares = 0.0f;
     for (int k = 0; k < pixels->K; ++k)
         if (lit >> k & 1) {
-            const floats away = pixels->light[k] - dot_(pixels->vector[k], normal);
+            const floats away = pixels->light[k] - dot_of(pixels->vector[k], normal);
             squares += pixels->weight[k] * away * away;
         }
     return squares;
@@ -326,7 +321,7 @@ static floats excess_of(
     for (int k = 0; k < pixels->K; ++k)
         if (!(lit >> k & 1)) {
             const floats light = pixels->light[k], sigma = pixels->sigma[k];
-            const floats over = light - at_least(0.0f, dot_(pixels->vector[k], normal));
+            const floats over = light - at_least(0.0f, dot_of(pixels->vector[k], normal));
             const floats spread = sqrt(sigma * sigma + STRAY * STRAY);
             const floats bright = at_least(0.0f, over / spread + one_sided);
             const floats much = light * (1.0f / SHADE);

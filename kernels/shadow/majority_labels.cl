@@ -1,15 +1,6 @@
 #include "common.clh"
 #include "lanes.clh"
-
-// `count` labels of a row from x on; beyond the frame its border goes on.
-static ints load_within(
-    __global const uchar *row, const int x, const int count, const int W)
-{
-    if (x >= 0 && x + count <= W) return load_bytes(row + x, count);
-    uchar found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = row[clamp(x + l, 0, W - 1)];
-    return TO_INTS(LOAD_LANES(found));
-}
+#include "border.clh"
 
 // Per LED what the majority of 3 x 3 pixels says; the border goes on beyond the frame.
 LANED __kernel void majority_labels(
@@ -22,7 +13,8 @@ LANED __kernel void majority_labels(
     ints votes = none;  // four bits for each LED hold up to nine votes
     for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx) {
-            const ints label = load_within(shadow + clamp(y + dy, 0, H - 1) * W, x + dx, count, W);
+            __global const uchar *row = shadow + clamp(y + dy, 0, H - 1) * W;
+            const ints label = load_bytes_within_border(row, x + dx, count, W, REPLICATE);
             for (int bit = 0; bit < 8; ++bit) votes += ((label >> bit) & 1) << (4 * bit);
         }
     ints majority = none;

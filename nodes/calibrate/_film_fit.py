@@ -92,6 +92,11 @@ class Balls:
     bounced: F8
     sector: NDArray[np.intp]
 
+    @property
+    def held_by(self) -> NDArray[np.intp]:
+        """What samples are held out by: the number of their ball, or of a slice of the only one."""
+        return self.ball if len(self.centre) > 1 else self.sector
+
     def only(self, chosen: NDArray[np.bool_]) -> Balls:
         """Return some of the samples; balls without any stay."""
         return replace(

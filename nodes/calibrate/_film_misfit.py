@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate._ball_normals import ball_normals
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted
 from tactograph.nodes.light._film import direct_share, predict, touch_gain, turned
 from tactograph.nodes.light._near_light import F8
 
-STEPS = 4
-"""Of a normal, from the ball's own."""
 NEAREST_PX = 2
 """The noise of pixels so far apart is independent, after a lens was undistorted, too."""
 FARTHEST, LAGS = 0.7, 12
@@ -105,13 +104,11 @@ def _outward(normal: F8) -> F8:
 
 def left_over(held: Held) -> tuple[F8, F8, F8]:
     """Return errors of the normals and true ones, 3 x N; between, the light left, as if matt."""
-    film, balls = held.fitted.film, held.balls
-    truth, x, y, z = balls.seen(held.fitted.shifts, film.camera)
-    direct, n, z = balls.light - film.albedo * balls.bounced, truth, np.maximum(z, film.contact)
-    for _ in range(STEPS):
-        n = turned(film, direct, n, (x, y, z))
-    left = direct - predict(film, n, x, y, z)
-    return n - truth, left / (touch_gain(film, z) * direct_share(film)[:, None]), truth
+    film = held.fitted.film
+    truth, found, direct, place = ball_normals(held.balls, held.fitted)
+    left = direct - predict(film, found, *place)
+    matt = touch_gain(film, place[2]) * direct_share(film)[:, None]
+    return found - truth, left / matt, truth
 
 
 def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:

@@ -26,6 +26,7 @@ from tactograph.nodes import (
     PixelSize,
     Vergence,
 )
+from tactograph.nodes.calibrate._ball_normals import ball_normals
 from tactograph.nodes.calibrate._film_fit import (
     FAINT,
     PARTS,
@@ -42,7 +43,6 @@ from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import SheetLight, cut
-from tactograph.nodes.light._film import turned
 from tactograph.nodes.light._near_light import F8, places
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import film_bounce
@@ -67,8 +67,6 @@ MANY, BAD = 8, 2.0
 """Of so many balls, those whose residual is so many times the median are left out."""
 NOISY = 1.5
 """Times the camera's noise, up to which a departure is no more than that."""
-STEPS = 4
-"""Of a normal, from the ball's own."""
 EXACT = 0.1
 """Degrees of held-out error below which no further part is tried."""
 SLICES = 16
@@ -215,15 +213,11 @@ class _Trial(NamedTuple):
 
     def folds(self) -> list[NDArray[np.bool_]]:
         """The samples to hold out: balls in turn, or the quarters of a single one."""
-        of = self._held_by()
-        return [of % FOLDS == fold for fold in self.fold_numbers()]
+        return [self.balls.held_by % FOLDS == fold for fold in self.fold_numbers()]
 
     def fold_numbers(self) -> NDArray[np.intp]:
         """The remainders by `FOLDS` of the balls, or slices, that are held out in turn."""
-        return np.unique(self._held_by() % FOLDS)
-
-    def _held_by(self) -> NDArray[np.intp]:
-        return self.balls.ball if len(self.balls.centre) > 1 else self.balls.sector
+        return np.unique(self.balls.held_by % FOLDS)
 
 
 class _Model(NamedTuple):
@@ -264,22 +258,12 @@ def _normal_error(balls: Balls, fitted: Fitted) -> float:
 
     Noise is averaged out over parts of each ball, since heights are sums of slopes.
     """
-    truth, found = _normals(balls, fitted)
+    truth, found, *_ = ball_normals(balls, fitted)
     part = _parts(balls, truth)
     number = np.maximum(np.bincount(part), 1)
     mean = np.stack([np.bincount(part, e) / number for e in found - truth])
     seen = np.bincount(part) > 0
     return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
-
-
-def _normals(balls: Balls, fitted: Fitted) -> tuple[F8, F8]:
-    """The balls' normals and those that the light says, 3 x N."""
-    truth, x, y, z = balls.seen(fitted.shifts, fitted.film.camera)
-    direct, n = balls.light - fitted.film.albedo * balls.bounced, truth
-    z = np.maximum(z, fitted.film.contact)
-    for _ in range(STEPS):
-        n = turned(fitted.film, direct, n, (x, y, z))
-    return truth, n
 
 
 def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
@@ -298,19 +282,18 @@ def _misfit(
     pixel: float,
 ) -> F4:
     """What the model leaves on every pixel of what was held out, bad balls apart."""
-    of = whole.ball if len(whole.centre) > 1 else whole.sector
+    good = whole.only(~bad[whole.ball])
     numbers = trial.fold_numbers()
     held = [
-        (whole.only((of % FOLDS == number) & ~bad[whole.ball]), found)
+        (good.only(good.held_by % FOLDS == number), found)
         for number, found in zip(numbers, best.folds, strict=True)
     ]
     # More pixels than a part was chosen by: what few of them leave open is not the model's.
     if best.degree is None:
         every = np.arange(whole.u.size) % (whole.u.size // SURELY + 1) == 0
         some = whole.only(every & ~bad[whole.ball])
-        of = of[every & ~bad[whole.ball]]
         held = [
-            (b, trial.fit(best.parts, f, some.only(of % FOLDS != number)))
+            (b, trial.fit(best.parts, f, some.only(some.held_by % FOLDS != number)))
             for (b, f), number in zip(held, numbers, strict=True)
         ]
     placed = [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
