@@ -3,10 +3,12 @@
     python benchmarks/real_film.py                  # the real grid of balls, and the rigs
     python benchmarks/real_film.py --ablations      # reconstruct without each part of the film
     python benchmarks/real_film.py --only rigs      # or: real
+    python benchmarks/real_film.py --only real --scale 4 --leds 6 --graphs precise
 
 The real sensor (GelSight bench sensor, six LEDs, grids of steel balls; gelsightinc/sdkdemo, MIT)
-is calibrated with one scan and measured on the other, at full resolution.  Each rig is calibrated
-with both ball presses, the grid on its film and the height of its pupil, if it has one.
+is calibrated with one scan and measured on the other, at full resolution or, by `--scale`, at a
+part of it; of a graph that states an error the share of it that holds is printed.  Each rig is
+calibrated with both ball presses, the grid on its film and the height of its pupil, if it has one.
 """
 
 from __future__ import annotations
@@ -15,9 +17,11 @@ import argparse
 import csv
 import json
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
@@ -32,6 +36,10 @@ LEDS = {6: [1, 2, 3, 4, 5, 6], 4: [2, 3, 5, 6]}
 CENTER_PX, CONTACT_PX = [1014.46, 1023.27], 65.0
 """The single ball that calibrates."""
 SMOOTH_PX, INNER = 1.5, 0.85
+ASTRAY_PX = 6
+"""Normals that meet so far from a mark do not tell the ball's centre."""
+WITHIN_90 = 1.6449
+"""Standard deviations of a normal distribution on either side that hold 90 %."""
 BESIDE = 1.5
 """Film counts as such from so many radii from any ball."""
 RIG_PIXEL_MM = 1 / 14
@@ -64,6 +72,10 @@ class Grid(NamedTuple):
     film_um: float
     top_um: float
     """Standard deviation of the balls' tops."""
+    band_percent: float
+    """Of the pixels, whose cap, its mean taken out, lies in the 90 % band; NaN without an error."""
+    stated_um: float
+    """Median of the stated standard deviation on the balls."""
 
 
 def main() -> None:
@@ -71,6 +83,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared/data")
     parser.add_argument("--only", choices=("real", "rigs"), help="a part of the tables")
     parser.add_argument("--leds", type=int, nargs="+", default=list(LEDS), choices=list(LEDS))
+    parser.add_argument("--scale", type=int, default=1, help="pixels of a side put into one")
     parser.add_argument("--rigs", nargs="+", default=list(RIGS), choices=RIGS)
     parser.add_argument("--graphs", nargs="+", default=None)
     parser.add_argument("--ablations", action="store_true", help="without each part of the film")
@@ -78,7 +91,8 @@ def main() -> None:
     graphs = given.graphs or (ABLATIONS if given.ablations else GRAPHS)
     with tempfile.TemporaryDirectory() as folder:
         if given.only != "rigs":
-            real(given.data / "real/gelsight_six_led", given.leds, graphs, Path(folder))
+            data = given.data / "real/gelsight_six_led"
+            real(data, given.leds, graphs, Path(folder), given.scale)
         if given.only != "real":
             rigs(given.data / "raytraced", given.rigs, graphs, Path(folder))
 
@@ -91,7 +105,7 @@ def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any
     return result
 
 
-def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path) -> None:
+def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, scale: int) -> None:
     """The grid of balls, calibrated with one ball and with a whole scan."""
     if not data.is_dir():
         raise SystemExit(f"there are no captures in {data}")
@@ -103,70 +117,111 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path) -
         "cap RMS / um",
         "film / um",
         "tops / um",
+        "in the band / %",
+        "stated / um",
     )
-    row(*["---"] * 7)
+    row(*["---"] * 9)
+    captures = {
+        name: reduced(data / name, folder, scale) for name in ("flat", "balls_1", "balls_2")
+    }
+    centre = [(c + 0.5) / scale - 0.5 for c in CENTER_PX]
     for count in counts:
         leds = LEDS[count]
-        one = {"ball_center_px": CENTER_PX, "ball_contact_px": CONTACT_PX}
+        one = {"ball_center_px": centre, "ball_contact_px": CONTACT_PX / scale}
         for title, how in (("one ball", one), ("a scan", {"ball_pitch_mm": PITCH_MM})):
             file = folder / f"real{count}{len(how)}.npz"
             made = run(
                 "calibrate",
                 {"taken.leds": leds, "rest_taken.leds": leds},
-                capture=data / "balls_1",
-                flat=data / "flat",
+                capture=captures["balls_1"],
+                flat=captures["flat"],
                 ball_radius_mm=RADIUS_MM,
-                pixel_size_mm=PIXEL_MM,
+                pixel_size_mm=PIXEL_MM * scale,
                 out=file,
                 **how,
             )
             chosen = f"{made['quality']['film_heldout_deg']:.2f}"
             for graph in graphs:
-                given = {"capture": data / "balls_2", "calibration": file}
-                height = run(graph, {"frames.leds": leds}, **given)["height"]
-                found = measure(height, data / "balls_2.csv")
-                row(str(count), f"{title} ({chosen})", graph, *(f"{v:.2f}" for v in found))
+                given = {"capture": captures["balls_2"], "calibration": file}
+                result = run(graph, {"frames.leds": leds}, **given)
+                found = measure(result, data / "balls_2.csv", scale)
+                figures = ("" if np.isnan(v) else f"{v:.2f}" for v in found)
+                row(str(count), f"{title} ({chosen})", graph, *figures)
 
 
-def measure(height: NDArray[np.float32], marks: Path) -> Grid:
+def reduced(capture: Path, folder: Path, scale: int) -> Path:
+    """A capture of fewer pixels, each the mean of `scale` x `scale`, 16 bit."""
+    if scale == 1:
+        return capture
+    small = folder / capture.name
+    small.mkdir()
+    for image in sorted(capture.glob("led*.png")):
+        fine = cv2.imread(str(image), cv2.IMREAD_UNCHANGED).astype(np.float32)
+        size = fine.shape[1] // scale, fine.shape[0] // scale
+        mean = cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(small / image.name), np.round(mean * 257).astype(np.uint16))
+    return small
+
+
+def measure(result: Mapping[str, Any], marks: Path, scale: int) -> Grid:
     """Compare a height map with the balls of a grid; their centres follow from the normals."""
+    height = result["height"]
+    error = result["error"] if "error" in result else np.full_like(height, np.nan)
     with marks.open() as file:
         table = [[float(v) for v in line.values()] for line in csv.DictReader(file)]
-    numbers, centres = np.array(table)[:, :2], np.array(table)[:, 2:]
-    smooth = gaussian_filter(height.astype(np.float64), SMOOTH_PX)
-    reach, found = RADIUS_MM / PIXEL_MM, []
+    numbers, centres = np.array(table)[:, :2], (np.array(table)[:, 2:] + 0.5) / scale - 0.5
+    smooth = gaussian_filter(height.astype(np.float64), SMOOTH_PX / scale)
+    pixel, found = PIXEL_MM * scale, []
+    reach = RADIUS_MM / pixel
     for centre in centres:
         corner = np.maximum(centre.astype(int) - int(1.3 * reach), 0)
         window = tuple(slice(a, a + int(2.6 * reach)) for a in corner[::-1])
-        found.append(_judge_ball(height[window], smooth[window], centre - corner, reach))
-    degrees, caps, tops = np.array(found).T
+        maps = height[window], smooth[window], error[window]
+        found.append(_judge_ball(*maps, centre - corner, pixel))
+    degrees, caps, tops, held, stated = np.array(found).T
     between = _between(height.shape, numbers, centres, reach)
     film = 1e3 * float(height[between].std())
-    return Grid(float(degrees.mean()), float(caps.mean()), film, float(tops.std()))
+    means = (float(v.mean()) for v in (degrees, caps))
+    return Grid(*means, film, float(tops.std()), 100 * float(held.mean()), float(np.median(stated)))
 
 
 def _judge_ball(
-    height: NDArray[Any], smooth: NDArray[Any], centre: NDArray[Any], radius: float
-) -> tuple[float, float, float]:
-    """Mean angle between normals in degrees; RMS of the cap in um, its mean taken out; top in um.
+    height: NDArray[Any],
+    smooth: NDArray[Any],
+    error: NDArray[Any],
+    centre: NDArray[Any],
+    pixel: float,
+) -> tuple[float, float, float, float, float]:
+    """Mean angle between normals in degrees; RMS of the cap in um, its mean taken out; top in um;
+    share of the cap in the 90 % band, and the median of the stated error in um.
 
     Marks err by about a pixel, so the centre is where the normals meet.
     """
-    q, p = np.gradient(smooth, PIXEL_MM)
+    q, p = np.gradient(smooth, pixel)
+    radius = RADIUS_MM / pixel
     n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     yy, xx = np.mgrid[: height.shape[0], : height.shape[1]]
     x, y = centre
     for _ in range(3):
         inside = np.hypot(xx - x, yy - y) < INNER * radius
         x, y = (np.median((a - c * radius)[inside]) for a, c in ((xx, n[0]), (yy, n[1])))
-    if np.hypot(x - centre[0], y - centre[1]) > 6:
+    if np.hypot(x - centre[0], y - centre[1]) * pixel > ASTRAY_PX * PIXEL_MM:
         x, y = centre
     u, v = (xx - x) / radius, (yy - y) / radius
     inside = np.hypot(u, v) < INNER
     truth = np.stack([u, v, np.sqrt(np.maximum(1 - u * u - v * v, 1e-4))])
     angle = np.degrees(np.arccos(np.clip((n * truth).sum(0), -1, 1)))[inside].mean()
     apart = (height - truth[2] * RADIUS_MM)[inside]
-    return float(angle), 1e3 * float(apart.std()), 1e3 * float(height[inside].max())
+    stated = error[inside]
+    # NaN where nothing is stated, not a share of none.
+    held = np.where(np.isnan(stated), np.nan, np.abs(apart - apart.mean()) <= WITHIN_90 * stated)
+    return (
+        float(angle),
+        1e3 * float(apart.std()),
+        1e3 * float(height[inside].max()),
+        float(held.mean()),
+        1e3 * float(np.median(stated)),
+    )
 
 
 def _between(

@@ -123,21 +123,13 @@ def means(planes: F4, factor: int) -> F4:
 
 def all_on_all(places: F4, areas: F4, sources: F4, targets: NDArray[np.intp]) -> F4:
     """Return what all cells throw on those of the frame: K x cells, without albedo / pi."""
-    sx, sy, sz = areas.T.copy()
-    x, y, z = places.T.copy()
-    normals = areas / np.sqrt((areas * areas).sum(axis=1, keepdims=True))
-    light = np.ascontiguousarray(sources.T)
+    at, normal = places.T.copy(), areas.T.copy()
 
     def on(block: slice) -> F4:
-        at = targets[block]
-        dx, dy, dz = x - x[at, None], y - y[at, None], z - z[at, None]
-        square = dx * dx + dy * dy + dz * dz + NEAREST
-        nx, ny, nz = (part[:, None] for part in normals[at].T)
-        arriving = np.maximum(nx * dx + ny * dy + nz * dz, np.float32(0))
-        leaving = np.maximum(-(sx * dx + sy * dy + sz * dz), np.float32(0))
-        return np.asarray((arriving * leaving / (square * square)) @ light)
+        here = targets[block]
+        return _arriving(at[:, here], normal[:, here], at, normal, sources)
 
-    return np.concatenate(in_blocks(on, len(targets), len(x))).T
+    return np.concatenate(in_blocks(on, len(targets), len(places)), axis=1)
 
 
 def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F4:
@@ -147,33 +139,36 @@ def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F
     away one by one.
     """
     blocks = _blocks(places, areas, sources, grid)
-    rows, columns = grid.whole
-    whole = [part.reshape(*part.shape[:-1], rows, columns) for part in (places.T, areas.T, sources)]
-    framed_rows, framed_columns = (
-        slice(grid.rim, grid.rim + cells) for cells in (grid.rows, grid.columns)
-    )
-    fine = [part[..., framed_rows, framed_columns] for part in whole]
+    inside = framed(grid)
+    fine = [
+        part[:, inside].reshape(-1, grid.rows, grid.columns)
+        for part in (places.T, areas.T, sources)
+    ]
     found = np.empty((len(sources), grid.rows, grid.columns), np.float32)
-    edge = rim_blocks(grid.rim)
     for top in range(0, grid.rows, BLOCK):
         for left in range(0, grid.columns, SPAN):
             here = (slice(None), slice(top, top + BLOCK), slice(left, left + SPAN))
-            first = max(0, top // BLOCK - near), max(0, left // BLOCK - near)
-            last = top // BLOCK + near + 1, (left + SPAN) // BLOCK + near
-            down, across = (slice(BLOCK * a, BLOCK * b) for a, b in zip(first, last, strict=True))
-            _, *size = blocks[2].shape
-            far, count = np.ones(size, bool), [side - 2 * edge for side in size]
-            known = [
-                slice(edge + a, edge + min(b, c))
-                for a, b, c in zip(first, last, count, strict=True)
-            ]
-            far[known[0], known[1]] = False
             at, normal = (part[here].reshape(3, -1) for part in fine[:2])
-            near_by = [part[..., down, across].reshape(len(part), -1) for part in fine]
+            around, far = _around(top, left, grid, near)
+            near_by = [part[around].reshape(len(part), -1) for part in fine]
             shown = _arriving(at, normal, *near_by)
             shown += _arriving(at, normal, *(part[:, far] for part in blocks))
             found[here] = shown.reshape(found[here].shape)
     return found.reshape(len(sources), -1)
+
+
+def _around(
+    top: int, left: int, grid: Grid, near: int
+) -> tuple[tuple[slice, ...], NDArray[np.bool_]]:
+    """The frame's cells that count one by one, and the blocks that count as such."""
+    edge = rim_blocks(grid.rim)
+    counts = -(-grid.rows // BLOCK), -(-grid.columns // BLOCK)
+    first = max(0, top // BLOCK - near), max(0, left // BLOCK - near)
+    last = top // BLOCK + near + 1, (left + SPAN) // BLOCK + near
+    spans = list(zip(first, last, counts, strict=True))
+    far = np.ones([count + 2 * edge for count in counts], bool)
+    far[tuple(slice(edge + a, edge + min(b, count)) for a, b, count in spans)] = False
+    return (slice(None), *(slice(BLOCK * a, BLOCK * b) for a, b, _ in spans)), far
 
 
 def rim_blocks(rim: int) -> int:
