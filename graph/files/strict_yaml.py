@@ -7,7 +7,9 @@ refused, so a graph file means what it looks like and can neither import anythin
 from __future__ import annotations
 
 import re
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +91,13 @@ def read_yaml(file: Path) -> Document:
 
 def parse_yaml(text: str, name: str) -> Document:
     """Parse YAML text; `name` stands for the file in messages."""
+    parsed = _parsed(text, name)
+    return Document(deepcopy(parsed.data), dict(parsed.places))
+
+
+@lru_cache(64)
+def _parsed(text: str, name: str) -> Document:
+    """Variants extend the same few graphs, and parsing one takes longer than the rest of it."""
     if found := _DIRECTIVE.match(text):
         line = found[0].count("\n") + 1
         raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")
