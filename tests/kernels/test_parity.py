@@ -63,7 +63,9 @@ def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
     node = find_node(name)
     if "K" in node.sizes and node.sizes["K"].refuses(lights):
         pytest.skip(node.sizes["K"].why)
-    for case in cases(node, shapes=((33, 47),)):
+    every = cases(node, shapes=((33, 47),))
+    # Settings at their extremes once more where there are most lights.
+    for case in every if lights == 8 else [c for c in every if c.setting == "default"]:
         other = replace(case, sizes={**case.sizes, "K": lights})
         assert compare(node, device, other) is None, str(other)
 
