@@ -12,7 +12,7 @@ from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
+from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced, without_pictures
 
 
 def run(
@@ -26,7 +26,7 @@ def run(
     values = {name: str(v) if isinstance(v, Path) else v for name, v in given.items()}
     if out is not None:
         values["out"] = str(out)
-    changed = with_changes(read_graph(graph), changes or {})
+    changed = with_changes(without_pictures(read_graph(graph)), changes or {})
     (result,) = open_pipeline(changed, values, backend=backend, sinks=out is not None).items()
     return result
 
