@@ -63,6 +63,7 @@ class Queue:
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         self.name = device.name
+        self.driver = device.handle.driver_version
         self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or (16 if self.is_cpu else 1)
