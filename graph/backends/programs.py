@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 
 import pyopencl as cl
 
-MOST = 128
+MOST = 64
 """Of so many programs a process keeps what was built."""
 
 

@@ -213,7 +213,8 @@ def _png(figure: Figure) -> str:
         ax.tick_params(labelsize=8)
     figure.set_dpi(130)
     stream = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)  # `savefig` draws twice
+    # `savefig` draws twice.
+    FigureCanvasAgg(figure).print_png(stream)  # type: ignore[no-untyped-call]
     return _uri(stream, "image/png")
 
 
