@@ -29,7 +29,7 @@ from tactograph.nodes.height import _height_solver
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
 _height_solver.PARTS, _height_solver.GROUP = 64, 32
-FILLS = ("random", "zero", "edges", "nan")
+FILLS = ("random", "edges", "nan")  # edges hold zeros, too
 text = compiled_node.kernel_source
 simulator = choose_device("oclgrind")[0]
 
