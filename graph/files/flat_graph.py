@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from tactograph.graph.files.strict_yaml import Place
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
+    from tactograph.graph.files.groups import Group, Use
 
 FORMAT = 1
 NOT_GIVEN = object()
@@ -79,6 +80,9 @@ class Graph:
     nodes: Mapping[str, Entry]
     outputs: Mapping[str, str]
     places: Mapping[str, Place] = field(default_factory=dict, compare=False)
+    groups: Mapping[str, Group] = field(default_factory=dict, compare=False, repr=False)
+    uses: Mapping[str, Use] = field(default_factory=dict, compare=False, repr=False)
+    """Which nodes came of which group; a change may speak of either."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that no package brings, by name; see `load`."""
 
@@ -143,10 +147,10 @@ class Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
 
 
-def split_reference(reference: str) -> tuple[str, str | None]:
-    """Split ``cal.flat`` into node and port; a bare ``cal`` has no port."""
-    node_id, _, port = reference.partition(".")
-    return node_id, port or None
+def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:
+    """Split ``cal.flat`` or ``pass_2.label.slope`` into node and port; ``cal`` has no port."""
+    node_id, _, port = reference.rpartition(".")
+    return (reference, None) if reference in nodes or not node_id else (node_id, port)
 
 
 def split_previous(reference: str) -> tuple[str, bool]:

@@ -48,8 +48,9 @@ def bind(
             sources = ", ".join(n for n, node in found.items() if node.source)
             raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
     passed = _passed_through(graph, found)
-    if PREVIOUS in graph.nodes:
-        raise GraphError(f"{graph.nodes[PREVIOUS].where()}: no node can be called '{PREVIOUS}'")
+    for node_id, entry in graph.nodes.items():
+        if PREVIOUS in node_id.split("."):
+            raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS}'")
     edges = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
     reads = {n: reads for n, (reads, _) in edges.items()}
     recalls = {n: recalls for n, (_, recalls) in edges.items()}
@@ -151,7 +152,7 @@ def _reads(
 def _record(
     name: str, reference: str, graph: Graph, found: Mapping[str, Node], node: Node, where: str
 ) -> dict[str, Value]:
-    source, port = split_reference(reference)
+    source, port = split_reference(reference, graph.nodes)
     _known_node(source, graph, where)
     record = node.input_records[name]
     fields: tuple[str, ...] = record._fields  # type: ignore[attr-defined]
@@ -186,7 +187,7 @@ def _resolve(
 
 def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) -> Value:
     """The output that a reference speaks of."""
-    source, port = split_reference(reference)
+    source, port = split_reference(reference, graph.nodes)
     _known_node(source, graph, where)
     outputs = found[source].outputs
     if not outputs:

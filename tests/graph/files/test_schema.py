@@ -75,7 +75,7 @@ Slip = Callable[[dict[str, Any]], object]
         pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(mm=0), id="out of range"),
         pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(mm="x"), id="of another type"),
         pytest.param(lambda g: g["nodes"]["slope"]["in"].update(hieght="a"), id="an input"),
-        pytest.param(lambda g: g["nodes"]["slope"]["in"].update(height="a.b.c"), id="a reference"),
+        pytest.param(lambda g: g["nodes"]["slope"]["in"].update(height="a..b"), id="a reference"),
         pytest.param(lambda g: g["nodes"]["slope"].update(backend="gpu"), id="a back end"),
         pytest.param(lambda g: g["params"]["file"].update(kind="file"), id="the kind of a param"),
         pytest.param(lambda g: g.update(prefer=["cuda"]), id="a preference"),
