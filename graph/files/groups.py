@@ -157,7 +157,7 @@ def refuse_idle(name: str, group: Group) -> None:
     for each in body.params:
         if f"${each}" not in params:
             where = body.where(f"params.{each}")
-            raise GraphError(f"{where}: no node of the group '{name}' has the param '${each}'")
+            raise GraphError(f"{where}: no node of the group '{name}' takes the param '${each}'")
     for output, reference in body.outputs.items():
         where, node = body.where(f"outputs.{output}"), reference.partition(".")[0]
         if node in group.inputs:
