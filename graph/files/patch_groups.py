@@ -139,6 +139,13 @@ def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) 
     settings = {**use.settings, **given}
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
     words = {f"${name}": value for name, value in given.items()}
+    for name in given:
+        entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]
+        if not any(f"${name}" in entry.settings.values() for entry in entries):
+            raise GraphError(
+                f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
+                "any more; an earlier change gave a value to what did"
+            )
 
     def taken(entry: Entry | Use) -> dict[str, Any]:
         settings = entry.settings.items()
@@ -158,7 +165,8 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     """Use a group, as a new node or in place of one."""
     inputs: Mapping[str, str] = {}
     if target in graph.uses:
-        inputs = graph.uses[target].inputs
+        taken = graph.groups[change["group"]].inputs if change["group"] in graph.groups else {}
+        inputs = {n: reads for n, reads in graph.uses[target].inputs.items() if n in taken}
         graph = _without_use(graph, target, keep_readers=True)
     elif target in graph.nodes:
         inputs = graph.nodes[target].inputs
