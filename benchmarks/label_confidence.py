@@ -35,11 +35,11 @@ SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")
 COEFFICIENTS = ("sure", "by_light", "at_edge", "near_edge", "by_light_contradicted")
 INPUTS = {
     "shadow": "shadow",
-    "seen": "label_3.shadow",
+    "seen": "pass_3.label.shadow",
     "light": "light",
     "sigma": "sigma",
     "slope": "final.slope",
-    "height": "settled_3",
+    "height": "pass_3.height",
     "lights": "cal.lights",
     "pixel": "cal.pixel_size",
 }

@@ -131,6 +131,15 @@ def group_of(graph: Graph, name: str) -> Group | None:
     return graph.groups.get(graph.uses[name].group if name in graph.uses else name)
 
 
+def alike(graph: Graph, node: str) -> list[str]:
+    """The nodes of all uses that are the same one of the group; a node of no group: itself."""
+    path, _, inner = node.rpartition(".")
+    if path not in graph.uses:
+        return [node]
+    paths = (f"{use}.{inner}" for use in uses_of(graph, graph.uses[path].group))
+    return [path for path in paths if path in graph.nodes]
+
+
 def uses_of(graph: Graph, group: str) -> list[str]:
     """The names that use a group, those inside other uses too."""
     return [path for path, use in graph.uses.items() if use.group == group]
