@@ -18,6 +18,7 @@ from tactograph.graph.files.flat_graph import (
     split_previous,
     split_reference,
 )
+from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 
@@ -56,10 +57,7 @@ def bind(
     recalls = {n: recalls for n, (_, recalls) in edges.items()}
     dag = _dag(reads)
     _refuse_cycles(graph, dag)
-    outputs = {
-        name: _resolve(reference, graph, found, passed, graph.where(f"outputs.{name}"))
-        for name, reference in graph.outputs.items()
-    }
+    outputs = {name: _output(name, graph, found, passed) for name in graph.outputs}
     wanted = {value.node for value in outputs.values()}
     if sinks:
         wanted |= {n for n in reads if found[n].sink}
@@ -162,6 +160,15 @@ def _record(
             f"({', '.join(fields)}); '{reference}' is not one"
         )
     return {f"{name}.{field}": Value(source, field) for field in fields}
+
+
+def _output(
+    name: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
+) -> Value:
+    where = graph.where(f"outputs.{name}")
+    # A program may ask for an output of a group's use, which the flat graph calls otherwise.
+    flat = flat_reference(graph, graph.outputs[name], "", where)
+    return _resolve(str(flat), graph, found, passed, where)
 
 
 def _known_node(name: str, graph: Graph, where: str) -> None:

@@ -13,24 +13,15 @@ import numpy as np
 
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.result import Result
 
 
 def with_kept(graph: Graph, references: Mapping[str, str], *, only: bool = False) -> Graph:
-    """The graph with further values put out, by the names that they are written under.
-
-    Raises
-    ------
-    GraphError
-        If a reference speaks of a use of a group, but of no output or node of it.
-    """
+    """The graph with further values put out, by the names that they are written under."""
     outputs = {} if only else dict(graph.outputs)
-    for name, reference in references.items():
-        outputs[name] = str(flat_reference(graph, reference, "", f"{graph.name}: {reference}"))
-    return replace(graph, outputs=outputs)
+    return replace(graph, outputs={**outputs, **references})
 
 
 def read_kept(text: str) -> dict[str, str]:

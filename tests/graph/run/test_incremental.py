@@ -229,6 +229,38 @@ def test_a_wrong_setting_changes_nothing(toys: list[str], write: Write) -> None:
     assert pipeline.plan.graph.hash != before
 
 
+def test_a_group_is_set_in_one_use_or_in_all(toys: list[str], write: Write) -> None:
+    cuts = """
+groups:
+  cut:
+    inputs:  {image: {}}
+    params:  {above: {default: 0.0}}
+    nodes:   {high: {op: bright, in: {image: image}, with: {above: $above}}}
+    outputs: {light: high.light}
+nodes:
+  one: {group: cut, in: {image: light}}
+  two: {group: cut, in: {image: light}}
+"""
+    text = CHAIN.replace("\nnodes:\n", f"\n{cuts.strip()}\n")
+    text = text.replace("\noutputs: {", "\noutputs: {one: one.light, two: two.light, ")
+    pipeline = load(write(text), backend="numpy", cache=Cache())
+
+    def lit() -> tuple[int, int]:
+        found = pipeline.again(["one", "two"])
+        return found["one"].size, found["two"].size
+
+    pipeline(frames=STACK)
+    assert lit() == (20, 20)
+    pipeline.set("two", above=0.7)
+    assert lit() == (20, 0)
+    pipeline.set("cut.high", above=0.8)
+    assert lit() == (0, 0)
+    pipeline.set("one.high", above=0.2)
+    assert lit() == (20, 0)
+    with pytest.raises(InputError, match="the group 'cut' has no param 'abov'; did you mean"):
+        pipeline.set("two", abov=1)
+
+
 def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     raytraced: Raytraced, calibration: Calibration
 ) -> None:
