@@ -13,7 +13,6 @@ from tactograph.graph.files.strict_yaml import Place
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
-    from tactograph.graph.files.groups import Group, Use
 
 FORMAT = 1
 NOT_GIVEN = object()
@@ -67,6 +66,27 @@ class Entry:
         if self.neutral:
             plain["neutral"] = True
         return plain
+
+
+@dataclass(frozen=True)
+class Use:
+    """A place where a group is used.
+
+    As a file says it: what it gives to the group.  In a flat graph: every input that reads
+    something, as a reference of that graph, and every param.
+    """
+
+    group: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    places: Mapping[str, Place] = field(default_factory=dict)
+
+    def where(self, key: str = "") -> str:
+        """``file:line:column: path`` of a key such as ``in.height``, or of the use."""
+        return str(self.place(key))
+
+    def place(self, key: str) -> Place:
+        return self.places.get(key, self.places[""])
 
 
 @dataclass(frozen=True)
@@ -145,6 +165,15 @@ class Graph:
 
     def with_entry(self, node_id: str, entry: Entry) -> Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
+
+
+@dataclass(frozen=True)
+class Group:
+    """A graph inside a graph: `body` has the params, nodes, uses and outputs, as written."""
+
+    inputs: Mapping[str, Param]
+    """A default is a reference of the graph around, or None: the input may be left out."""
+    body: Graph
 
 
 def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:

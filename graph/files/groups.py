@@ -7,42 +7,20 @@ reference names a node or an input of the group; outside it names a node, or an 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.flat_graph import PREVIOUS, Entry, Graph, Param, split_previous
+from tactograph.graph.files.flat_graph import (
+    PREVIOUS,
+    Entry,
+    Graph,
+    Group,
+    Param,
+    Use,
+    split_previous,
+)
 from tactograph.graph.files.strict_yaml import Place
-
-
-@dataclass(frozen=True)
-class Use:
-    """A place where a group is used.
-
-    As a file says it: what it gives to the group.  In a flat graph: every input that reads
-    something, as a reference of that graph, and every param.
-    """
-
-    group: str
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    places: Mapping[str, Place] = field(default_factory=dict)
-
-    def where(self, key: str = "") -> str:
-        """``file:line:column: path`` of a key such as ``in.height``, or of the use."""
-        return str(self.place(key))
-
-    def place(self, key: str) -> Place:
-        return self.places.get(key, self.places[""])
-
-
-@dataclass(frozen=True)
-class Group:
-    """A graph inside a graph: `body` has the params, nodes, uses and outputs, as written."""
-
-    inputs: Mapping[str, Param]
-    """A default is a reference of the graph around, or None: the input may be left out."""
-    body: Graph
 
 
 def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:

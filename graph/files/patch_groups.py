@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph, Use
 from tactograph.graph.files.groups import (
-    Use,
     flat_reference,
     in_scope,
     meant_nodes,

@@ -14,7 +14,7 @@ from typing import Any
 from tactograph.graph.backends import PREFERRED
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.apply_patch import apply_patch
-from tactograph.graph.files.flat_graph import Entry, Graph, Param
+from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
 from tactograph.graph.files.graph_model import (
     GraphModel,
     GroupInputModel,
@@ -24,7 +24,7 @@ from tactograph.graph.files.graph_model import (
     UseModel,
     validate,
 )
-from tactograph.graph.files.groups import Group, Use, flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
 from tactograph.graph.files.plain_data import as_document
 from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
