@@ -214,6 +214,7 @@ class Tuning:
         defaults = {
             name: {n: p.default for n, p in find_node(entry.op).parameters.items()}
             for name, entry in self.base.nodes.items()
+            if entry != self.graph.nodes[name]
         }
         return changes_between(self.base, self.graph, defaults)
 
