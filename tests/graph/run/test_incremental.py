@@ -229,6 +229,28 @@ def test_a_wrong_setting_changes_nothing(toys: list[str], write: Write) -> None:
     assert pipeline.plan.graph.hash != before
 
 
+@BACKENDS
+def test_of_a_change_only_what_is_asked_for_is_made(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = CHAIN.replace("before: previous.sum", "")
+    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline(frames=STACK)
+    toys.clear()
+    pipeline.set("light", floor=0.5)
+    assert pipeline.again(["high"])["high"].size == 0
+    assert "doubled" not in toys
+    np.testing.assert_array_equal(pipeline.inspect("twice"), 2 * STACK)
+    assert toys.count("doubled") == 1
+    found = pipeline.again()
+    assert toys.count("doubled") == 1
+    np.testing.assert_array_equal(found["seen"], pipeline.inspect("seen"))
+    pipeline.set("light", floor=0.4)
+    pipeline.again(["high"])
+    found = pipeline(frames=2 * STACK)
+    np.testing.assert_array_equal(found["light"], 2 * STACK)
+
+
 def test_a_group_is_set_in_one_use_or_in_all(toys: list[str], write: Write) -> None:
     cuts = """
 groups:
