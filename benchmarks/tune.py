@@ -36,12 +36,14 @@ SIZE = {"width_px": 640, "height_px": 480, "pixel_size_mm": 0.0357}
 
 COUNT = """
 window.pictures = 0;
-new MutationObserver(all => {
-    if (all.some(one => one.target.closest('[data-testid=picture]'))) window.pictures++;
-}).observe(document.body, {subtree: true, childList: true, attributes: true,
-                           attributeFilter: ['src']});
+window.last = "";
+setInterval(() => {
+    const now = document.querySelector('[data-testid=picture] img').src;
+    if (now !== window.last) window.pictures++;
+    window.last = now;
+}, 5);
 """
-"""Counts the changes of the picture in the page."""
+"""Counts the pictures that the page shows."""
 
 
 def main() -> None:
