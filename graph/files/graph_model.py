@@ -229,9 +229,9 @@ def _model_at(loc: Path_) -> type[BaseModel]:
         return UseModel
     if _AN_OP in loc:
         return NodeModel
+    whole: type[BaseModel] = GraphModel
     parts: dict[str | int, type[BaseModel]] = {"params": ParamModel, "patch": PatchModel}
     if loc[0] == "groups":
-        loc = loc[2:] or ("",)
-        parts = {"inputs": GroupInputModel, "params": GroupParamModel, "": GroupModel}
-        return parts[loc[0]] if len(loc) > 1 else GroupModel
-    return parts.get(loc[0], GraphModel) if len(loc) > 1 else GraphModel
+        loc, whole = loc[2:], GroupModel
+        parts = {"inputs": GroupInputModel, "params": GroupParamModel}
+    return parts.get(loc[0], whole) if len(loc) > 1 else whole

@@ -272,6 +272,11 @@ DEFINED = "groups.more"
             f"{DEFINED}.params.n: no node of the group 'more' takes the param '$n'",
         ),
         (with_group(more={"nodes": {}}), f"{DEFINED}.nodes: at least one is needed"),
+        (
+            with_group(more={"outputs": {"light": 5}}),
+            f"{DEFINED}.outputs.light: text is needed, not 5",
+        ),
+        (with_group(groups={"less": 5}), "groups.less: a mapping is needed, not 5"),
         (with_group(more={"input": {}}), f"{DEFINED}.input: unknown key 'input'; did you mean"),
         (
             with_group(more={"inputs": {"light": {"defualt": "frames"}}}),
