@@ -29,16 +29,21 @@ _DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a graph file, counted from 1; line 0: not from a file."""
+    """A place in a graph file, counted from 1; line 0: not from a file.
+
+    `use` is the place that uses the group which this one is in.
+    """
 
     file: str
     line: int
     column: int
     path: str = ""
+    use: Place | None = None
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return f"{where}: {self.path}" if self.path else where
+        where = f"{where}: {self.path}" if self.path else where
+        return f"{where} (used by {self.use})" if self.use else where
 
 
 @dataclass

@@ -454,6 +454,19 @@ MUTANTS = {
         "one plane for all": ("value_at(light + plane,", "value_at(light,"),
         "the nearest pixel": ("spread_weights(x - left,", "spread_weights(none,"),
     },
+    "crop": {
+        "from the left border": ("* W + left + x]", "* W + x]"),
+        "from the upper border": ("* H + top + y)", "* H + y)"),
+        "one plane for all": ("(k * H + top", "(top"),
+    },
+    "resize_image": {
+        "the first row alone": ("from[j * W + i]", "from[i]"),
+        "the first column alone": ("from[j * W + i]", "from[j * W]"),
+        "a row short": ("j < down;", "j < max(down - 1, 1);"),
+        "all rows count alike": ("row_shares[y * down + j]", "row_shares[j]"),
+        "all columns count alike": ("column_shares[x * across + i]", "column_shares[i]"),
+        "one plane for all": ("(k * H + first_row[y])", "(first_row[y])"),
+    },
 }
 LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 
