@@ -45,7 +45,10 @@ class Capture(Protocol):
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the camera is asked for; None leaves a property as the driver has it."""
+    """What the camera is asked for; None leaves a property as the driver has it.
+
+    Frames in `colour` are H x W x 3 as the driver gives them, else H x W.
+    """
 
     width: int | None
     height: int | None
@@ -53,6 +56,7 @@ class Wanted:
     exposure: float | None = None
     gain: float | None = None
     white_balance: float | None = None
+    colour: bool = False
 
 
 class Shot(NamedTuple):
@@ -85,7 +89,7 @@ def settle(capture: Capture, wanted: Wanted) -> list[str]:
         return []
     automatic = [
         (cv2.CAP_PROP_AUTO_EXPOSURE, _manual(capture), "automatic exposure off", True),
-        (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", False),
+        (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", wanted.colour),
         (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
     ]
     chosen = [
@@ -194,7 +198,8 @@ class Camera:
         Raises
         ------
         InputError
-            If the camera cannot be opened, delivers nothing, or another size.
+            If the camera cannot be opened, delivers nothing, or another size, or grey pictures
+            where colours are wanted.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._shots or self.ended or self._refused, wait)
@@ -205,7 +210,12 @@ class Camera:
                 f"camera={name}: {why}; look at its cable, whether another program has it, and "
                 "whether you are in the group 'video'"
             )
-        height, width = first.data.shape
+        if self._wanted.colour and first.data.ndim < 3:
+            raise InputError(
+                f"camera={name}: delivers grey pictures, but a one-shot sensor's lights are the "
+                "colours of one picture"
+            )
+        height, width = first.data.shape[:2]
         wanted = self._wanted.width or width, self._wanted.height or height
         if (width, height) != wanted:
             raise InputError(
@@ -278,7 +288,10 @@ class Camera:
             if not there or frame is None or stop.is_set():
                 return
             self._alive = time.monotonic()
-            self._put(_moment(capture, come), _grey(frame))
+            self._put(_moment(capture, come), self._plane(frame))
+
+    def _plane(self, frame: Any) -> Plane:
+        return _colours(frame) if self._wanted.colour else _grey(frame)
 
     def _put(self, moment: float, data: Plane) -> None:
         with self._changed:
@@ -323,6 +336,14 @@ def _grey(frame: Any) -> Plane:
     if plane.ndim == 3:
         plane = plane[..., 0] if plane.shape[2] == 1 else cv2.cvtColor(plane, cv2.COLOR_BGR2GRAY)
     return np.ascontiguousarray(plane)
+
+
+def _colours(frame: Any) -> Plane:
+    """Three planes, one beside another, as the driver orders them; grey stays grey."""
+    picture = np.asarray(frame)
+    if picture.ndim == 3 and picture.shape[2] == 1:
+        picture = picture[..., 0]
+    return np.ascontiguousarray(picture[..., :3] if picture.ndim == 3 else picture)
 
 
 def check_camera(camera: int | str) -> bool:

@@ -12,14 +12,18 @@ from numpy.typing import NDArray
 from tactograph.graph import Port
 from tactograph.nodes import Height, Light
 
+ALL_LIT = -1
+"""In place of an LED's number: all LEDs are lit, a colour each."""
+
 
 @dataclass(frozen=True)
 class RawFrame:
     """One camera frame as it came.
 
     `number` is counted by the camera, so that a gap is a drop.  `led` is the LED it was
-    exposed with, from 1, or 0 if all were off.  `time` is the end of the exposure in
-    seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit.
+    exposed with, from 1, 0 if all were off, or ALL_LIT in a one-shot sensor.  `time` is the
+    end of the exposure in seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit; of a
+    one-shot sensor H x W x 3 in the order of the camera's driver.
     """
 
     number: int
@@ -45,7 +49,7 @@ class LiveState:
 
 
 class Touch(NamedTuple):
-    """The newest light of every LED, and the frames that are new in it."""
+    """The newest light of every LED or colour, and the frames that are new in it."""
 
     image: Light
     name: str

@@ -28,7 +28,7 @@ from tactograph.nodes.live._led_in_frame import Film, make_film
 from tactograph.nodes.live._match_frames import Clock
 from tactograph.nodes.live._simulated_camera import LitBetween, SimulatedCamera
 from tactograph.nodes.live._simulated_controller import SimulatedController
-from tactograph.nodes.live._simulated_sensor import SimulatedSensor, read_scene
+from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
 
 FREE = "none"
 """The port of LEDs that flash by themselves."""
@@ -301,7 +301,7 @@ def open_rig(
     with ExitStack() as undo:
         # What is open by then is closed again should the rest fail, or Ctrl-C be pressed.
         if str(camera).partition("?")[0] == SIMULATED:
-            table = SimulatedSensor(read_scene(str(camera)))
+            table = SimulatedSensor(read_scene(str(camera), Scene))
             lit_between = steady(cycle, wanted.rate, table.start)
             if port == SIMULATED:
                 # Plugged in again, a controller has another port; a link leads to it, as udev's do.

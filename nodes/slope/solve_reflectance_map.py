@@ -38,7 +38,7 @@ def solve_reflectance_map(
     steps: Annotated[int, Interval(ge=1, le=30)] = 8,
     prior: Annotated[float, Gt(0)] = 4e-4,
     limit: Annotated[float, Gt(0)] = 0.3,
-    still: Annotated[float, Gt(0)] = 1e-4,
+    still: Annotated[float, Gt(0)] = 1e-3,
 ) -> Slope:
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
@@ -65,11 +65,12 @@ def solve_reflectance_map(
     """
     maps = _maps(reflectance, light.shape[1:])
     rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]
-    p = q = np.zeros(light.shape[1:], np.float32)
+    p: F4 = np.zeros(light.shape[1:], np.float32)
+    q = p
     moving = np.ones(p.shape, bool)
     for _ in range(steps):
         square, dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
-        p, q = p + moving * dp, q + moving * dq
+        p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
         moving &= np.hypot(dp, dq) > np.float32(still) * square
         if not moving.any():
             break

@@ -213,10 +213,16 @@ MUTANTS = {
         "height ignored": ("* load_floats(height", "* 0.0f * load_floats(height"),
         "place ignored": ("sum = sum * u + polynomial[power]", "sum = polynomial[power]"),
         "lights weigh alike": ("= load_floats(flat + k * size + at, count)", "= 1.0f"),
-        "no prior": ("floats a = prior, b = none, c = prior", "floats a = none, b = none, c = none"),
+        "no prior": (
+            "floats a = prior, b = none, c = prior",
+            "floats a = none, b = none, c = none",
+        ),
         "limit ignored": ("limit * square", "1e9f * square"),
         "off-diagonal sign": ("(c * s - b * t)", "(c * s + b * t)"),
-        "u and v swapped": ("degree * (degree + 1) / 2 + degree - power", "degree * (degree + 1) / 2 + power"),
+        "u and v swapped": (
+            "degree * (degree + 1) / 2 + degree - power",
+            "degree * (degree + 1) / 2 + power",
+        ),
         "one row for all": ("+ row * K * SHADES * POWERS", ""),
         "still too soon": ("turned > still", "turned > 100.0f * still"),
     },
