@@ -9,7 +9,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 # V4L2 waits so many seconds for a frame of a camera that has stopped; OpenCV's own 10 would
 # keep the thread from opening it again.  Read at the first wait.
@@ -44,10 +44,44 @@ class Capture(Protocol):
 
 
 @dataclass(frozen=True)
+class View:
+    """The part of the camera's picture that is the film, and the size that it is brought to.
+
+    Parameters
+    ----------
+    turn_deg
+        Counter-clockwise: 0, 90, 180 or 270.
+    crop
+        Left, top, right and bottom as shares of the turned picture.
+    size
+        Width and height of the frames.
+    """
+
+    turn_deg: int
+    crop: tuple[float, float, float, float]
+    size: tuple[int, int]
+
+    def of(self, picture: Plane) -> Plane:
+        """Turn, cut and shrink a picture, H x W or H x W x 3."""
+        turned: Any = np.rot90(picture, self.turn_deg // 90)
+        rows, columns = turned.shape[:2]
+        left, top, right, bottom = self.crop
+        part = np.ascontiguousarray(
+            turned[round(top * rows) : round(bottom * rows)][
+                :, round(left * columns) : round(right * columns)
+            ]
+        )
+        if part.shape[1::-1] != self.size:
+            part = cv2.resize(part, self.size, interpolation=cv2.INTER_AREA)
+        return cast(Plane, part)
+
+
+@dataclass(frozen=True)
 class Wanted:
     """What the camera is asked for; None leaves a property as the driver has it.
 
-    Frames in `colour` are H x W x 3 as the driver gives them, else H x W.
+    Frames in `colour` are H x W x 3 as the driver gives them, else H x W.  Where there is a
+    `view`, frames are that of the camera's pictures.
     """
 
     width: int | None
@@ -57,6 +91,8 @@ class Wanted:
     gain: float | None = None
     white_balance: float | None = None
     colour: bool = False
+    format: str | None = None
+    view: View | None = None
 
 
 class Shot(NamedTuple):
@@ -92,7 +128,9 @@ def settle(capture: Capture, wanted: Wanted) -> list[str]:
         (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", wanted.colour),
         (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
     ]
+    code = None if wanted.format is None else float(cv2.VideoWriter.fourcc(*wanted.format))
     chosen = [
+        (cv2.CAP_PROP_FOURCC, code, "pixel format", False),
         (cv2.CAP_PROP_FRAME_WIDTH, wanted.width, "width", True),
         (cv2.CAP_PROP_FRAME_HEIGHT, wanted.height, "height", True),
         (cv2.CAP_PROP_FPS, wanted.rate, "frames per second", True),
@@ -216,7 +254,8 @@ class Camera:
                 "colours of one picture"
             )
         height, width = first.data.shape[:2]
-        wanted = self._wanted.width or width, self._wanted.height or height
+        view = self._wanted.view
+        wanted = view.size if view else (self._wanted.width or width, self._wanted.height or height)
         if (width, height) != wanted:
             raise InputError(
                 f"camera={name}: delivers {width} x {height} pixels, but the calibration is for "
@@ -291,7 +330,8 @@ class Camera:
             self._put(_moment(capture, come), self._plane(frame))
 
     def _plane(self, frame: Any) -> Plane:
-        return _colours(frame) if self._wanted.colour else _grey(frame)
+        plane = _colours(frame) if self._wanted.colour else _grey(frame)
+        return self._wanted.view.of(plane) if self._wanted.view else plane
 
     def _put(self, moment: float, data: Plane) -> None:
         with self._changed:

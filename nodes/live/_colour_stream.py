@@ -12,12 +12,14 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.live._camera import (
     Camera,
     Capture,
     Plane,
     Shot,
+    View,
     Wanted,
     check_camera,
     open_capture,
@@ -26,6 +28,7 @@ from tactograph.nodes.live._fault_log import FaultLog
 from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
 from tactograph.nodes.live._led_in_frame import FAINTEST, MOST_SATURATED, OFF, Film, cells
 from tactograph.nodes.live._sensor import SIMULATED, START_S
+from tactograph.nodes.live._sensor_preset import SensorPreset
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
@@ -63,22 +66,33 @@ class ColourSensor:
 
 
 def open_colour_sensor(
-    camera: int | str, wanted: Wanted, *, queue: int = 8, timeout: float = 0.5
+    camera: int | str,
+    wanted: Wanted,
+    *,
+    preset: SensorPreset | None = None,
+    queue: int = 8,
+    timeout: float = 0.5,
 ) -> ColourSensor:
     """Open a one-shot sensor's camera, real or simulated, and see that it delivers.
+
+    What `wanted` leaves open is the preset's, whose view is taken of a real camera's pictures;
+    a simulated one delivers frames as they are afterwards.
 
     Raises
     ------
     InputError
-        If it cannot be opened, or delivers nothing, another size, or grey pictures.
+        If it cannot be opened, or delivers nothing, another size, or grey pictures; if the
+        preset's frames are of another size.
     """
     table: SimulatedColourSensor | None = None
     once = False
     if str(camera).partition("?")[0] == SIMULATED:
-        table = SimulatedColourSensor(read_scene(str(camera), ColourScene))
+        table = SimulatedColourSensor(read_scene(str(camera), ColourScene, _film_of(preset)))
+        wanted = replace(wanted, format=None, view=None)
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
         once = check_camera(camera)
+        wanted = wanted if preset is None else _with_preset(wanted, preset)
         connect = partial(open_capture, camera)
     source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
     try:
@@ -87,6 +101,42 @@ def open_colour_sensor(
         source.close()
         raise
     return ColourSensor(source, table)
+
+
+def _film_of(preset: SensorPreset | None) -> dict[str, float]:
+    """What a simulated sensor of this kind shows."""
+    if preset is None:
+        return {}
+    width, height = preset.size
+    return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
+
+
+def _with_preset(wanted: Wanted, preset: SensorPreset) -> Wanted:
+    """What the driver is asked for, and the view of its pictures.
+
+    Raises
+    ------
+    InputError
+        If frames of another size than the preset's are wanted.
+    """
+    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
+    if size != preset.size:
+        raise InputError(
+            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
+            f"{size[0]} x {size[1]}; calibrate with this sensor= or change its file"
+        )
+    asked = preset.camera
+    return replace(
+        wanted,
+        width=asked.width,
+        height=asked.height,
+        rate=asked.rate or wanted.rate,
+        format=asked.format,
+        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
+        gain=asked.gain if wanted.gain is None else wanted.gain,
+        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
+        view=View(preset.turn_deg, preset.crop, size),
+    )
 
 
 @dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, TypeVar
 from urllib.parse import parse_qsl
 
@@ -78,8 +78,10 @@ class Scene:
 SceneKind = TypeVar("SceneKind", bound=Scene)
 
 
-def read_scene(text: str, kind: type[SceneKind]) -> SceneKind:
-    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``.
+def read_scene(
+    text: str, kind: type[SceneKind], known: Mapping[str, Any] | None = None
+) -> SceneKind:
+    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``; `known` are other defaults.
 
     Raises
     ------
@@ -88,7 +90,7 @@ def read_scene(text: str, kind: type[SceneKind]) -> SceneKind:
     """
     pairs = parse_qsl(text.partition("?")[2], keep_blank_values=True)
     try:
-        return TypeAdapter(kind).validate_python(dict(pairs))
+        return TypeAdapter(kind).validate_python({**(known or {}), **dict(pairs)})
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])

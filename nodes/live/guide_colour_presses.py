@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -19,10 +20,12 @@ from tactograph.nodes.calibrate.find_presses import FEWEST, Circles
 from tactograph.nodes.calibrate.fit_reflectance_map import degree_for
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.rate_presses import advise, presses_per_cell, rim_slope
+from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.live._camera import Plane, Wanted
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
 from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._watch_film import Guide, colours_at_rest, tell
 
 SMOOTH_PX = 2.0
@@ -44,8 +47,9 @@ class GuidedColourPresses(NamedTuple):
 def guide_colour_presses(
     *,
     camera: int | str = 0,
+    sensor: str | None = None,
     ball_radius_mm: Annotated[float, Gt(0)],
-    pixel_size_mm: Annotated[float, Gt(0)],
+    pixel_size_mm: Annotated[float, Gt(0)] | None = None,
     file: Path,
     lights: Literal["bgr", "rgb"] = "bgr",
     width_px: Annotated[int, Ge(1)] | None = None,
@@ -55,6 +59,7 @@ def guide_colour_presses(
     gain: float | None = None,
     white_balance: float | None = None,
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
+    warm_up_s: Annotated[float, Ge(0)] | None = None,
     presses_at_most: Annotated[int, Ge(FEWEST)] = 40,
     still_s: Annotated[float, Gt(0)] = 0.4,
     patience_s: Annotated[float, Gt(0)] = 120.0,
@@ -72,18 +77,21 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    camera, rate, exposure, gain, white_balance, bits, timeout_s
+    camera, sensor, rate, exposure, gain, white_balance, bits, timeout_s
         As for `read_camera`.
     ball_radius_mm
         The ball's radius.
     pixel_size_mm
-        mm per px on the film.
+        mm per px on the film.  None: the sensor's.
     file
         The calibration that is to be written.
     lights
         The colours in the order in which the calibration counts them.
     width_px, height_px
         Size that the camera is asked for; None leaves it as the driver has it.
+    warm_up_s
+        So long the LEDs warm up before the film at rest is taken.  None: the sensor's; simulated
+        LEDs are warm.
     presses_at_most
         After so many nothing more is asked for.
     still_s
@@ -100,37 +108,45 @@ def guide_colour_presses(
     Raises
     ------
     InputError
-        If the camera cannot be opened; if a colour stays dark; if the film does not come to
-        rest, or is not pressed 4 times; if there are presses already.
+        If the camera cannot be opened; if the pixel size is not known; if a colour stays dark;
+        if the film does not come to rest, or is not pressed 4 times; if there are presses
+        already.
     """
     folder = file.with_name(f"{file.stem}_presses")
     if folder.exists():
         raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
+    preset = None if sensor is None else read_preset(sensor)
+    pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
     wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
-    sensor = open_colour_sensor(camera, wanted, timeout=timeout_s)
+    source = open_colour_sensor(camera, wanted, preset=preset, timeout=timeout_s)
     try:
+        if warm_up_s is None:
+            warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0
+        if warm_up_s:
+            tell(f"The LEDs warm up for {warm_up_s:g} s.")
+            time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
-        film = colours_at_rest(sensor.camera, bits, patience_s)
+        film = colours_at_rest(source.camera, bits, patience_s)
         _save(folder / "untouched" / "film.png", np.rint(film * 65535).astype(np.uint16))
         flat = np.stack(
             [gaussian_filter(p, SMOOTH_PX, mode="nearest") for p in planes_of(film, lights)]
         )
         full = float(2**bits - 1) if bits else 0.0
         seen = make_film(flat)
-        guide = Guide(seen, ColourStream(sensor, seen, lights, full), still_s, patience_s)
+        guide = Guide(seen, ColourStream(source, seen, lights, full), still_s, patience_s)
         images: list[F4] = []
         circles: list[F4] = []
         fitted = 0
         while len(images) < presses_at_most and (press := guide.next_press()) is not None:
             try:
-                circle = _circle(press.image, flat, pixel_size_mm, ball_radius_mm)
+                circle = _circle(press.image, flat, pixel, ball_radius_mm)
             except InputError:
                 tell(f"no ball of radius {ball_radius_mm:g} mm is seen: let go, and press again.")
                 continue
             images.append(press.image)
             circles.append(circle)
             _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
-            advice = _advice(np.array(circles), flat.shape[1:], ball_radius_mm / pixel_size_mm)
+            advice = _advice(np.array(circles), flat.shape[1:], ball_radius_mm / pixel)
             tell(f"Press {len(images)} is taken: let go. {advice}")
             if _is_finer(len(images), fitted):
                 fitted = len(images)
@@ -144,7 +160,7 @@ def guide_colour_presses(
         if fitted < len(images):
             yield _all(images, flat, circles)
     finally:
-        sensor.close()
+        source.close()
 
 
 def _circle(image: Light, flat: Light, pixel: float, radius_mm: float) -> F4:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import node
+from tactograph.graph import InputError, node
 from tactograph.nodes import Dark, Light
 from tactograph.nodes.calibrate._calibration_file import is_of_kind
 from tactograph.nodes.calibrate.read_calibration import read_calibration
@@ -22,6 +22,7 @@ from tactograph.nodes.live._colour_stream import ColourStream, open_colour_senso
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._sensor import open_sensor
+from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._touch_stream import Stream
 
 
@@ -29,6 +30,7 @@ from tactograph.nodes.live._touch_stream import Stream
 def read_camera(
     *,
     camera: int | str = 0,
+    sensor: str | None = None,
     port: str | None = None,
     calibration: Path,
     rate: Annotated[float, Gt(0)] = 30.0,
@@ -61,6 +63,10 @@ def read_camera(
     camera
         Index, device, URL or video file; ``simulated`` for a simulated sensor, with
         its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
+    sensor
+        A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of one's own: what its
+        camera is asked for, how its pictures are turned, cut and shrunk, in which order its
+        colours are counted.  A copy of ``nodes/live/sensors/gelsight_mini.yaml`` is a start.
     port
         The LED controller's serial port; None: found by its USB id.  ``simulated``: one made
         of software.  ``none``: the LEDs flash by themselves, and the image alone decides.
@@ -102,15 +108,21 @@ def read_camera(
     ------
     InputError
         If at the start the calibration, the camera or the controller cannot be opened, or
-        the camera's size is not the calibration's.
+        the camera's size is not the calibration's; if there is no such sensor.
     """
     flat, dark, one_shot = _film(calibration)
     height, width = dark.shape
-    order = lights or ("bgr" if one_shot else "leds")
+    preset = None if sensor is None else read_preset(sensor)
+    order = lights or (preset.lights if preset else "bgr" if one_shot else "leds")
+    if preset is not None and order != preset.lights:
+        raise InputError(
+            f"sensor={sensor}: counts the colours as {preset.lights}, but lights={order}"
+        )
     wanted = Wanted(width, height, rate, exposure, gain, white_balance, colour=order != "leds")
     full = float(2**bits - 1) if bits else 0.0
     settings: dict[str, Any] = {
         "camera": str(camera),
+        "sensor": sensor,
         "rate": rate,
         "exposure": exposure,
         "gain": gain,
@@ -120,15 +132,19 @@ def read_camera(
     }
     with ExitStack() as closing:
         if order == "leds":
-            sensor = open_sensor(
+            flashed = open_sensor(
                 camera, port, flat, dark, wanted, ambient=ambient, queue=queue, timeout=timeout_s
             )
-            closing.callback(sensor.close)
-            settings |= {"refresh": refresh, "cycle": list(sensor.cycle)}
+            closing.callback(flashed.close)
+            settings |= {"refresh": refresh, "cycle": list(flashed.cycle)}
             state, skip = LiveState(settings=settings), motion == "skip"
-            stream: Stream | ColourStream = Stream(sensor, refresh, full, motion_limit, skip, state)
+            stream: Stream | ColourStream = Stream(
+                flashed, refresh, full, motion_limit, skip, state
+            )
         else:
-            colours = open_colour_sensor(camera, wanted, queue=queue, timeout=timeout_s)
+            colours = open_colour_sensor(
+                camera, wanted, preset=preset, queue=queue, timeout=timeout_s
+            )
             closing.callback(colours.close)
             film = make_film(flat, dark)
             stream = ColourStream(colours, film, order, full, LiveState(settings=settings))
