@@ -31,7 +31,7 @@ def test_a_stated_pixel_size_goes_before_the_sensors() -> None:
     ("text", "says"),
     [
         ("format: 1\nsize: [320, 240]\npixel_size_mm: -1\n", r"mine\.yaml:3:1: pixel_size_mm: "),
-        ("format: 1\nsize: [320, 240]\npixel_mm: 1\n", r"mine\.yaml:3:1: pixel_mm: extra"),
+        ("format: 1\nsize: [320, 240]\npixel_size_mm: 1\nled: 3\n", r"mine\.yaml:4:1: led: extra"),
         (
             "format: 1\nsize: [320, 240]\npixel_size_mm: 0.1\ncrop: [0.5, 0, 0.2, 1]\n",
             r"mine\.yaml:4:1: crop: nothing lies between",
@@ -45,7 +45,7 @@ def test_a_mistake_is_told_with_its_place(text: str, says: str, tmp_path: Path) 
 
 
 def test_an_unknown_sensor_is_told_with_those_there_are() -> None:
-    with pytest.raises(InputError, match="sensor=mimi: is neither .* digit, gelsight_mini"):
+    with pytest.raises(InputError, match=r"sensor=mimi: is neither .* digit, gelsight_mini"):
         read_preset("mimi")
 
 
