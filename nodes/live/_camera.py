@@ -9,7 +9,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, Literal, NamedTuple, Protocol, cast
 
 # V4L2 waits so many seconds for a frame of a camera that has stopped; OpenCV's own 10 would
 # keep the thread from opening it again.  Read at the first wait.
@@ -20,7 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
+from tactograph.nodes.live._camera_names import NODE, device_of
+from tactograph.nodes.live._linux_camera import LinuxCapture, linuxpy
 
+Library = Literal["opencv", "linuxpy"]
 Plane = NDArray[np.uint8] | NDArray[np.uint16]
 
 PAUSE = 0.1
@@ -103,11 +106,21 @@ class Shot(NamedTuple):
     data: Plane
 
 
-def open_capture(camera: int | str) -> Capture:
-    """Open a camera by index, path or URL; it may turn out not to be opened."""
-    text = str(camera)
+def open_capture(
+    camera: int | str, library: Library = "opencv", *, colour: bool = False
+) -> Capture:
+    """Open a camera by index, serial number, path or URL; it may turn out not to be opened."""
+    try:
+        text = device_of(str(camera))
+    except InputError:
+        return cv2.VideoCapture()  # it is unplugged
+    if library == "linuxpy":
+        return LinuxCapture(f"/dev/video{text}" if text.isdecimal() else text, colour=colour)
     # We report once what cannot be opened.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    node = NODE.fullmatch(text)
+    if node:
+        return cv2.VideoCapture(int(node[1]), cv2.CAP_V4L2)
     if text.isdecimal():
         return cv2.VideoCapture(int(text))
     if "://" in text:
@@ -175,7 +188,7 @@ class Camera:
     Attributes
     ----------
     faults
-        How often what happened: "dropped", "camera lost".
+        How often what happened: "dropped", "camera lost", and "lost" where the kernel counts.
     refused
         What the driver did not do at the last opening.
     connections
@@ -201,6 +214,7 @@ class Camera:
         self._once = once
         self._refused = False
         self._number = 0
+        self._sequence: int | None = None
         self._shots: deque[Shot] = deque(maxlen=queue)
         self._changed = threading.Condition()
         self._alive = time.monotonic()
@@ -301,6 +315,7 @@ class Camera:
             capture = self._connect()
             if capture.isOpened():
                 self.refused = settle(capture, self._wanted)
+                self._sequence = None
                 self.connections += 1
                 return capture
             capture.release()
@@ -327,14 +342,22 @@ class Camera:
             if not there or frame is None or stop.is_set():
                 return
             self._alive = time.monotonic()
-            self._put(_moment(capture, come), self._plane(frame))
+            self._put(
+                _moment(capture, come), self._plane(frame), getattr(capture, "sequence", None)
+            )
 
     def _plane(self, frame: Any) -> Plane:
         plane = _colours(frame) if self._wanted.colour else _grey(frame)
         return self._wanted.view.of(plane) if self._wanted.view else plane
 
-    def _put(self, moment: float, data: Plane) -> None:
+    def _put(self, moment: float, data: Plane, sequence: int | None) -> None:
+        """Queue a frame; by the kernel's numbers it is known what is missing before it."""
         with self._changed:
+            if sequence is not None:
+                if self._sequence is not None and sequence > self._sequence + 1:
+                    self.faults["lost"] += sequence - self._sequence - 1
+                    self._number += sequence - self._sequence - 1
+                self._sequence = sequence
             if len(self._shots) == self._shots.maxlen:
                 self.faults["dropped"] += 1
             self._shots.append(Shot(self._number, moment, data))
@@ -386,19 +409,23 @@ def _colours(frame: Any) -> Plane:
     return np.ascontiguousarray(picture[..., :3] if picture.ndim == 3 else picture)
 
 
-def check_camera(camera: int | str) -> bool:
+def check_camera(camera: int | str, library: Library = "opencv") -> bool:
     """Whether `camera` is a file; a path that names nothing is refused.
 
     Raises
     ------
     InputError
-        If it looks like a path and there is nothing.
+        If it looks like a path and there is nothing, or no camera has its serial number, or the
+        library is not installed.
     """
-    text = str(camera)
+    if library == "linuxpy":
+        linuxpy()
+    text = device_of(str(camera))
     if text.isdecimal() or "://" in text or text.startswith("/dev/"):
         return False
     if not Path(text).is_file():
         raise InputError(
-            f"camera={text}: there is no such file; give an index, a path, a URL or 'simulated'"
+            f"camera={text}: there is no such file; give an index, serial:..., a path, a URL or "
+            "'simulated'"
         )
     return True

@@ -17,6 +17,7 @@ from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.live._camera import (
     Camera,
     Capture,
+    Library,
     Plane,
     Shot,
     View,
@@ -43,6 +44,7 @@ SAYS = {
     "brightness": "{led} is not as bright as calibrated: followed, but look at the LEDs and the "
     "camera's exposure",
     "wrong size": "the camera delivers another size than the calibration's: opening it again",
+    "lost": "frames are missing",
     "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
     "camera lost": "the camera is gone: looking for it until it is back",
 }
@@ -70,6 +72,7 @@ def open_colour_sensor(
     wanted: Wanted,
     *,
     preset: SensorPreset | None = None,
+    library: Library = "opencv",
     queue: int = 8,
     timeout: float = 0.5,
 ) -> ColourSensor:
@@ -91,9 +94,9 @@ def open_colour_sensor(
         wanted = replace(wanted, format=None, view=None)
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
-        once = check_camera(camera)
+        once = check_camera(camera, library)
         wanted = wanted if preset is None else _with_preset(wanted, preset)
-        connect = partial(open_capture, camera)
+        connect = partial(open_capture, camera, library, colour=True)
     source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
     try:
         source.check(START_S, camera)

@@ -17,7 +17,14 @@ from typing import Protocol
 
 from tactograph.graph import InputError
 from tactograph.nodes import Dark, Height, Light
-from tactograph.nodes.live._camera import Camera, Capture, Wanted, check_camera, open_capture
+from tactograph.nodes.live._camera import (
+    Camera,
+    Capture,
+    Library,
+    Wanted,
+    check_camera,
+    open_capture,
+)
 from tactograph.nodes.live._led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -243,6 +250,7 @@ def open_sensor(
     wanted: Wanted,
     *,
     ambient: bool = False,
+    library: Library = "opencv",
     queue: int = 8,
     timeout: float = 0.5,
 ) -> Sensor:
@@ -254,7 +262,14 @@ def open_sensor(
         From the calibration, K x H x W and H x W.
     """
     rig = open_rig(
-        camera, port, wanted, leds=len(flat), ambient=ambient, queue=queue, timeout=timeout
+        camera,
+        port,
+        wanted,
+        leds=len(flat),
+        ambient=ambient,
+        library=library,
+        queue=queue,
+        timeout=timeout,
     )
     try:
         return rig.with_film(flat, dark)
@@ -270,6 +285,7 @@ def open_rig(
     *,
     leds: int,
     ambient: bool = False,
+    library: Library = "opencv",
     queue: int = 8,
     timeout: float = 0.5,
 ) -> Rig:
@@ -285,6 +301,8 @@ def open_rig(
         How many LEDs there are.
     ambient
         Whether the cycle has a step with all LEDs off.
+    library
+        As for `read_camera`.
     queue, timeout
         As for `Camera`.
 
@@ -314,8 +332,8 @@ def open_rig(
         elif port == SIMULATED:
             raise InputError("port=simulated goes with camera=simulated")
         else:
-            once = check_camera(camera)
-            connect = partial(open_capture, camera)
+            once = check_camera(camera, library)
+            connect = partial(open_capture, camera, library)
         lamps = open_lamps(port, cycle, wanted.rate)
         undo.callback(lamps.close)
         source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)

@@ -97,7 +97,9 @@ class Stream:
     def _supervise(self) -> None:
         """Count what camera and controller went through; forget frames from before it."""
         camera, lamps = self.sensor.camera, self.sensor.lamps
-        self._log.take(camera.faults + lamps.faults)
+        counted = camera.faults + lamps.faults
+        del counted["lost"]  # here by the frames' times
+        self._log.take(counted)
         self.state.dropped = camera.faults["dropped"]
         for line in (*camera.refused, *lamps.news()):
             self._log.add(line)

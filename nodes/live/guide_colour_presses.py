@@ -22,7 +22,7 @@ from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.rate_presses import advise, presses_per_cell, rim_slope
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.live._camera import Plane, Wanted
+from tactograph.nodes.live._camera import Library, Plane, Wanted
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
 from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._sensor_preset import read_preset
@@ -47,6 +47,7 @@ class GuidedColourPresses(NamedTuple):
 def guide_colour_presses(
     *,
     camera: int | str = 0,
+    library: Library = "opencv",
     sensor: str | None = None,
     ball_radius_mm: Annotated[float, Gt(0)],
     pixel_size_mm: Annotated[float, Gt(0)] | None = None,
@@ -77,7 +78,7 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    camera, sensor, rate, exposure, gain, white_balance, bits, timeout_s
+    camera, library, sensor, rate, exposure, gain, white_balance, bits, timeout_s
         As for `read_camera`.
     ball_radius_mm
         The ball's radius.
@@ -118,7 +119,7 @@ def guide_colour_presses(
     preset = None if sensor is None else read_preset(sensor)
     pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
     wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
-    source = open_colour_sensor(camera, wanted, preset=preset, timeout=timeout_s)
+    source = open_colour_sensor(camera, wanted, preset=preset, library=library, timeout=timeout_s)
     try:
         if warm_up_s is None:
             warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0

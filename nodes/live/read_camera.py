@@ -17,7 +17,7 @@ from tactograph.nodes.calibrate.read_press_calibration import read_press_calibra
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._assemble import Refresh
-from tactograph.nodes.live._camera import Wanted
+from tactograph.nodes.live._camera import Library, Wanted
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._led_in_frame import make_film
@@ -31,6 +31,7 @@ def read_camera(
     *,
     camera: int | str = 0,
     sensor: str | None = None,
+    library: Library = "opencv",
     port: str | None = None,
     calibration: Path,
     rate: Annotated[float, Gt(0)] = 30.0,
@@ -61,12 +62,16 @@ def read_camera(
     Parameters
     ----------
     camera
-        Index, device, URL or video file; ``simulated`` for a simulated sensor, with
+        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``), device
+        (``/dev/v4l/by-id/...``), URL or video file; ``simulated`` for a simulated sensor, with
         its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
     sensor
         A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of one's own: what its
         camera is asked for, how its pictures are turned, cut and shrunk, in which order its
         colours are counted.  A copy of ``nodes/live/sensors/gelsight_mini.yaml`` is a start.
+    library
+        "opencv" opens the camera; "linuxpy" does so on Linux, and frames have the kernel's time
+        and number, and grey ones all of their bits (``pip install tactograph[linux]``).
     port
         The LED controller's serial port; None: found by its USB id.  ``simulated``: one made
         of software.  ``none``: the LEDs flash by themselves, and the image alone decides.
@@ -123,6 +128,7 @@ def read_camera(
     settings: dict[str, Any] = {
         "camera": str(camera),
         "sensor": sensor,
+        "library": library,
         "rate": rate,
         "exposure": exposure,
         "gain": gain,
@@ -133,7 +139,15 @@ def read_camera(
     with ExitStack() as closing:
         if order == "leds":
             flashed = open_sensor(
-                camera, port, flat, dark, wanted, ambient=ambient, queue=queue, timeout=timeout_s
+                camera,
+                port,
+                flat,
+                dark,
+                wanted,
+                ambient=ambient,
+                library=library,
+                queue=queue,
+                timeout=timeout_s,
             )
             closing.callback(flashed.close)
             settings |= {"refresh": refresh, "cycle": list(flashed.cycle)}
@@ -143,7 +157,7 @@ def read_camera(
             )
         else:
             colours = open_colour_sensor(
-                camera, wanted, preset=preset, queue=queue, timeout=timeout_s
+                camera, wanted, preset=preset, library=library, queue=queue, timeout=timeout_s
             )
             closing.callback(colours.close)
             film = make_film(flat, dark)
