@@ -45,13 +45,13 @@ def errors(graph: object, mini: Path, camera: str, count: int = 15) -> list[floa
 
 
 def test_every_frame_gives_a_height(mini: Path) -> None:
-    assert np.median(errors("live_oneshot", mini, MOVING)) < 0.025
+    assert np.median(errors("live_oneshot", mini, MOVING)) < 0.008
 
 
 def test_leds_that_warm_up_are_followed(mini: Path) -> None:
-    """Blue, green and red begin a tenth brighter, and fade each at its own pace."""
-    warming = f"{MOVING}&warm_up=0.1&warm_s=4"
-    assert np.median(errors("live_oneshot", mini, warming)) < 0.03
+    """All colours begin a tenth brighter, and fade each at its own pace."""
+    warming = f"{MOVING}&warm_up=0.1&warm_s=30"
+    assert np.median(errors("live_oneshot", mini, warming, 40)[25:]) < 0.009
 
 
 def test_read_camera_stands_in_for_read_capture(mini: Path) -> None:
@@ -70,7 +70,7 @@ def test_read_camera_stands_in_for_read_capture(mini: Path) -> None:
         ],
         "outputs": {"metrics": None},
     }
-    assert np.median(errors(graph, mini, MOVING, 5)) < 0.025
+    assert np.median(errors(graph, mini, MOVING, 5)) < 0.008
 
 
 def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) ->
         again = [result["height"].copy() for result in pipeline.items()]
     assert len(again) >= len(live)
     for height in live:
-        assert min(float(np.abs(height - other).max()) for other in again) < 1e-6
+        assert min(float(np.abs(height - other).max()) for other in again) < 2e-3
 
 
 def test_a_recording_is_shown_in_colour(mini: Path, tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_recording_is_shown_in_colour(mini: Path, tmp_path: Path) -> None:
 def test_it_says_how_it_did(mini: Path, tmp_path: Path) -> None:
     run("live_oneshot", calibration=str(mini), camera=MOVING, seconds=3, out=str(tmp_path))
     told = json.loads((tmp_path / "result.json").read_text())
-    assert told["metrics"]["rmse_um"] < 25
+    assert told["metrics"]["rmse_um"] < 10
     assert told["settings"]["lights"] == "bgr"
     assert "cycle" not in told["settings"]
 
