@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Port
-from tactograph.nodes import Height, Light
+from tactograph.nodes import Height, Labels, Light, Slope
 
 ALL_LIT = -1
 """In place of an LED's number: all LEDs are lit, a colour each."""
@@ -49,7 +49,11 @@ class LiveState:
 
 
 class Touch(NamedTuple):
-    """The newest light of every LED or colour, and the frames that are new in it."""
+    """The newest light of every LED or colour, and the frames that are new in it.
+
+    True slopes and shadows are known of no sensor at work; they are here so that a camera can
+    stand wherever `read_capture` does.
+    """
 
     image: Light
     name: str
@@ -57,3 +61,5 @@ class Touch(NamedTuple):
     new: list[RawFrame]
     state: LiveState
     truth: Height | None = None
+    truth_slope: Slope | None = None
+    truth_shadow: Labels | None = None

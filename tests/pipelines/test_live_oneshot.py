@@ -49,26 +49,27 @@ def test_every_frame_gives_a_height(mini: Path) -> None:
 
 
 def test_leds_that_warm_up_are_followed(mini: Path) -> None:
-    """All colours begin a tenth brighter, and fade each at its own pace."""
-    warming = f"{MOVING}&warm_up=0.1&warm_s=30"
-    assert np.median(errors("live_oneshot", mini, warming, 40)[25:]) < 0.009
+    """All colours begin a fifth brighter, and fade each at its own pace."""
+    warming = f"{MOVING}&warm_up=0.2&warm_s=6"
+    assert np.median(errors("live_oneshot", mini, warming, 40)[25:]) < 0.012
 
 
-def test_read_camera_stands_in_for_read_capture(mini: Path) -> None:
+def test_read_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
     graph = {
         "format": 1,
         "extends": "gelsight_mini",
-        "params": {"camera": {"kind": "text"}, "capture": {"kind": "path", "default": None}},
+        "params": {
+            "camera": {"kind": "text"},
+            "capture": {"kind": "path", "default": None},
+            "out": {"kind": "path", "default": str(tmp_path)},
+        },
         "patch": [
             {
                 "replace": "frames",
                 "op": "read_camera",
                 "with": {"camera": "$camera", "calibration": "$calibration"},
-            },
-            {"remove": "save"},
-            *({"remove": node} for node in ("score", "height_error", "slope_error")),
+            }
         ],
-        "outputs": {"metrics": None},
     }
     assert np.median(errors(graph, mini, MOVING, 5)) < 0.008
 
