@@ -14,20 +14,19 @@ import numpy as np
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Light
-from tactograph.nodes.live._camera import (
-    Camera,
+from tactograph.nodes.live._camera import Camera, Shot
+from tactograph.nodes.live._fault_log import FaultLog
+from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
+from tactograph.nodes.live._led_in_frame import FAINTEST, MOST_SATURATED, OFF, Film, cells
+from tactograph.nodes.live._open_camera import (
     Capture,
     Library,
     Plane,
-    Shot,
     View,
     Wanted,
     check_camera,
     open_capture,
 )
-from tactograph.nodes.live._fault_log import FaultLog
-from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import FAINTEST, MOST_SATURATED, OFF, Film, cells
 from tactograph.nodes.live._sensor import SIMULATED, START_S
 from tactograph.nodes.live._sensor_preset import SensorPreset
 from tactograph.nodes.live._simulated_camera import SimulatedCamera

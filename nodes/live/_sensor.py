@@ -17,14 +17,7 @@ from typing import Protocol
 
 from tactograph.graph import InputError
 from tactograph.nodes import Dark, Height, Light
-from tactograph.nodes.live._camera import (
-    Camera,
-    Capture,
-    Library,
-    Wanted,
-    check_camera,
-    open_capture,
-)
+from tactograph.nodes.live._camera import Camera
 from tactograph.nodes.live._led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -33,6 +26,7 @@ from tactograph.nodes.live._led_controller import (
 )
 from tactograph.nodes.live._led_in_frame import Film, make_film
 from tactograph.nodes.live._match_frames import Clock
+from tactograph.nodes.live._open_camera import Capture, Library, Wanted, check_camera, open_capture
 from tactograph.nodes.live._simulated_camera import LitBetween, SimulatedCamera
 from tactograph.nodes.live._simulated_controller import SimulatedController
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene

@@ -22,9 +22,9 @@ from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.rate_presses import advise, presses_per_cell, rim_slope
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.live._camera import Library, Plane, Wanted
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
 from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.live._open_camera import Library, Plane, Wanted
 from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._watch_film import Guide, colours_at_rest, tell
 

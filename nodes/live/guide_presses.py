@@ -20,7 +20,7 @@ from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
 from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.light.flat_field import flat_field
-from tactograph.nodes.live._camera import Library, Plane, Wanted
+from tactograph.nodes.live._open_camera import Library, Plane, Wanted
 from tactograph.nodes.live._sensor import open_rig
 from tactograph.nodes.live._touch_stream import Stream
 from tactograph.nodes.live._watch_film import Guide, film_at_rest, tell

@@ -17,10 +17,10 @@ from tactograph.nodes.calibrate.read_press_calibration import read_press_calibra
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._assemble import Refresh
-from tactograph.nodes.live._camera import Library, Wanted
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.live._open_camera import Library, Wanted
 from tactograph.nodes.live._sensor import open_sensor
 from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._touch_stream import Stream

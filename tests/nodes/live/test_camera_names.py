@@ -9,8 +9,8 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.command import run_command
 from tactograph.nodes.live import _camera_names
-from tactograph.nodes.live._camera import check_camera, open_capture
 from tactograph.nodes.live._camera_names import device_of, named_cameras
+from tactograph.nodes.live._open_camera import check_camera, open_capture
 
 
 def plug(sysfs: Path, number: int, name: str, serial: str, index: int = 0) -> None:

@@ -12,7 +12,6 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live import _colour_stream
-from tactograph.nodes.live._camera import Wanted
 from tactograph.nodes.live._colour_stream import (
     ColourStream,
     open_colour_sensor,
@@ -20,6 +19,7 @@ from tactograph.nodes.live._colour_stream import (
 )
 from tactograph.nodes.live._frames import ALL_LIT
 from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.live._open_camera import Wanted
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.live._camera import Camera, Wanted, open_capture, settle
+from tactograph.nodes.live._camera import Camera
 from tactograph.nodes.live._linux_camera import LinuxCapture, decode
+from tactograph.nodes.live._open_camera import Wanted, open_capture, settle
 from tactograph.nodes.live.list_cameras import _formats
 
 if sys.platform != "linux":

@@ -9,8 +9,8 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.capture.pixel_size import pixel_size
-from tactograph.nodes.live._camera import View, Wanted
 from tactograph.nodes.live._colour_stream import open_colour_sensor
+from tactograph.nodes.live._open_camera import View, Wanted
 from tactograph.nodes.live._sensor_preset import FOLDER, read_preset
 
 
