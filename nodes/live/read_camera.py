@@ -123,6 +123,11 @@ def read_camera(
         raise InputError(
             f"sensor={sensor}: counts the colours as {preset.lights}, but lights={order}"
         )
+    if order != "leds" and len(flat) != len(order):
+        raise InputError(
+            f"{calibration}: is of {len(flat)} LEDs, but a colour picture holds {len(order)} "
+            "lights; leave lights= and sensor= out for LEDs that flash"
+        )
     wanted = Wanted(width, height, rate, exposure, gain, white_balance, colour=order != "leds")
     full = float(2**bits - 1) if bits else 0.0
     settings: dict[str, Any] = {

@@ -24,7 +24,7 @@ from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
 from tactograph.nodes.live.read_camera import read_camera
-from tests.conftest import MadeOnce
+from tests.conftest import Calibration, MadeOnce
 from tests.nodes.live.oneshot import MOVING, calibrated
 
 pytestmark = pytest.mark.realtime
@@ -146,3 +146,8 @@ def test_a_grey_camera_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_picture_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="delivers 96 x 72 pixels, but the calibration is for 64"):
         open_colour_sensor(MOVING, Wanted(64, 48, 30.0, colour=True))
+
+
+def test_a_calibration_of_four_leds_is_no_colour_sensors(calibration: Calibration) -> None:
+    with pytest.raises(InputError, match="is of 4 LEDs, but a colour picture holds 3 lights"):
+        next(read_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr"))
