@@ -287,8 +287,8 @@ def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
 def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
     """Half of the frames are missing; each of the others shows its LED all the same."""
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
-    stream = Stream(sensor)
     sensor.rate = 2 * RATE
+    stream = Stream(sensor)
     for _ in stream.touches(seconds=2.6):
         pass
     sensor.close()
