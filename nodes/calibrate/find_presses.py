@@ -32,6 +32,7 @@ def find_presses(
     flat: Light,
     names: list[str],
     pixel: PixelSize,
+    known: Circles | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
 ) -> FoundPresses:
@@ -48,6 +49,8 @@ def find_presses(
         The presses' names, for messages.
     pixel
         mm per px.
+    known
+        P x 3: circles that were found already, as `guide_colour_presses` does.
     radius_mm
         The ball's radius.
 
@@ -62,6 +65,8 @@ def find_presses(
     InputError
         If fewer than 4 presses show a ball.
     """
+    if known is not None:
+        return FoundPresses(known, (known[:, 2] > 0).astype(np.float32))
     circles, goodness = [], []
     for press, name in zip(image, names, strict=True):
         light = press / np.maximum(flat, DARKEST)

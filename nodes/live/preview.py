@@ -15,6 +15,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import InputError, Port, Session, node, warn
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import Height, Labels, Light, PixelSize
+from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._frames import LiveState
 from tactograph.nodes.live._live_picture import Picture, draw_touch, round_up
 
@@ -35,6 +36,7 @@ def preview(
     time: Annotated[float, Port(unit="s")] | None = None,
     state: LiveState | None = None,
     *,
+    lights: Lights = "leds",
     where: Where = "auto",
     folder: Path = Path("preview"),
     rate_hz: Annotated[float, Gt(0)] = 10.0,
@@ -55,7 +57,7 @@ def preview(
     shadow
         H x W, the shadowed LEDs.
     image
-        K x H x W; LED 1 is shown, and under the labels the mean.
+        K x H x W; LED 1 is shown, or the colours, and under the labels the mean.
     pixel
         mm per px.
     name
@@ -64,6 +66,8 @@ def preview(
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
     state
         What the camera counts.
+    lights
+        "bgr" or "rgb" where the lights are the colours of one picture, see `read_camera`.
     where
         "auto": a window if there can be one, else files.
     folder
@@ -85,7 +89,8 @@ def preview(
     shown.count(time, state)
     if shown.is_due():
         top = top_mm or shown.top_of(height)
-        shown.show(draw_touch(height, shadow, image, pixel, top, shown.footer(state)), name)
+        footer = shown.footer(state)
+        shown.show(draw_touch(height, shadow, image, pixel, top, footer, lights), name)
 
 
 class _Window:
@@ -189,7 +194,8 @@ class _Preview:
             parts.append(f"latency {1e3 * self._latency:.0f} ms")
         if state is not None:
             parts.append(f"dropped {state.dropped}")
-            parts += [f"{fault} {count}" for fault, count in state.faults.most_common(3)]
+            others = [each for each in state.faults.most_common(4) if each[0] != "dropped"]
+            parts += [f"{fault} {count}" for fault, count in others[:3]]
         return "     ".join(parts)
 
     def show(self, picture: Picture, name: str) -> None:

@@ -208,18 +208,26 @@ MUTANTS = {
         "off-diagonal sign": ("(c * u - b * v)", "(c * u + b * v)"),
     },
     "smooth_light": {
-        "rows only": ("clamp(x + i - 2, 0, W - 1)", "x"),
-        "shifted": ("clamp(y + j - 2", "clamp(y + j - 1"),
+        "rows only": ("load_within_border(row, x + i - 2", "load_within_border(row, x"),
+        "shifted": ("within_border(y + j - 2", "within_border(y + j - 1"),
         "one plane for all": ("light + k * H * W", "light"),
     },
     "solve_reflectance_map": {
-        "height ignored": ("* height[i]", "* 0.0f * height[i]"),
-        "place ignored": ("* place[term]", "* (term ? 0.0f : 1.0f)"),
-        "lights weigh alike": ("= flat[k * size + i]", "= 1.0f"),
-        "no prior": ("float a = prior, b = 0.0f, c = prior", "float a = 0.0f, b = 0.0f, c = 0.0f"),
+        "height ignored": ("* load_floats(height", "* 0.0f * load_floats(height"),
+        "place ignored": ("sum = sum * u + polynomial[power]", "sum = polynomial[power]"),
+        "lights weigh alike": ("= load_floats(flat + k * size + at, count)", "= 1.0f"),
+        "no prior": (
+            "floats a = prior, b = none, c = prior",
+            "floats a = none, b = none, c = none",
+        ),
         "limit ignored": ("limit * square", "1e9f * square"),
         "off-diagonal sign": ("(c * s - b * t)", "(c * s + b * t)"),
-        "u and v swapped": ("monomials(column, row, place)", "monomials(row, column, place)"),
+        "u and v swapped": (
+            "degree * (degree + 1) / 2 + degree - power",
+            "degree * (degree + 1) / 2 + power",
+        ),
+        "one row for all": ("+ row * K * SHADES * POWERS", ""),
+        "still too soon": ("turned > still", "turned > 100.0f * still"),
     },
     "integrate_dct": {
         "half of the divergence": ("- LOAD_LANES(p + x - 1)", ""),
