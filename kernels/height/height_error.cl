@@ -54,7 +54,7 @@ __kernel void respond(
     __global const uchar *restrict rest, __global const float *restrict sigma,
     __global const uchar *restrict used_leds, __global const float *restrict lights,
     __global float *restrict by_p, __global float *restrict by_q, const int K, const int H,
-    const int W, const float pixel)
+    const int W, const float pixel, const float uneven)
 {
     const int size = H * W;
     GRID_LANES(at, count, size)
@@ -63,26 +63,44 @@ __kernel void respond(
     const ints used = load_bytes(used_leds + at, count);
     const ints touched = load_bytes(rest + at, count) == 0;
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    floats x, y, along_a[MOST], along_b[MOST], weight[MOST], aa = 0.0f, ab = 0.0f, bb = 0.0f;
+    floats x, y, told_a[MOST], told_b[MOST], shown[MOST], weight[MOST];
+    floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
+    const ints one_more = 1, nothing = 0;
+    ints leds = 0;
     places(at, H, W, pixel, &x, &y);
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats noise = load_floats(sigma + k * size + at, count), square = noise * noise;
         const floats sure = 1.0f / MORE_OF(square, tiny);
-        along_a[k] = (v.x + v.z * p) * nz;
-        along_b[k] = (v.y + v.z * q) * nz;
-        weight[k] = (used & (1 << k)) != 0 ? sure : none;
-        aa += weight[k] * along_a[k] * along_a[k];
-        ab += weight[k] * along_a[k] * along_b[k];
-        bb += weight[k] * along_b[k] * along_b[k];
+        const ints lit = (used & (1 << k)) != 0;
+        told_a[k] = (v.x + v.z * p) * nz;
+        told_b[k] = (v.y + v.z * q) * nz;
+        shown[k] = (v.z - v.x * p - v.y * q) * nz;
+        weight[k] = lit ? sure : none;
+        by_shown_a += weight[k] * shown[k] * told_a[k];
+        by_shown_b += weight[k] * shown[k] * told_b[k];
+        whole += weight[k] * shown[k] * shown[k];
+        leds += lit ? one_more : nothing;
+    }
+    // Of three LEDs or more, less what the film's brightness explains.
+    const floats doubt = leds > 2 ? one * (uneven * uneven) : none;
+    const floats share = doubt / (1.0f + doubt * whole);
+    floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const floats a = told_a[k], b = told_b[k];
+        told_a[k] = weight[k] * (a - share * by_shown_a * shown[k]);
+        told_b[k] = weight[k] * (b - share * by_shown_b * shown[k]);
+        aa += told_a[k] * a;
+        ab += told_a[k] * b;
+        bb += told_b[k] * b;
     }
     const floats determinant = aa * bb - ab * ab;
     const ints known = (determinant > SINGULAR * aa * bb) & touched;
     const floats divisor = known ? determinant : one;
     const floats inverse = known ? 1.0f / divisor : none;
     for (int k = 0; k < K; ++k) {
-        const floats by_a = weight[k] * (bb * along_a[k] - ab * along_b[k]) * inverse;
-        const floats by_b = weight[k] * (aa * along_b[k] - ab * along_a[k]) * inverse;
+        const floats by_a = (bb * told_a[k] - ab * told_b[k]) * inverse;
+        const floats by_b = (aa * told_b[k] - ab * told_a[k]) * inverse;
         const floats p_too = -((1.0f + p * p) * by_a + p * q * by_b);
         const floats q_too = -(p * q * by_a + (1.0f + q * q) * by_b);
         store_floats(p_too, by_p + k * size + at, count);

@@ -114,6 +114,7 @@ def height_error(
     kink: Annotated[float, Ge(0)] = 0.45,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
+    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.03,
 ) -> HeightError:
     """Return the standard deviation of the height: errors sent through the solver.
 
@@ -175,6 +176,8 @@ def height_error(
         Conjugate gradients per error.
     seed
         Of the random errors.
+    uneven
+        Standard deviation of the film's brightness, as `label_lights` had it.
 
     Returns
     -------
@@ -200,7 +203,7 @@ def height_error(
     flat = np.float32(flat_noise) * inside
     noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
     vectors, slopes = _vectors(window, height, lights, pixel), window.of(slope)
-    response = _response(window, vectors, slopes, used, rest, sigma)
+    response = _response(window, vectors, slopes, used, rest, sigma, np.float32(uneven))
     lit = expected_light(vectors, slopes)
     turn = _turns(system)
     rise_error = np.float32(rise_px * pixel)
@@ -322,31 +325,46 @@ def _hashed(x: Any) -> Any:
 
 
 def _response(
-    window: Window, vectors: F4, slope: Slope, used: Labels, rest: Mask, sigma: Light
+    window: Window,
+    vectors: F4,
+    slope: Slope,
+    used: Labels,
+    rest: Mask,
+    sigma: Light,
+    uneven: np.float32,
 ) -> _Response:
     """The derivative of the weighted least-squares normal by the lights, carried to p, q.
 
     Vectors and slope are those inside the window.
 
-    In the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y); see `label_lights`.
+    In the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y); of three LEDs or more at any
+    brightness of the film; see `label_lights`.
     """
     p, q = slope
     nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
     along_a = (vectors[:, 0] + vectors[:, 2] * p) * nz
     along_b = (vectors[:, 1] + vectors[:, 2] * q) * nz
+    shown = expected_light(vectors, slope)
     numbers = np.arange(len(vectors), dtype=np.uint8)[:, None, None]
     counts = np.ascontiguousarray(used[window.rows, window.columns]) >> numbers & 1
     noise = window.of(sigma)
     weight = counts / np.maximum(noise * noise, np.float32(1e-10))
+    square = np.where(counts.sum(axis=0) > 2, uneven * uneven, np.float32(0))
+    weighted = weight * shown
+    share = square / (np.float32(1) + square * (weighted * shown).sum(axis=0))
+    told_a, told_b = (
+        weight * (along - share * (weighted * along).sum(axis=0) * shown)
+        for along in (along_a, along_b)
+    )
     aa, ab, bb = (
-        (weight * first * second).sum(axis=0)
-        for first, second in ((along_a, along_a), (along_a, along_b), (along_b, along_b))
+        (told * along).sum(axis=0)
+        for told, along in ((told_a, along_a), (told_a, along_b), (told_b, along_b))
     )
     determinant = aa * bb - ab * ab
     known = (determinant > SINGULAR * aa * bb) & (rest[window.rows, window.columns] == 0)
     inverse = np.where(known, np.float32(1) / np.where(known, determinant, 1), np.float32(0))
-    by_a = weight * (bb * along_a - ab * along_b) * inverse
-    by_b = weight * (aa * along_b - ab * along_a) * inverse
+    by_a = (bb * told_a - ab * told_b) * inverse
+    by_b = (aa * told_b - ab * told_a) * inverse
     return _Response(
         np.asarray(-((1 + p * p) * by_a + p * q * by_b), np.float32),
         np.asarray(-(p * q * by_a + (1 + q * q) * by_b), np.float32),
@@ -428,7 +446,7 @@ def _launch(run: Launch) -> None:
     run.kernel(
         "respond", run.in_lanes(rows, columns),
         of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
-        by_p, by_q, *frame, pixel,
+        by_p, by_q, *frame, pixel, settings["uneven"],
     )  # fmt: skip
     run.kernel("level", (size,), total, size)
     for number in range(ERRORS):
