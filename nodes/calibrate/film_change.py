@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
@@ -10,9 +10,9 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, SizeLimit, node
-from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
+from tactograph.nodes import F4, Height, Light, PixelSize
 from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.light._near_light import F8, places
+from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.light.film_drift import terms
 
 DARKEST = 0.02
@@ -25,6 +25,13 @@ MOST_SHIFT = 0.1
 """Share of the image by which a camera is believed to have moved."""
 SURE = 0.3
 """Response of the phase correlation from which its peak is a shift, not chance."""
+
+
+MOST_PIXELS = 400_000
+"""More say nothing new of a film: they are put together."""
+
+TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
+"""By how much each LED's light on the film at rest, as a share of it, grows per slope p and q."""
 
 
 class FilmChange(NamedTuple):
@@ -46,7 +53,7 @@ class FilmChange(NamedTuple):
 def film_change(
     then: Light,
     now: Light,
-    lights: LightPositions,
+    tilt: TiltResponse,
     pixel: PixelSize,
     *,
     new_film: bool = False,
@@ -56,7 +63,7 @@ def film_change(
 
     With I the light then, and to first order, the light now is::
 
-        I_k (s_k (1 + a + d . grad log I_k - (p L_x + q L_y) / L_z)) + A
+        I_k s_k (1 + a - d . grad log I_k + p t_kp + q t_kq) + A
 
     s_k is the LED's strength; A, ambient light, is bright where I_k is dark; d, a shift of the
     image, follows what is uneven in I_k.  These are fitted to the whole image, with a smooth a
@@ -67,8 +74,8 @@ def film_change(
     ----------
     then, now
         K x H x W, the untouched film, dark level taken off, equally smooth.
-    lights
-        K x 3, the LEDs in mm.
+    tilt
+        K x 2 x H x W, the t above.
     pixel
         mm per px.
     new_film
@@ -83,6 +90,12 @@ def film_change(
         Strengths K; ambient light; shift (x, y) in px; H x W albedo; H x W dent in mm, up
         where the film has risen, 0 on most of the film.
     """
+    rows, columns = then.shape[1:]
+    factor = int(np.sqrt(rows * columns / MOST_PIXELS)) + 1
+    if factor > 1:
+        then, now = _reduced(then, factor), _reduced(now, factor)
+        tilt = np.stack([_reduced(part, factor) for part in tilt])
+        pixel *= columns / then.shape[2]
     moved = np.zeros(2) if new_film else _whole_shift(then, now)
     start = _shifted(then, moved)
     safe = np.maximum(start, np.float32(DARKEST)).astype(np.float64)
@@ -91,15 +104,24 @@ def film_change(
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
     left = np.where(known, ratio / np.maximum(smooth, 1e-3) - 1, 0)
     left = np.stack([cv2.GaussianBlur(p, (0, 0), smooth_px) if smooth_px else p for p in left])
-    albedo, slope = _local_part(left, lights, pixel)
+    albedo, slope = _local_part(left, tilt)
     dent = integrate_dct(slope.astype(np.float32), pixel)
+    if factor > 1:
+        size = (columns, rows)
+        albedo, dent = (cv2.resize(p, size, interpolation=cv2.INTER_LINEAR) for p in (albedo, dent))
     return FilmChange(
         strength.astype(np.float32),
         float(ambient),
-        (moved + shift).astype(np.float32),
+        (factor * (moved + shift)).astype(np.float32),
         (albedo - np.median(albedo)).astype(np.float32),
         np.asarray(dent - np.median(dent), np.float32),
     )
+
+
+def _reduced(image: F4, factor: int) -> F4:
+    """Planes of an image on larger pixels."""
+    size = (image.shape[2] // factor, image.shape[1] // factor)
+    return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in image])
 
 
 def _whole_shift(then: F4, now: F4) -> F8:
@@ -188,16 +210,10 @@ def _robust(basis: F8, ratio: F8) -> F8:
     return np.asarray(found)
 
 
-def _local_part(left: F8, lights: F4, pixel: float) -> tuple[Any, Any]:
+def _local_part(left: F8, tilt: F4) -> tuple[F8, F8]:
     """Least squares over the LEDs of each pixel: albedo H x W and slope 2 x H x W."""
-    _, rows, columns = left.shape
-    x, y = places(columns, np.float32(pixel))[None, :], places(rows, np.float32(pixel))[:, None]
-    away = lights[:, :, None, None].astype(np.float64)
-    by_p = -(away[:, 0] - x) / away[:, 2]
-    by_q = -(away[:, 1] - y) / away[:, 2]
-    design = np.stack(np.broadcast_arrays(np.ones_like(left), by_p, by_q))
-    normal = np.einsum("akij,bkij->ijab", design, design)
-    right = np.einsum("akij,kij->ija", design, left)
+    design = np.concatenate([np.ones_like(left)[:, None], tilt], axis=1).astype(np.float64)
+    normal = np.einsum("kaij,kbij->ijab", design, design)
+    right = np.einsum("kaij,kij->ija", design, left)
     found = np.linalg.solve(normal + 1e-9 * np.eye(3), right[..., None])[..., 0]
-    albedo, p, q = np.moveaxis(found, -1, 0)
-    return albedo, np.stack([p, q])
+    return found[..., 0], np.moveaxis(found[..., 1:], -1, 0)

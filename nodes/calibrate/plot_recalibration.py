@@ -14,6 +14,7 @@ from matplotlib.patches import Circle
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate._film_pictures import draw_light, draw_map
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.capture._sheet import SheetLight, cut
 
@@ -62,9 +63,10 @@ def plot_recalibration(
         place.imshow(frame.mean(axis=0), cmap="gray", vmin=0, vmax=top)
         place.set_title(f"{name} film at rest, mean light")
     _draw_press(axes[0, 2], cut(image, now.shape[1])[0], circle[of == 0])
-    _draw_map(figure, axes[1, 0], 100 * albedo, "albedo, new against old / %")
-    _draw_map(figure, axes[1, 1], 1e3 * dent, "height, new against old / um")
-    _draw_light(axes[1, 2], quality)
+    draw_map(figure, axes[1, 0], 100 * albedo, "albedo, new against old / %")
+    draw_map(figure, axes[1, 1], 1e3 * dent, "height, new against old / um")
+    light = [v for name, v in quality.items() if name.startswith("light_percent/")]
+    draw_light(axes[1, 2], np.asarray(light, np.float32), "light, new against old / %")
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
         figure.savefig(target, dpi=100)
@@ -76,19 +78,6 @@ def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
         axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
     found = (circles[:, 2] > 0).any()
     axes.set_title("check press" if found else "no check press")
-
-
-def _draw_map(figure: Figure, axes: Axes, values: F4, title: str) -> None:
-    most = float(np.percentile(np.abs(values), 99.8)) or 1.0
-    drawn = axes.imshow(values, cmap="RdBu_r", vmin=-most, vmax=most)
-    figure.colorbar(drawn, ax=axes)
-    axes.set_title(title)
-
-
-def _draw_light(axes: Axes, quality: Metrics) -> None:
-    light = {n.partition("/")[2]: v for n, v in quality.items() if n.startswith("light_percent/")}
-    axes.bar(list(light), list(light.values()), color="#3c8fe6")
-    axes.set_title("light, new against old / %")
 
 
 def _title(quality: Metrics) -> str:

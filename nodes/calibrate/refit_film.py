@@ -39,14 +39,14 @@ from tactograph.nodes.light._near_light import F8
 
 FOLDS = 4
 """So many times a quarter of the check press is held out."""
-SAMPLES = 600
+SAMPLES = 400
 """Of the check press; a few numbers need no more."""
-INDEPENDENT, INDEPENDENT_REST = 200, 20
+INDEPENDENT, INDEPENDENT_REST = 200, 5
 """What the check press, and the flat frame's fall-off, tell at most: so many numbers of each LED,
 since departures from a model are smooth."""
 BETTER = 0.95
 """A further change of the film is believed if it lowers the held-out error by this factor."""
-STEPS = 40
+STEPS = 25
 
 
 class _Open(NamedTuple):
@@ -58,8 +58,8 @@ class _Open(NamedTuple):
 
 
 OPEN = {
-    "thicker": _Open(0.5, -3.0, 3.0),
-    "gain": _Open(0.05, 0.8, 1.3),
+    "thicker": _Open(0.3, -3.0, 3.0),
+    "gain": _Open(0.01, 0.8, 1.3),
     "diffuse": _Open(0.15, -0.9, 0.9),
     "albedo": _Open(0.3, 0.0, 0.95),
     "base": _Open(0.3, 0.05, 5.0),
@@ -74,7 +74,7 @@ CHANGES = (
 )
 """What is tried, the simplest first: another thickness, another gel, another coat."""
 COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
-"""A usual coat, where a descent may begin besides the old one."""
+"""A usual coat, where its descent begins: the old film may have had none."""
 
 
 class FilmRefit(NamedTuple):
@@ -143,9 +143,9 @@ def refit_film(
     The LEDs stay where they are.  A thicker gel puts the film farther from all of them and from
     the camera; a new film may diffuse more, be brighter, be glossier.  These few numbers are
     fitted to the check press and to how the fall-off of the flat frame has changed, each held
-    near its old value (least squares with priors, robust).  Nothing, the thickness, the gel
-    and the coat are tried in this order, and each is believed if it lowers the error of
-    slices of the press held out by 5 per cent; harmonics of the old film are kept if they do.
+    near its old value (least squares with priors, robust).  The thickness is always fitted; the
+    gel, and then the coat, are believed if they lower the error of slices of the press held out
+    by 5 per cent; harmonics of the old film are left out if that does.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def refit_film(
         other = _choose(known._replace(film=plain), balls)
         if other[1] < BETTER * error:
             best, error, folds = other
-    before_error = normal_error(balls, _fit(known, balls, ()).fitted)
+    before_error = _judged(known, balls, (), None)[1]
     whole = sample_balls(*given, most=None)
     held = [
         Held(whole.only(whole.held_by % FOLDS == number), fold.fitted)
@@ -252,13 +252,11 @@ def _level(logarithm: F8) -> F8:
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
     """The simplest change that the held-out slices ask for: it, its error and its folds."""
-    best, error, folds = _judged(known, balls, (), None)
-    for names in CHANGES:
-        starts: list[dict[str, float] | None] = [None, COAT] if "base" in names else [None]
-        for start in starts:
-            tried = _judged(known, balls, names, start)
-            if tried[1] < BETTER * error:
-                best, error, folds = tried
+    best, error, folds = _judged(known, balls, CHANGES[0], None)
+    for names in CHANGES[1:]:
+        tried = _judged(known, balls, names, COAT if "base" in names else None)
+        if tried[1] < BETTER * error:
+            best, error, folds = tried
     return best, error, folds
 
 
