@@ -126,7 +126,7 @@ def _reduced(image: F4, factor: int) -> F4:
 
 def _whole_shift(then: F4, now: F4) -> F8:
     """The shift in whole pixels, where the film's texture tells it beyond doubt."""
-    fine = [np.log(np.maximum(image.mean(axis=0), DARKEST)) for image in (then, now)]
+    fine = [np.log(np.maximum(image.mean(axis=0), np.float32(DARKEST))) for image in (then, now)]
     fine = [(plane - cv2.GaussianBlur(plane, (0, 0), 4)).astype(np.float32) for plane in fine]
     window = cv2.createHanningWindow(fine[0].shape[::-1], cv2.CV_32F)
     found, response = cv2.phaseCorrelate(fine[0], fine[1], window)
@@ -146,7 +146,7 @@ def _shifted(image: F4, by: F8) -> F4:
 
 def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
     """Where every LED lights the film, then and now."""
-    known = (flat > DARKEST).all(axis=0)
+    known: NDArray[np.bool_] = np.asarray((flat > DARKEST).all(axis=0))
     dx, dy = moved.astype(int)
     rows, columns = known.shape
     known[: max(dy, 0)] = known[rows + min(dy, 0) :] = False

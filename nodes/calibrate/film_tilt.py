@@ -37,13 +37,13 @@ def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
         K x 2 x H x W.
     """
     _, rows, columns = flat.shape
-    x, y = np.meshgrid(places(columns, np.float32(pixel)), places(rows, np.float32(pixel)))
-    x, y = x.ravel().astype(np.float64), y.ravel().astype(np.float64)
+    across, down = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
+    x, y = (part.ravel().astype(np.float64) for part in np.meshgrid(across, down))
     level = np.zeros_like(x)
     by = []
     for slope in np.eye(2) * TILT:
-        up, down = (_normal(sign * slope, x.size) for sign in (1, -1))
-        change = predict(film, up, x, y, level) - predict(film, down, x, y, level)
+        more, less = (_normal(sign * slope, x.size) for sign in (1, -1))
+        change = predict(film, more, x, y, level) - predict(film, less, x, y, level)
         by.append(change.reshape(-1, rows, columns) / (2 * TILT))
     return cast(F4, np.stack(by, axis=1).astype(np.float32))
 

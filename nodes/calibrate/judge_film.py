@@ -139,8 +139,8 @@ def _of_leds(strength: F4) -> str:
     own = 100 * float(strength[k]) / usual
     if abs(own - 100) > 100 * WEAKER:
         return (
-            f"LED {k + 1} has {own:.0f} % of the light that the others have: check it and its wire, "
-            "then recalibrate"
+            f"LED {k + 1} has {own:.0f} % of the light that the others have: check it and its "
+            "wire, then recalibrate"
         )
     if abs(usual - 1) > WEAKER:
         return (
@@ -184,8 +184,8 @@ def _of_lens(dirt: _Mark) -> str:
 def _of_ambient(ambient: float) -> str:
     if abs(ambient) > AMBIENT:
         return (
-            f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or take "
-            "an image with all LEDs off (dark=) and recalibrate"
+            f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
+            "take an image with all LEDs off (dark=) and recalibrate"
         )
     return "right: none"
 

@@ -61,7 +61,7 @@ OPEN = {
     "thicker": _Open(0.3, -3.0, 3.0),
     "gain": _Open(0.01, 0.8, 1.3),
     "diffuse": _Open(0.15, -0.9, 0.9),
-    "albedo": _Open(0.3, 0.0, 0.95),
+    "albedo": _Open(0.05, 0.0, 0.95),
     "base": _Open(0.3, 0.05, 5.0),
     "roughness": _Open(0.15, 0.08, 0.6),
     "refraction": _Open(0.15, 1.0, 2.0),
@@ -100,9 +100,13 @@ class FilmRefit(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What the fit starts from: the film before, and how the flat frame's fall-off changed."""
+    """What the fit starts from: the film before, and how the flat frame changed.
+
+    `light` is by what it became brighter, `ratio` how its fall-off changed.
+    """
 
     film: Film
+    light: float
     fall: Rest
     ratio: F8
     shift_mm: float
@@ -143,7 +147,7 @@ def refit_film(
     The LEDs stay where they are.  A thicker gel puts the film farther from all of them and from
     the camera; a new film may diffuse more, be brighter, be glossier.  These few numbers are
     fitted to the check press and to how the fall-off of the flat frame has changed, each held
-    near its old value (least squares with priors, robust).  The thickness is always fitted; the
+    near its old value, the albedo near what the flat frame's brightness says (least squares with priors, robust).  The thickness is always fitted; the
     gel, and then the coat, are believed if they lower the error of slices of the press held out
     by 5 per cent; harmonics of the old film are left out if that does.
 
@@ -173,9 +177,10 @@ def refit_film(
         new film; and figures: ``check_deg/before``, the error of the normals on the check press by
         the old film, ``check_deg/held_out`` by the new one, and what has changed.
     """
-    precise = film._replace(
-        **{n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()}
-    )
+    typed: dict[str, Any] = {
+        n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()
+    }
+    precise = Film(**typed)
     used = circle[:, 2] > 0
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
@@ -195,7 +200,8 @@ def refit_film(
         Held(whole.only(whole.held_by % FOLDS == number), fold.fitted)
         for number, fold in enumerate(folds)
     ]
-    found = misfit([h for h in held if h.balls.u.size], film.others - film.lights, pixel)
+    away = np.asarray(film.others - film.lights, np.float64)
+    found = misfit([h for h in held if h.balls.u.size], away, pixel)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": error}
     thicker = best.changed.get("thicker", 0.0)
@@ -240,8 +246,9 @@ def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _
     now, then = rest_of(flat, pixel), rest_of(before, pixel)
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
-        return _Known(film, Rest(empty, empty[0], empty[0], 1), empty, shift_px * pixel)
-    return _Known(film, now, _level(now.logarithm - then.logarithm), shift_px * pixel)
+        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_px * pixel)
+    light = float(np.median(flat) / np.median(before))
+    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_px * pixel)
 
 
 def _level(logarithm: F8) -> F8:
@@ -306,6 +313,9 @@ def _fit(
     """Fit the named changes and the balls' places, with priors."""
     film, count = known.film, len(balls.centre)
     old = {name: float(getattr(film, name)) for name in names if name not in ("thicker", "diffuse")}
+    if "albedo" in old:
+        # The LEDs stay, so a film at rest that is darker reflects less.
+        old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
     lift = np.minimum(LIFT_MM, LIFT * balls.radius)
     places = np.column_stack([np.full((count, 2), known.shift_mm), lift]).ravel()

@@ -173,17 +173,16 @@ def _changed(
     """The old map with the changes that the used pixels ask for."""
     if not parts:
         return old
-    shade, light, weight, place = [], [], [], []
+    found: list[tuple[F8, ...]] = []
     for press in np.flatnonzero(kept).tolist():
         pixels = ball_pixels(bench.light[press], bench.flat, circles[press], most=PIXELS)
         chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
         slope, rise = ball_shape(pixels.x, pixels.y, circles[press], bench.radius, bench.pixel)
-        shade.append(shades(slope, rise + rim)[:, chosen])
-        place.append(terms(pixels.x, pixels.y, bench.shape)[:, chosen])
-        light.append(pixels.light[:, chosen])
-        weight.append(pixels.weight[:, chosen])
+        shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
+        of_press = shade, place, pixels.light, pixels.weight
+        found.append(tuple(part[:, chosen] for part in of_press))
     shade, place, light, weight = (
-        np.concatenate(p, axis=-1) for p in (shade, place, light, weight)
+        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
     )
     new = old.copy()
     for k, coefficients in enumerate(old):
