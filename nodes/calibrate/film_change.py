@@ -108,7 +108,7 @@ def film_change(
     dent = integrate_dct(slope.astype(np.float32), pixel)
     if factor > 1:
         size = (columns, rows)
-        albedo, dent = (cv2.resize(p, size, interpolation=cv2.INTER_LINEAR) for p in (albedo, dent))
+        albedo, dent = (np.asarray(cv2.resize(p, size), p.dtype) for p in (albedo, dent))
     return FilmChange(
         strength.astype(np.float32),
         float(ambient),
@@ -128,12 +128,12 @@ def _whole_shift(then: F4, now: F4) -> F8:
     """The shift in whole pixels, where the film's texture tells it beyond doubt."""
     fine = [np.log(np.maximum(image.mean(axis=0), np.float32(DARKEST))) for image in (then, now)]
     fine = [(plane - cv2.GaussianBlur(plane, (0, 0), 4)).astype(np.float32) for plane in fine]
-    window = cv2.createHanningWindow(fine[0].shape[::-1], cv2.CV_32F)
-    found, response = cv2.phaseCorrelate(fine[0], fine[1], window)
-    most = MOST_SHIFT * fine[0].shape[1]
-    if response < SURE or np.hypot(*found) > most:
+    rows, columns = fine[0].shape
+    window = cv2.createHanningWindow((columns, rows), cv2.CV_32F)
+    (dx, dy), response = cv2.phaseCorrelate(fine[0], fine[1], window)
+    if response < SURE or np.hypot(dx, dy) > MOST_SHIFT * columns:
         return np.zeros(2)
-    return np.round(np.array(found))
+    return np.round(np.array([dx, dy]))
 
 
 def _shifted(image: F4, by: F8) -> F4:

@@ -47,6 +47,8 @@ since departures from a model are smooth."""
 BETTER = 0.95
 """A further change of the film is believed if it lowers the held-out error by this factor."""
 STEPS = 25
+COPIES = 25
+"""Of each prior: shared out, they stay below the scale of the robust loss, which is for light."""
 
 
 class _Open(NamedTuple):
@@ -147,9 +149,10 @@ def refit_film(
     The LEDs stay where they are.  A thicker gel puts the film farther from all of them and from
     the camera; a new film may diffuse more, be brighter, be glossier.  These few numbers are
     fitted to the check press and to how the fall-off of the flat frame has changed, each held
-    near its old value, the albedo near what the flat frame's brightness says (least squares with priors, robust).  The thickness is always fitted; the
-    gel, and then the coat, are believed if they lower the error of slices of the press held out
-    by 5 per cent; harmonics of the old film are left out if that does.
+    near its old value, the albedo near what the flat frame's brightness says (least squares
+    with priors, robust).  The thickness is always fitted; the gel, and then the coat, are
+    believed if they lower the error of slices of the press held out by 5 per cent; harmonics
+    of the old film are left out if that does.
 
     Parameters
     ----------
@@ -334,13 +337,14 @@ def _fit(
         scale = 1 + film.camera * tried.changed.get("thicker", 0.0)
         parts = [
             ((balls.light - predicted(_scaled(balls, scale), tried.fitted)) / whole).ravel(),
-            (values - np.concatenate([np.zeros(3 * count), first])) / spread,
+            np.tile((values - usual) / spread / np.sqrt(COPIES), COPIES),
         ]
         if names and known.fall.x.size:
             fallen = np.log(rest_light(tried.film, known.fall.x * scale, known.fall.y * scale))
             parts.append(((known.ratio - _level(fallen - level)) / blocks).ravel())
         return np.concatenate(parts)
 
+    usual = np.concatenate([np.zeros(3 * count), first])
     begin = [(start or {}).get(name, value) for name, value in zip(names, first, strict=True)]
     bounds = np.array([(OPEN[name].low, OPEN[name].high) for name in names]).reshape(-1, 2)
     low = np.concatenate([-10 * places, bounds[:, 0]])
