@@ -21,6 +21,8 @@ FIT_WIDTH = 160
 """Pixels along the image of which the smooth part is fitted."""
 ROUNDS, CAUCHY = 12, 2.0
 """Of reweighting, and its scale in standard deviations: dents and dirt count little."""
+DOUBTED = 1e-4
+"""How firmly ambient light and a shift are held at 0: even light tells nothing of them."""
 MOST_SHIFT = 0.1
 """Share of the image by which a camera is believed to have moved."""
 SURE = 0.3
@@ -168,7 +170,10 @@ def _smooth_part(
     )
     some = np.zeros_like(known)
     some[::step, ::step] = known[::step, ::step]
-    found = _robust(basis[:, :, some].reshape(len(basis), -1), ratio[:, some].ravel())
+    doubted = np.arange(len(basis)) >= len(basis) - (0 if new_film else 3)
+    found = _robust(
+        basis[:, :, some].reshape(len(basis), -1), ratio[:, some].ravel(), doubted.astype(float)
+    )
     fitted = np.tensordot(found, basis, axes=1)
     if new_film:
         levels = fitted[:, known].mean(axis=1) if known.any() else strength
@@ -195,15 +200,15 @@ def _new_basis(place: F8, count: int) -> F8:
     return np.asarray(each.reshape(-1, count, *place.shape[1:]))
 
 
-def _robust(basis: F8, ratio: F8) -> F8:
-    """Iteratively reweighted least squares (Cauchy): columns x N, N."""
+def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
+    """Iteratively reweighted least squares (Cauchy): columns x N, N; some held near zero."""
     weight = np.ones_like(ratio)
     found = np.zeros(len(basis))
     for _ in range(ROUNDS):
         weighted = basis * weight
         normal = weighted @ basis.T
-        held = 1e-9 * np.trace(normal) / len(basis) * np.eye(len(basis))
-        found = np.linalg.solve(normal + held, weighted @ ratio)
+        held = 1e-9 * np.trace(normal) / len(basis) + DOUBTED * np.diag(normal) * doubted
+        found = np.linalg.solve(normal + np.diag(held), weighted @ ratio)
         left = ratio - found @ basis
         spread = 1.4826 * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / (CAUCHY * spread)) ** 2)

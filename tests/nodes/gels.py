@@ -20,7 +20,6 @@ X, Y = (
     for c, n in zip(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), (WIDTH, HEIGHT), strict=True)
 )
 FLASHED = light_ring(count=4, slant_deg=39.0, distance_mm=47.0)
-ONE_SHOT = light_ring(count=3, slant_deg=68.0, distance_mm=21.0, first_azimuth_deg=-90.0)
 
 
 def ball(x: float, y: float, radius: float, depth: float) -> F4:
