@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, U1
 from tactograph.nodes.calibrate._film_fit import FAINT, Balls
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import cut
@@ -40,6 +40,7 @@ def sample_balls(
     pixel: float,
     steepest: float,
     most: int | None = SAMPLES,
+    bare: U1 | None = None,
 ) -> Balls:
     """Choose samples of the balls, evenly over each.
 
@@ -57,6 +58,8 @@ def sample_balls(
         Steeper samples are left out.
     most
         Of all balls together, though `ENOUGH` of each; None: all pixels.
+    bare
+        S x W, 0 on pixels that are left out; None: there are none.
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
@@ -75,7 +78,10 @@ def sample_balls(
             max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
             max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
         ].reshape(2, -1)
-        inside = np.flatnonzero(np.hypot(xx - u0, yy - v0) < reach)
+        within = np.hypot(xx - u0, yy - v0) < reach
+        if bare is not None:
+            within &= bare[i * rows + yy, xx] > 0
+        inside = np.flatnonzero(within)
         # A stride that is no divisor of rows spreads the samples over all columns.
         inside = inside[:: 1 if each is None else inside.size // each + 1]
         yy, xx = yy[inside], xx[inside]

@@ -41,7 +41,7 @@ from tactograph.nodes.calibrate._film_fit import (
 from tactograph.nodes.calibrate._film_misfit import Held, misfit
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.capture._sheet import SheetLight
+from tactograph.nodes.capture._sheet import SheetLight, SheetMask
 from tactograph.nodes.light._near_light import F8
 
 SURELY = 15000
@@ -99,6 +99,7 @@ def fit_film(
     others: LightPlaces,
     noise: Noise,
     pixel: PixelSize,
+    bare: SheetMask | None = None,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
     steepest: Annotated[float, Gt(0)] = 3.0,
@@ -130,6 +131,8 @@ def fit_film(
         (shot, read), as `estimate_noise` gives it.
     pixel
         mm per px.
+    bare
+        S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
     camera_mm
         Height of the pupil above the film, where it is known.
     steepest, shift_px
@@ -148,7 +151,8 @@ def fit_film(
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
-    balls = sample_balls(light, flat, circle, radius, of, lights, noise, pixel, steepest)
+    given = light, flat, circle, radius, of, lights, noise, pixel, steepest
+    balls = sample_balls(*given, bare=bare)
     width = pixel * flat.shape[2]
     trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
     start = start_at(lights, strength, len(balls.centre))
@@ -171,7 +175,7 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    whole = sample_balls(light, flat, circle, radius, of, lights, noise, pixel, steepest, most=None)
+    whole = sample_balls(*given, most=None, bare=bare)
     typed["misfit"] = _misfit(
         trial, best, whole, bad, np.asarray(others - lights, np.float64), pixel
     )

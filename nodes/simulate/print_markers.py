@@ -22,7 +22,7 @@ def print_markers(
     radius_mm: Annotated[float, Gt(0.01)] = 0.3,
     dash_mm: Annotated[float, Ge(0)] = 0.0,
     contrast: Annotated[float, Interval(ge=0, le=1)] = 0.7,
-    drag_x_mm: Annotated[float, Interval(ge=-5, le=5)] = 0.0,
+    drag_x_mm: Annotated[float, Interval(ge=-5, le=5)] = 0.5,
     drag_y_mm: Annotated[float, Interval(ge=-5, le=5)] = 0.0,
     center_x_mm: Annotated[float, Interval(ge=-10, le=10)] = 0.0,
     center_y_mm: Annotated[float, Interval(ge=-10, le=10)] = 0.0,
