@@ -29,9 +29,9 @@ MUTANTS = {
     },
     "fill_masked": {
         "mask inverted": ("if (!mask[pixel])", "if (mask[pixel])"),
-        "masked pixels count": ("if (mask[j * W + i])", "if (1)"),
-        "not divided by the weights": ("value = sum / total", "value = sum"),
-        "columns weigh alike": ("sum += taps[j - y + radius] * row_sum", "sum += row_sum"),
+        "masked pixels count": ("if (!mask[j * W + i]) continue;", ""),
+        "no plane": ("value = middle - p * mx - q * my", "value = middle"),
+        "columns weigh alike": ("* taps[j - y + radius]", ""),
     },
     "print_markers": {
         "the film stays": ("u = x - drag_x_mm * near", "u = x"),

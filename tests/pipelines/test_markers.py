@@ -13,7 +13,7 @@ from tests.pipelines.test_accuracy import run
 
 PIXEL_MM = 1 / 7
 SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM, "seed": 1}
-PRINT = {"pitch_mm": 3.0, "marker_mm": 0.5}
+PRINT = {"pitch_mm": 2.0, "marker_mm": 0.25}
 TOUCH = {"radius_mm": 5.0, "rise_mm": 1.5}
 DRAG_MM = 1.0
 

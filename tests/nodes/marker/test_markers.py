@@ -38,7 +38,7 @@ PRESSED = lit(press(ball(0.5, -0.3, 4.0, 1.0), PIXEL_MM))
 
 def seen(light: F4, seed: int = 1, **changed: float) -> F4:
     """What the camera sees of a film with markers: noise, and 8 bit."""
-    printed = print_markers(light, PIXEL_MM, **{**DOTS, **changed})
+    printed = print_markers(light, PIXEL_MM, **{**DOTS, "drag_x_mm": 0.0, **changed})
     noise = 0.004 * np.sqrt(printed) * np.random.default_rng(seed).normal(size=printed.shape)
     return (np.round((printed + noise).clip(0, 1) * 255) / 255).astype(np.float32)
 
