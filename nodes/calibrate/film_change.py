@@ -203,12 +203,12 @@ def _new_basis(place: F8, count: int) -> F8:
 def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
     """Iteratively reweighted least squares (Cauchy): columns x N, N; some held near zero."""
     weight = np.ones_like(ratio)
-    found = np.zeros(len(basis))
+    found: F8 = np.zeros(len(basis))
     for _ in range(ROUNDS):
         weighted = basis * weight
         normal = weighted @ basis.T
         held = 1e-9 * np.trace(normal) / len(basis) + DOUBTED * np.diag(normal) * doubted
-        found = np.linalg.solve(normal + np.diag(held), weighted @ ratio)
+        found = np.asarray(np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64)
         left = ratio - found @ basis
         spread = 1.4826 * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / (CAUCHY * spread)) ** 2)

@@ -45,7 +45,8 @@ def fill_masked(
     near = np.maximum(total, LEAST)
 
     def mean(plane: F4, in_x: F4, in_y: F4) -> F4:
-        return _spread(plane * known, taps * in_x, taps * in_y) / near
+        found = _spread(plane * known, taps * in_x, taps * in_y)
+        return np.asarray(found / near, np.float32)
 
     one, square = np.ones_like(away), away * away
     plain = np.ones_like(known)

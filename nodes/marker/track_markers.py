@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -82,7 +81,8 @@ def track_markers(
         return Tracks(
             nothing, np.zeros(len(places), np.uint8), _figures(nothing, nothing[:, 0], pixel)
         )
-    pitch = float(np.median(cKDTree(places).query(places, 2)[0][:, 1]))
+    away = np.asarray(cKDTree(places).query(places, 2)[0])
+    pitch = float(np.median(away[:, 1]))
     start = None if before is None or before.shape != (len(places), 2) else before.astype(float)
     shift, seen = _follow(places, found, pitch, farthest * pitch, start)
     return Tracks(shift.astype(np.float32), seen, _figures(shift, seen, pixel))
@@ -102,51 +102,38 @@ def _follow(
     places: F8, found: F8, pitch: float, farthest: float, before: F8 | None
 ) -> tuple[F8, U1]:
     """Match markers with spots, from those that are sure to their neighbours."""
-    tree, spots = cKDTree(places), cKDTree(found)
-    near = [
-        np.array([j for j in tree.query_ball_point(place, NEIGHBOURS * pitch) if j != i], int)
-        for i, place in enumerate(places)
-    ]
-    shift, known, seen = (
-        np.zeros_like(places),
-        np.zeros(len(places), bool),
-        np.zeros(len(places), np.uint8),
-    )
-    taken: set[int] = set()
-    queue: list[tuple[int, float, int]] = []
+    spots, taken = cKDTree(found), np.zeros(len(found), bool)
+    pairs = cKDTree(places).query_pairs(NEIGHBOURS * pitch, output_type="ndarray")
+    near = np.zeros((len(places), len(places)), bool)
+    near[pairs[:, 0], pairs[:, 1]] = near[pairs[:, 1], pairs[:, 0]] = True
+    shift, known = np.zeros_like(places), np.zeros(len(places), bool)
+    seen = np.zeros(len(places), np.uint8)
 
-    def settle(i: int, expected: F8, most: float) -> bool:
+    def settle(i: int, expected: F8, most: float) -> None:
         away, spot = spots.query(places[i] + expected)
-        good = bool(away < most) and int(spot) not in taken
-        if good:
-            taken.add(int(spot))
-        shift[i] = found[int(spot)] - places[i] if good else expected
-        seen[i] = good
-        return good
+        seen[i] = away < most and not taken[spot]
+        shift[i] = found[spot] - places[i] if seen[i] else expected
+        taken[spot] |= bool(seen[i])
 
-    rim = _rim(places, RING * pitch) if before is None else np.ones(len(places), bool)
-    for i in np.flatnonzero(rim):
-        expected = np.zeros(2) if before is None else before[i]
-        if settle(int(i), expected, SEED * pitch if before is None else farthest):
+    start = _rim(places, RING * pitch) if before is None else np.ones(len(places), bool)
+    for i in np.flatnonzero(start).tolist():
+        if before is None:
+            settle(i, np.zeros(2), SEED * pitch)
+            known[i] = seen[i]
+        else:
+            settle(i, before[i], farthest)
             known[i] = True
     if not known.any():
         # All of the film has moved: nothing to begin with but the nearest spots.
         for i in range(len(places)):
-            known[i] = settle(i, np.zeros(2), farthest)
-    for i in np.flatnonzero(~known):
-        heapq.heappush(queue, (-int(known[near[i]].sum()), 0.0, int(i)))
-    while queue:
-        number, _, i = heapq.heappop(queue)
-        if known[i]:
-            continue
-        sure = near[i][known[near[i]]]
-        if len(sure) > -number:
-            heapq.heappush(queue, (-len(sure), 0.0, i))
-            continue
-        settle(i, _expected(places, shift, i, sure), farthest)
+            settle(i, np.zeros(2), farthest)
+            known[i] = True
+    sure = near[:, known].sum(axis=1)
+    while not known.all():
+        i = int(np.where(known, -1, sure).argmax())
+        settle(i, _expected(places, shift, i, np.flatnonzero(near[i] & known)), farthest)
         known[i] = True
-        for j in near[i][~known[near[i]]]:
-            heapq.heappush(queue, (-int(known[near[j]].sum()), 0.0, int(j)))
+        sure += near[i]
     return shift, seen
 
 
