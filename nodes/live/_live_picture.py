@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.nodes import F4, Height, Labels, Light
+from tactograph.nodes import F4, U1, Height, Labels, Light
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
+from tactograph.nodes.marker._arrows import draw_arrows
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -36,7 +37,13 @@ LABELS = 256
 
 
 def draw_touch(
-    height: Height, shadow: Labels, image: Light, pixel: float, top: float, footer: str
+    height: Height,
+    shadow: Labels,
+    image: Light,
+    pixel: float,
+    top: float,
+    footer: str,
+    moved: tuple[F4, F4, U1] | None = None,
 ) -> Picture:
     """Draw height, camera image and shadow labels side by side.
 
@@ -54,6 +61,9 @@ def draw_touch(
         The height in mm at which the colours end.
     footer
         One line of text.
+    moved
+        Markers M x 3 in px, their shifts M x 2 and whether they are seen, M: drawn as arrows
+        over the camera image.
     """
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
@@ -63,6 +73,9 @@ def draw_touch(
     canvas = np.empty((GAP + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP, right + small + GAP, 3), "u1")
     canvas[:] = GROUND
     first, mean = _grey(image[:1], small, half), _grey(image, small, half)
+    if moved is not None:
+        markers, shift, seen = moved
+        draw_arrows(first, markers[:, :2], shift, seen, small / columns)
     upper, lower = GAP + TITLE_PX, GAP + 2 * TITLE_PX + half + GAP
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP, upper)
     _place(canvas, _ramp(HEIGHT_PX), GAP + width + GAP, upper)

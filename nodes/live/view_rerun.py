@@ -19,6 +19,8 @@ from tactograph.graph import InputError, Port, Provenance, Session, node, warn
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
 from tactograph.nodes.live._live_picture import colour_height, round_up
+from tactograph.nodes.marker.find_markers import Markers
+from tactograph.nodes.marker.track_markers import Shifts
 
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
@@ -44,6 +46,8 @@ def view_rerun(
     error: HeightError | None = None,
     metrics: Metrics | None = None,
     time: Annotated[float, Port(unit="s")] | None = None,
+    markers: Markers | None = None,
+    shift: Shifts | None = None,
     *,
     viewer: Viewer = "spawn",
     url: str = "rerun+http://127.0.0.1:9876/proxy",
@@ -80,6 +84,9 @@ def view_rerun(
         Figures to plot over time.
     time
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
+    markers, shift
+        Markers M x 3, as `find_markers` gives them, and their shifts M x 2, as `track_markers`
+        does: arrows over the image of LED 1.
     viewer
         "spawn": open one on this screen, or use the one that is open.  "connect": to the one
         at `url`, here or elsewhere.  "none": only the file.
@@ -116,6 +123,8 @@ def view_rerun(
     age = now - time if time is not None else None
     stream.begin(age)
     stream.images(image[:, ::image_step, ::image_step], shadow, image_step)
+    if markers is not None and shift is not None:
+        stream.arrows(markers, shift, image_step)
     stream.surface(height, pixel, surface_step)
     stream.section(height, error, pixel)
     if error is not None:
@@ -296,6 +305,11 @@ class _Stream:
             self.log("shadow", rr.AnnotationContext(_classes(image.shape[0])), static=True)
             self._colours_sent = True
         self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
+
+    def arrows(self, markers: Markers, shift: Shifts, step: int) -> None:
+        """By what the film has moved, over the image of LED 1."""
+        rr, place = rerun(), (markers[:, :2] + np.float32(0.5)) / step
+        self.log("camera/led1/markers", rr.Arrows2D(vectors=shift / step, origins=place))
 
     def surface(self, height: Height, pixel: float, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""

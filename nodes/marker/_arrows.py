@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1
 
-FOLLOWED, GUESSED = (0, 176, 255), (154, 154, 154)
-"""Colours (blue, green, red) of markers that are seen and of those that are not."""
+FOLLOWED, GUESSED = (255, 176, 0), (154, 154, 154)
+"""Colours (red, green, blue) of markers that are seen and of those that are not."""
 BITS = 4
 """OpenCV draws in sixteenths of a pixel."""
 
@@ -22,7 +22,7 @@ def draw_arrows(
     Parameters
     ----------
     picture
-        H x W x 3 of 8 bit; it is drawn into and returned.
+        H x W x 3 of 8 bit, red first; it is drawn into and returned.
     place, shift, seen
         M x 2 and M x 2 in px of the image, and M.
     scale

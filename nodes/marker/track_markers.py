@@ -26,12 +26,15 @@ Shifts = Annotated[F4, Port("M 2", "px")]
 """By what each marker has moved, x and y."""
 
 
+Seen = Annotated[U1, Port("M", "flag", high=1)]
+"""0: a marker is not seen; its shift is what its neighbours' say."""
+
+
 class Tracks(NamedTuple):
     """Where each marker has gone, and the figures."""
 
     shift: Shifts
-    seen: Annotated[U1, Port("M", "flag", high=1)]
-    """0: not seen; its shift is what its neighbours' say."""
+    seen: Seen
     quality: Metrics
 
 

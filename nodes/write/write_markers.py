@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import cv2
 import numpy as np
 
-from tactograph.graph import Port, node
+from tactograph.graph import node
 from tactograph.graph.files.whole_files import whole_files
-from tactograph.nodes import U1, Light, PixelSize
+from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.marker._arrows import draw_arrows
 from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Shifts
+from tactograph.nodes.marker.track_markers import Seen, Shifts
 
 HEAD = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
 LEAST_WIDTH = 640
@@ -24,7 +23,7 @@ LEAST_WIDTH = 640
 def write_markers(
     markers: Markers,
     shift: Shifts,
-    seen: Annotated[U1, Port("M", "flag", high=1)],
+    seen: Seen,
     image: Light,
     pixel: PixelSize,
     name: str,
@@ -64,8 +63,9 @@ def write_markers(
     scale = -(-LEAST_WIDTH // columns)
     grey = (255 * image.mean(axis=0).clip(0, 1)).astype(np.uint8)
     large = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
-    picture = draw_arrows(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), place, shift, seen, scale)
+    picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2RGB), np.uint8)
+    draw_arrows(picture, place, shift, seen, scale)
     with whole_files(folder / name if name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
         np.savetxt(target / "markers.csv", table, formats, ",", header=HEAD, comments="")
-        cv2.imwrite(str(target / "markers.png"), picture)
+        cv2.imwrite(str(target / "markers.png"), picture[..., ::-1])

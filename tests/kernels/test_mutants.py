@@ -22,6 +22,10 @@ MUTANTS = {
         "the darkest LED": ("found = fmin(found, 1.0f", "found = fmax(-found, 1.0f"),
         "black divided by": ("fmax(closed[i], darkest)", "closed[i]"),
     },
+    "bare_variance": {
+        "markers trusted": ("bare[i] ? film : marker", "bare[i] ? film : film"),
+        "q forgotten": ("out[H * W + i] = bare[i]", "bare[i]"),
+    },
     "bare_film": {
         "markers and film swapped": ("bare = 0;", "bare = 2;"),
         "not grown": ("darkness[j * W + i] > dark", "darkness[y * W + x] > dark"),
