@@ -1,4 +1,7 @@
-"""Show and record a stream of touches with Rerun: images, labels, surface, error band, times."""
+"""Show and record a stream of touches with Rerun: images, labels, surface, error band, times.
+
+Long because all that is shown of a touch goes into one recording.
+"""
 
 from __future__ import annotations
 
@@ -85,8 +88,7 @@ def view_rerun(
     time
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
     markers, shift
-        Markers M x 3, as `find_markers` gives them, and their shifts M x 2, as `track_markers`
-        does: arrows over the image of LED 1.
+        M x 3 and M x 2 in px, as `track_markers` has them: arrows over the image of LED 1.
     viewer
         "spawn": open one on this screen, or use the one that is open.  "connect": to the one
         at `url`, here or elsewhere.  "none": only the file.
@@ -123,8 +125,7 @@ def view_rerun(
     age = now - time if time is not None else None
     stream.begin(age)
     stream.images(image[:, ::image_step, ::image_step], shadow, image_step)
-    if markers is not None and shift is not None:
-        stream.arrows(markers, shift, image_step)
+    stream.arrows(markers, shift, image_step)
     stream.surface(height, pixel, surface_step)
     stream.section(height, error, pixel)
     if error is not None:
@@ -306,10 +307,10 @@ class _Stream:
             self._colours_sent = True
         self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
 
-    def arrows(self, markers: Markers, shift: Shifts, step: int) -> None:
-        """By what the film has moved, over the image of LED 1."""
-        rr, place = rerun(), (markers[:, :2] + np.float32(0.5)) / step
-        self.log("camera/led1/markers", rr.Arrows2D(vectors=shift / step, origins=place))
+    def arrows(self, markers: Markers | None, shift: Shifts | None, step: int) -> None:
+        if markers is not None and shift is not None:
+            moved = {"origins": (markers[:, :2] + 0.5) / step, "vectors": shift / step}
+            self.log("camera/led1/markers", rerun().Arrows2D(**moved))
 
     def surface(self, height: Height, pixel: float, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""
