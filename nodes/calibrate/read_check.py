@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light
 from tactograph.nodes.capture._image_files import Crop, Leds, Lights
-from tactograph.nodes.capture.read_balls import BallPresses, read_balls
+from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
 
 ANY_BALL = 1e3
 """Radius in mm that stands for no ball: it limits nothing."""
@@ -22,7 +20,9 @@ def read_check(
     flat: Light,
     *,
     folder: Path | None = None,
-    radius_mm: Annotated[float, Gt(0)] | None = None,
+    radius_mm: Millimetres | None = None,
+    center_px: tuple[float, float] | None = None,
+    contact_px: Millimetres | None = None,
     lights: Lights | None = None,
     leds: Leds | None = None,
     files: str = "led{}",
@@ -36,7 +36,7 @@ def read_check(
         K x H x W, the film at rest, which every press has to fit.
     folder
         A capture, or a folder of captures; None: there is no check press.
-    radius_mm, lights, leds, files, crop
+    radius_mm, center_px, contact_px, lights, leds, files, crop
         As for `read_balls`.
 
     Raises
@@ -48,7 +48,14 @@ def read_check(
         radius, known = np.full(1, ANY_BALL, np.float32), np.zeros((1, 3), np.float32)
         return BallPresses(flat, flat, radius, known, [])
     taken = read_balls(
-        folder=folder, radius_mm=radius_mm, lights=lights, leds=leds, files=files, crop=crop
+        folder=folder,
+        radius_mm=radius_mm,
+        center_px=center_px,
+        contact_px=contact_px,
+        lights=lights,
+        leds=leds,
+        files=files,
+        crop=crop,
     )
     if taken.first.shape != flat.shape:
         k, rows, columns = taken.first.shape
