@@ -4,6 +4,9 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 DEMO   := demo
 
+# Tests start Python a hundred times: keep what it compiles.
+test lint: export PYTHONDONTWRITEBYTECODE =
+
 .PHONY: demo demo-live test types lint docs ablation clean
 
 # The package and its dependencies; again whenever pyproject.toml changes.
@@ -40,8 +43,9 @@ $(VENV)/.tested: $(VENV)/.installed
 
 test: $(VENV)/.tested lint
 	$(BIN)/tactograph devices --require
-	@# Two workers on two cores: threads of OpenBLAS would only wait for one another.
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m 'not realtime'
+	@# Two workers on two cores: threads of OpenBLAS would only wait for one another.  Each
+	@# begins with a half of the tests, so that neighbours share what they make.
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not realtime'
 	$(BIN)/python -m pytest -m realtime
 
 lint: $(VENV)/.tested types

@@ -33,16 +33,6 @@ from tactograph.nodes.shadow.shadow_confidence import shadow_confidence
 BOUNDS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.0)
 SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")
 COEFFICIENTS = ("sure", "by_light", "at_edge", "near_edge", "by_light_contradicted")
-INPUTS = {
-    "shadow": "shadow",
-    "seen": "label_3.shadow",
-    "light": "light",
-    "sigma": "sigma",
-    "slope": "final.slope",
-    "height": "settled_3",
-    "lights": "cal.lights",
-    "pixel": "cal.pixel_size",
-}
 
 
 def main() -> None:
@@ -84,7 +74,8 @@ def reliability(stated: NDArray[Any], right: NDArray[Any]) -> None:
 def fit(folder: Path) -> None:
     """The likeliest coefficients on simulated captures."""
     graph = read_graph("precise")
-    graph = replace(graph, outputs=INPUTS)
+    inputs = graph.nodes["sure"].inputs
+    graph = replace(graph, outputs=inputs)
     known, right = [], []
     for name, rig in RIGS.items():
         ball, flat, calibration = (folder / name / part for part in ("press", "flat", "cal.npz"))
@@ -100,7 +91,7 @@ def fit(folder: Path) -> None:
             leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
             height = np.load(capture / "truth_height_mm.npy").astype(np.float32)
             truth = cast_shadows(height, np.array(leds, np.float32), rig.pixel_mm)
-            known.append({port: found[port] for port in INPUTS})
+            known.append({port: found[port] for port in inputs})
             right.append(found["shadow"] == truth)
 
     def loss(values: NDArray[Any]) -> float:

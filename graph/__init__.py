@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.declare_node import node
-from tactograph.graph.declare.node import Node, Parts, SizeLimit
+from tactograph.graph.declare.node import Node, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import Port
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
@@ -48,6 +48,7 @@ __all__ = [
     "Provenance",
     "Session",
     "SizeLimit",
+    "SizeRule",
     "TactographError",
     "Wanted",
     "load",

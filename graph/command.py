@@ -25,6 +25,7 @@ COMMANDS = (
     "nodes",
     "new-node",
     "devices",
+    "cameras",
     "bench",
     "schema",
 )

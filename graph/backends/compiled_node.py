@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ import pyopencl as cl
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source, scalar_type
+from tactograph.graph.backends.programs import build
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
 
@@ -46,16 +46,14 @@ class Compiled:
 def _build(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, Kernel]:
     source = kernel_source(node)
     signatures = kernel_signatures(source)
-    program = cl.Program(queue.context, source)
     macros = [f"-D{name}={value}" for name, value in {"LANES": queue.lanes, **constants}.items()]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # compilers' remarks on their own speed
-        try:
-            program = program.build(options=[*queue.options, *macros])
-        except cl.RuntimeError as error:
-            lines = [line for line in str(error).splitlines() if "error" in line.lower()]
-            reason = lines[0] if lines else str(error)
-            raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
+    try:
+        program = build(queue.context, source, (*queue.options, *macros))
+    except cl.RuntimeError as error:
+        lines = [line for line in str(error).splitlines() if "error" in line.lower()]
+        reason = lines[0] if lines else str(error)
+        raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
+    # Pipelines share a program, but a kernel holds the arguments of its own next launch.
     return {
         kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
         for kernel in program.all_kernels()

@@ -54,6 +54,8 @@ class DeviceBackend(Protocol):
         What graph files call it.
     name
         The device's own name.
+    driver
+        What runs it, and which version: another may give other numbers.
     serial
         Tells it and its compiled kernels from any other in this process.
     error
@@ -66,6 +68,7 @@ class DeviceBackend(Protocol):
 
     backend: str
     name: str
+    driver: str
     serial: str
     error: type[Exception]
     lanes: int

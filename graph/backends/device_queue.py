@@ -26,6 +26,7 @@ from tactograph.graph.backends.arrays import (
 from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel import Kernel
+from tactograph.graph.backends.programs import build, context_of
 
 _FRACTION = """
 #if LANES == 16
@@ -62,14 +63,16 @@ class Queue:
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         self.name = device.name
+        self.driver = device.handle.driver_version
         self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or (16 if self.is_cpu else 1)
-        self.context = cl.Context([device.handle])
+        self.context = context_of(device.handle)
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.pool = pyopencl.tools.MemoryPool(pyopencl.tools.ImmediateAllocator(self.queue))
         self.poison: int | None = None
+        self._fractions: dict[int, Kernel] = {}
         self.options = ["-cl-std=CL1.2"]
         correctly_rounded = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
         if device.handle.single_fp_config & correctly_rounded:
@@ -114,7 +117,7 @@ class Queue:
         source, (started, _) = self.start_upload(array)
         target = self.empty(array.shape, np.dtype(np.float32))
         full = np.float32(np.iinfo(array.dtype).max)
-        kernel = self._fraction[array.dtype.itemsize]
+        kernel = self._fraction(array.dtype.itemsize)
         local = local_size(1)
         work_items = global_size(in_lanes(array.shape, self.lanes), local)
         arguments = (source.buffer, target.buffer, np.int32(array.size), full)
@@ -124,17 +127,13 @@ class Queue:
         marker = cl.enqueue_marker(self.queue)
         return marker, marker
 
-    @cached_property
-    def _fraction(self) -> dict[int, Kernel]:
-        """The kernels of `start_upload_of_fraction`, by bytes per element."""
-        return {
-            size: Kernel(
-                cl.Program(self.context, _FRACTION)
-                .build(options=[*self.options, f"-DLANES={self.lanes}", f"-DWHOLE={whole}"])
-                .fraction
-            )
-            for size, whole in ((1, "uchar"), (2, "ushort"))
-        }
+    def _fraction(self, size: int) -> Kernel:
+        """The kernel of `start_upload_of_fraction` for integers of one or two bytes."""
+        if size not in self._fractions:
+            macros = f"-DLANES={self.lanes}", f"-DWHOLE={'uchar' if size == 1 else 'ushort'}"
+            program = build(self.context, _FRACTION, (*self.options, *macros))
+            self._fractions[size] = Kernel(cl.Kernel(program, "fraction"))
+        return self._fractions[size]
 
     @cached_property
     def clock_ahead(self) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -131,8 +132,9 @@ def _probed(handle: cl.Device) -> Device:
     return Device(_name(handle), kind, handle, trouble is None, verdict, simulator)
 
 
+@cache
 def _run_probe(handle: cl.Device) -> str | None:
-    """Compile and run a small kernel; return what is wrong, or None."""
+    """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
     context = cl.Context([handle])

@@ -21,6 +21,7 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
     from tactograph.graph.backends.device_backend import open_device
     from tactograph.graph.files.changes import with_changes
+    from tactograph.graph.files.groups import alike, uses_of
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.plan.make_plan import make_plan
     from tactograph.graph.run.open_pipeline import placeholders
@@ -37,7 +38,12 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     for line in _written(read, plan):
         say(f"writes: {line}")
     for unused in plan.unused:
-        say(f"not used by any output: {unused}")
+        # A use of a group need not want all that the group makes.
+        if not any(node in plan.tasks for node in alike(read, unused)):
+            say(f"not used by any output: {unused}")
+    for group in read.groups:
+        if not uses_of(read, group):
+            say(f"not used by any node: the group {group}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():
         given = "optional" if param.default is None else f"default {param.default}"

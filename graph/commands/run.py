@@ -157,6 +157,9 @@ def _ports_of(graph: Graph, node: str) -> dict[str, str]:
     from tactograph.graph.declare.find_node import find_node
     from tactograph.graph.errors import InputError
 
+    if node in graph.uses:
+        made = graph.groups[graph.uses[node].group].body.outputs
+        return {f"{node}.{output}": f"{node}.{output}" for output in made}
     outputs = find_node(graph.entry(node).op, graph.own).outputs
     if not outputs:
         raise InputError(f"--until {node}: it only writes; name a node that makes something")

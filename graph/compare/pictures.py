@@ -211,16 +211,19 @@ def _png(figure: Figure) -> str:
     for ax in figure.axes:
         ax.title.set_fontsize(8.5)
         ax.tick_params(labelsize=8)
-    return _uri(figure, "png", "image/png", dpi=130)
+    figure.set_dpi(130)
+    stream = io.BytesIO()
+    # `savefig` draws twice.
+    FigureCanvasAgg(figure).print_png(stream)  # type: ignore[no-untyped-call]
+    return _uri(stream, "image/png")
 
 
 def _svg(figure: Figure) -> str:
-    return _uri(figure, "svg", "image/svg+xml")
-
-
-def _uri(figure: Figure, form: str, media: str, **how: Any) -> str:
     stream = io.BytesIO()
     # Without a date the same figures give the same page.
-    metadata = {"Date": None} if form == "svg" else None
-    figure.savefig(stream, format=form, metadata=metadata, **how)
+    figure.savefig(stream, format="svg", metadata={"Date": None})
+    return _uri(stream, "image/svg+xml")
+
+
+def _uri(stream: io.BytesIO, media: str) -> str:
     return f"data:{media};base64,{base64.b64encode(stream.getvalue()).decode()}"

@@ -159,7 +159,7 @@ def _step_cell(line: Line, name: str) -> str:
 def _label(line: Line, lines: Iterable[Line]) -> str:
     """The run in a few words: only what tells it from the others."""
     several = len({other.backend for other in lines}) > 1
-    swept = [f"{target.partition('.')[2]} {_value(v)}" for target, v in line.sweep.items()]
+    swept = [f"{target.rpartition('.')[2]} {_value(v)}" for target, v in line.sweep.items()]
     return ", ".join([line.variant, *swept, *([line.backend] if several else [])])
 
 

@@ -13,6 +13,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.groups import group_of, meant_nodes
 from tactograph.graph.files.strict_yaml import parse_scalar
 
 MOST_VALUES = 1000
@@ -97,12 +98,13 @@ def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) 
 
 def has_parameter(graph: Graph, target: str) -> bool:
     """Whether the graph has this ``node.param``, in a node that is not taken out."""
-    node_id, _, name = target.partition(".")
-    entry = graph.nodes.get(node_id)
-    return (
-        entry is not None
-        and not entry.neutral
-        and name in find_node(entry.op, graph.own).parameters
+    node_id, _, name = target.rpartition(".")
+    group = group_of(graph, node_id)
+    if group is not None:
+        return name in group.body.params
+    entries = [graph.nodes[each] for each in meant_nodes(graph, node_id)]
+    return any(
+        not entry.neutral and name in find_node(entry.op, graph.own).parameters for entry in entries
     )
 
 
@@ -118,8 +120,8 @@ def seed_like(graphs: Iterable[Graph]) -> list[str]:
 
 
 def _is_target(target: str) -> bool:
-    node_id, dot, name = target.partition(".")
-    return bool(dot) and node_id.isidentifier() and name.isidentifier()
+    parts = target.split(".")
+    return len(parts) > 1 and all(part.isidentifier() for part in parts)
 
 
 def _list(text: str) -> tuple[Any, ...]:
@@ -151,21 +153,30 @@ def _number(text: str) -> int | float:
 
 
 def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
-    node_id, _, name = target.partition(".")
-    entry = graph.nodes[node_id]
-    value = entry.settings.get(name, find_node(entry.op, graph.own).parameters[name].default)
+    node_id, _, name = target.rpartition(".")
+    group = group_of(graph, node_id)
+    if group is not None:
+        use = graph.uses.get(node_id)
+        value = use.settings[name] if use is not None else group.body.params[name].default
+    else:
+        entry = graph.nodes[meant_nodes(graph, node_id)[0]]
+        value = entry.settings.get(name, find_node(entry.op, graph.own).parameters[name].default)
     if isinstance(value, str) and value.startswith("$"):
         return given.get(value[1:], graph.params[value[1:]].default)
     return value
 
 
 def _what_there_is(graphs: Sequence[Graph], target: str) -> str:
-    node_id, _, name = target.partition(".")
-    holders = [graph for graph in graphs if node_id in graph.nodes]
+    node_id, _, name = target.rpartition(".")
+    for graph in graphs:
+        group = group_of(graph, node_id)
+        if group is not None:
+            return f"'{node_id}' has no param '{name}'; it has: {', '.join(group.body.params)}"
+    holders = [graph for graph in graphs if meant_nodes(graph, node_id)]
     if not holders:
         known = dict.fromkeys(n for graph in graphs for n in graph.nodes)
         return f"no graph has a node '{node_id}'; there are: {', '.join(known)}"
-    entry = holders[0].nodes[node_id]
+    entry = holders[0].nodes[meant_nodes(holders[0], node_id)[0]]
     if entry.neutral:
         return f"node '{node_id}' is taken out of every graph"
     return _no_parameter(node_id, name, find_node(entry.op, holders[0].own))

@@ -8,7 +8,7 @@ import typing
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit
+from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
@@ -26,7 +26,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
-    derived: Mapping[str, Parts] | None = None,
+    derived: Mapping[str, Parts | SizeRule] | None = None,
     endless: bool = False,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
@@ -37,7 +37,7 @@ def node(
     neutral: float | str | None = None,
     tolerance: Tolerance | None = None,
     sizes: Mapping[str, SizeLimit] | None = None,
-    derived: Mapping[str, Parts] | None = None,
+    derived: Mapping[str, Parts | SizeRule] | None = None,
     endless: bool = False,
 ) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
@@ -52,7 +52,8 @@ def node(
     sizes
         Limits on size symbols, with the sentence a user reads when they are not met.
     derived
-        Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``.
+        Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``, or by any
+        rule, a `SizeRule`.
     endless
         A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
         to end a run, not an accident.
@@ -73,7 +74,7 @@ def _declare(
     neutral: float | str | None,
     tolerance: Tolerance | None,
     sizes: Mapping[str, SizeLimit],
-    derived: Mapping[str, Parts],
+    derived: Mapping[str, Parts | SizeRule],
     endless: bool,
 ) -> Node:
     """Read a function's signature."""
@@ -173,6 +174,5 @@ def _check_derived(declared: Node) -> None:
     for symbol, parts in declared.derived.items():
         if {symbol, parts.of} - set(declared.symbols) or parts.by not in declared.parameters:
             raise TypeError(
-                f"{declared.name}: size {symbol} = {parts.of} / {parts.by} names no size or "
-                "no parameter"
+                f"{declared.name}: size {symbol} = {parts} names no size or no parameter"
             )

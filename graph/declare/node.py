@@ -50,6 +50,27 @@ class Parts:
     def size(self, whole: int, settings: Mapping[str, Any]) -> int:
         return -(-whole // int(settings[self.by]))
 
+    def __str__(self) -> str:
+        return f"{self.of} / {self.by}"
+
+
+@dataclass(frozen=True)
+class SizeRule:
+    """A size that follows from another and a parameter, as a function of both says.
+
+    The function raises InputError where the two do not go together.
+    """
+
+    of: str
+    by: str
+    rule: Callable[[int, Any], int]
+
+    def size(self, whole: int, settings: Mapping[str, Any]) -> int:
+        return self.rule(whole, settings[self.by])
+
+    def __str__(self) -> str:
+        return f"{self.of}, {self.by}"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -82,7 +103,7 @@ class Node:
     neutral: float | str | None
     tolerance: Tolerance
     sizes: Mapping[str, SizeLimit]
-    derived: Mapping[str, Parts]
+    derived: Mapping[str, Parts | SizeRule]
     package: str = "tactograph"
     provenance: str | None = None
     session: str | None = None

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import annotated_types
 import numpy as np
 from numpy.typing import NDArray
+from pydantic.fields import FieldInfo
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend, open_device
@@ -259,11 +260,11 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
 
 
 def _settings(node: Node) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Default parameters, then each at its lowest, highest and every choice."""
+    """Default parameters, then each at its lowest, highest, every choice and every example."""
     default = {name: _default(p) for name, p in node.parameters.items()}
     yield "default", default
     for name, parameter in node.parameters.items():
-        for label, value in _extremes(parameter):
+        for label, value in (*_extremes(parameter), *_examples(parameter)):
             yield f"{name}={label}", {**default, name: value}
 
 
@@ -281,6 +282,13 @@ def _extremes(parameter: Parameter) -> list[tuple[str, Any]]:
         low, high = _bounds(parameter)
         return [("lowest", base(low)), ("highest", base(high))]
     return []
+
+
+def _examples(parameter: Parameter) -> list[tuple[str, Any]]:
+    """The values that a parameter's ``Field(examples=[...])`` states."""
+    marks = typing.get_args(parameter.annotation)[1:]
+    stated = [mark.examples or [] for mark in marks if isinstance(mark, FieldInfo)]
+    return [(str(value), value) for values in stated for value in values]
 
 
 def _base(parameter: Parameter) -> Any:

@@ -25,8 +25,8 @@ def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set")
         If a change names no node of the graph.
     """
     for target, value in changes.items():
-        node_id, dot, setting = target.partition(".")
-        if not dot or not setting:
+        node_id, dot, setting = target.rpartition(".")
+        if not dot or not node_id or not setting:
             raise InputError(f"{asked} {target}: write it as node.param=value")
         places = {"": Place(asked, 0, 0, target)}
         change = {"set": node_id, "settings": {setting: plain(value)}}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +69,27 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class Use:
+    """A place where a group is used.
+
+    As a file says it: what it gives to the group.  In a flat graph: every input that reads
+    something, as a reference of that graph, and every param.
+    """
+
+    group: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    places: Mapping[str, Place] = field(default_factory=dict)
+
+    def where(self, key: str = "") -> str:
+        """``file:line:column: path`` of a key such as ``in.height``, or of the use."""
+        return str(self.place(key))
+
+    def place(self, key: str) -> Place:
+        return self.places.get(key, self.places[""])
+
+
+@dataclass(frozen=True)
 class Graph:
     """A flat graph: what `tactograph resolve` prints and what the hash is taken of."""
 
@@ -79,6 +100,9 @@ class Graph:
     nodes: Mapping[str, Entry]
     outputs: Mapping[str, str]
     places: Mapping[str, Place] = field(default_factory=dict, compare=False)
+    groups: Mapping[str, Group] = field(default_factory=dict, compare=False, repr=False)
+    uses: Mapping[str, Use] = field(default_factory=dict, compare=False, repr=False)
+    """Which nodes came of which group; a change may speak of either."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that no package brings, by name; see `load`."""
 
@@ -143,10 +167,19 @@ class Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
 
 
-def split_reference(reference: str) -> tuple[str, str | None]:
-    """Split ``cal.flat`` into node and port; a bare ``cal`` has no port."""
-    node_id, _, port = reference.partition(".")
-    return node_id, port or None
+@dataclass(frozen=True)
+class Group:
+    """A graph inside a graph: `body` has the params, nodes, uses and outputs, as written."""
+
+    inputs: Mapping[str, Param]
+    """A default is a reference of the graph around, or None: the input may be left out."""
+    body: Graph
+
+
+def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:
+    """Split ``cal.flat`` or ``pass_2.label.slope`` into node and port; ``cal`` has no port."""
+    node_id, _, port = reference.rpartition(".")
+    return (reference, None) if reference in nodes or not node_id else (node_id, port)
 
 
 def split_previous(reference: str) -> tuple[str, bool]:

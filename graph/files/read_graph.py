@@ -4,117 +4,31 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import replace
 from importlib import resources
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationError,
-)
-
-from tactograph.graph.backends import PREFERRED, Backend
+from tactograph.graph.backends import PREFERRED
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.apply_patch import apply_patch
-from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph, Param
+from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
+from tactograph.graph.files.graph_model import (
+    GraphModel,
+    GroupInputModel,
+    GroupParamModel,
+    NodeModel,
+    ParamModel,
+    UseModel,
+    validate,
+)
+from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
 from tactograph.graph.files.plain_data import as_document
 from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
-Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
-Input = Annotated[str, StringConstraints(pattern=r"^(previous\.)?[A-Za-z_]\w*(\.[A-Za-z_]\w*)?$")]
-Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
-
-
 GROUP = "tactograph.pipelines"
-
-_WANTED = {
-    "model_type": "a mapping is needed",
-    "dict_type": "a mapping is needed",
-    "list_type": "a list is needed",
-    "too_short": "at least one is needed",
-    "string_type": "text is needed",
-    "bool_type": "true or false is needed",
-}
-
-
-def _whole(value: Any) -> Any:
-    """Keep `true` and 1.0, which equal 1 to Python, from passing for it."""
-    if type(value) is not int:
-        raise ValueError("a whole number is needed")
-    return value
-
-
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class ParamModel(_Strict):
-    """A value that the user gives on the command line."""
-
-    kind: Kind = Field(description="What the value is.")
-    help: str = Field("", description="One line for people.")
-    default: Any = Field(None, description="Without it, the value must be given.")
-
-
-class NodeModel(_Strict):
-    """A node of the graph."""
-
-    op: Name = Field(description="The node's name; `tactograph nodes` lists them.")
-    inputs: dict[Name, Input] = Field(
-        default={},
-        alias="in",
-        description="Input port: node or node.port it reads; previous.node.port reads the "
-        "value of the item before.",
-    )
-    settings: dict[Name, Any] = Field(
-        default={}, alias="with", description="Parameters; $name stands for a graph parameter."
-    )
-    backend: Backend | None = Field(None, description="Refuse to run elsewhere.")
-    neutral: bool = Field(False, description="Take the node out; its neutral value stands in.")
-
-
-class PatchModel(_Strict):
-    """One change to the graph that is extended; exactly one verb."""
-
-    set: Name | None = Field(None, description="Change parameters (`with`) of this node.")
-    replace: Name | None = Field(None, description="Put another node in this one's place.")
-    insert: Name | None = Field(None, description="Add a node, `after` a reference if given.")
-    remove: Name | None = Field(None, description="Remove this node.")
-    backend: Name | None = Field(None, description="Run this node on the back end `to`.")
-    neutral: Name | None = Field(None, description="Let this node's neutral value stand in.")
-    op: Name | None = None
-    inputs: dict[Name, Input] | None = Field(None, alias="in")
-    settings: dict[Name, Any] | None = Field(None, alias="with")
-    after: Reference | None = Field(
-        None, description="Every reader of this value reads the inserted node instead."
-    )
-    to: Backend | None = None
-
-
-class GraphModel(_Strict):
-    """A graph file, or, with `extends`, a change to another one."""
-
-    format: Annotated[Literal[1], BeforeValidator(_whole)] = Field(
-        description="The version of this file format."
-    )
-    title: str = ""
-    extends: str | None = Field(None, description="Another graph file, or a shipped one's name.")
-    params: dict[Name, ParamModel] = {}
-    prefer: Annotated[list[Backend], Field(min_length=1)] | None = Field(
-        None, description="Back ends in order of preference."
-    )
-    nodes: dict[Name, NodeModel] | None = None
-    patch: list[PatchModel] | None = None
-    outputs: dict[Name, Reference | None] = Field(
-        {}, description="null, with `extends`: the other graph's output is not wanted."
-    )
 
 
 def shipped_names() -> list[str]:
@@ -210,7 +124,7 @@ def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
 
 def _resolved(document: Document, name: str, folder: Path, chain: tuple[Path, ...]) -> Graph:
     """The graph of a document that lies in `folder`, with `extends` followed."""
-    model = _validate(document)
+    model = validate(document)
     if model.extends is None:
         return _flat(model, document, name)
     if model.nodes is not None:
@@ -223,20 +137,24 @@ def _resolved(document: Document, name: str, folder: Path, chain: tuple[Path, ..
     except InputError as error:
         raise GraphError(f"{document.place(('extends',))}: {error}") from None
     parent = _read(parent_file, chain)
+    _refuse_taken(model.groups, {*parent.nodes, *parent.uses}, parent.groups, document)
     merged = Graph(
         name=name,
         title=model.title or parent.title,
-        params={**parent.params, **_params(model, document)},
+        params={**parent.params, **_params(model.params, document, ("params",))},
         prefer=tuple(model.prefer) if model.prefer is not None else parent.prefer,
         nodes=parent.nodes,
         outputs=_wanted({**parent.outputs, **model.outputs}),
         places={**parent.places, **_places(document, ())},
+        groups={**parent.groups, **_groups(model, document)},
+        uses=parent.uses,
     )
+    merged = _flat_outputs(merged)
     for index, change in enumerate(model.patch or []):
         places = _places(document, ("patch", index))
         stated = {name: getattr(change, name) for name in change.model_fields_set}
         merged = apply_patch(merged, stated, places)
-    return merged
+    return _flat_outputs(merged)
 
 
 def _flat(model: GraphModel, document: Document, name: str) -> Graph:
@@ -244,25 +162,80 @@ def _flat(model: GraphModel, document: Document, name: str) -> Graph:
         raise GraphError(f"{document.place(('patch',))}: 'patch' needs 'extends'")
     if not model.nodes:
         raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")
-    return Graph(
+    _refuse_taken(model.groups, model.nodes, (), document)
+    for node_id in model.nodes:
+        inside = {node_id[:at] for at, letter in enumerate(node_id) if letter == "."}
+        for outer in sorted(inside & model.nodes.keys()):
+            raise GraphError(
+                f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
+            )
+    graph = Graph(
         name=name,
         title=model.title,
-        params=_params(model, document),
+        params=_params(model.params, document, ("params",)),
         prefer=tuple(model.prefer if model.prefer is not None else PREFERRED),
-        nodes={
-            node_id: Entry(
-                op=node.op,
-                inputs=node.inputs,
-                settings=node.settings,
-                backend=node.backend,
-                neutral=node.neutral,
-                places=_places(document, ("nodes", node_id)),
-            )
-            for node_id, node in model.nodes.items()
-        },
+        nodes={},
         outputs=_wanted(model.outputs),
         places=_places(document, ()),
+        groups=_groups(model, document),
     )
+    return _flat_outputs(with_nodes(graph, _entries(model.nodes, document, ("nodes",))))
+
+
+def _flat_outputs(graph: Graph) -> Graph:
+    outputs = {
+        name: flat_reference(graph, reference, "", graph.where(f"outputs.{name}"))
+        for name, reference in graph.outputs.items()
+    }
+    return replace(graph, outputs=_wanted(outputs))
+
+
+def _entries(
+    nodes: Mapping[str, NodeModel | UseModel], document: Document, path: Path_
+) -> dict[str, Entry | Use]:
+    found: dict[str, Entry | Use] = {}
+    for node_id, node in nodes.items():
+        places = _places(document, (*path, node_id))
+        if isinstance(node, UseModel):
+            found[node_id] = Use(node.group, node.inputs, node.settings, places)
+        else:
+            found[node_id] = Entry(
+                node.op, node.inputs, node.settings, node.backend, node.neutral, places
+            )
+    return found
+
+
+def _groups(model: GraphModel, document: Document) -> dict[str, Group]:
+    found: dict[str, Group] = {}
+    for name, stated in model.groups.items():
+        path: Path_ = ("groups", name)
+        entries = _entries(stated.nodes, document, (*path, "nodes"))
+        body = Graph(
+            name=name,
+            title="",
+            params=_params(stated.params, document, (*path, "params")),
+            prefer=(),
+            nodes={n: entry for n, entry in entries.items() if isinstance(entry, Entry)},
+            outputs=stated.outputs,
+            places=_places(document, path),
+            uses={n: use for n, use in entries.items() if isinstance(use, Use)},
+        )
+        found[name] = Group(_params(stated.inputs, document, (*path, "inputs")), body)
+        refuse_idle(name, found[name])
+    return found
+
+
+def _refuse_taken(
+    groups: Iterable[str], nodes: Iterable[str], earlier: Container[str], document: Document
+) -> None:
+    """Refuse a group whose name would not tell it from a node, or from another group."""
+    taken = {node.partition(".")[0] for node in nodes}
+    for name in groups:
+        place = document.place(("groups", name))
+        if name in earlier:
+            raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
+        if name in taken:
+            raise GraphError(f"{place}: a node is called '{name}' too; give another name")
 
 
 def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
@@ -276,57 +249,17 @@ def _places(document: Document, path: Path_) -> dict[str, Place]:
     return {dotted(p[size:]): place for p, place in document.places.items() if p[:size] == path}
 
 
-def _params(model: GraphModel, document: Document) -> dict[str, Param]:
-    given = document.data.get("params") or {}
+def _params(
+    stated: Mapping[str, ParamModel | GroupParamModel | GroupInputModel | None],
+    document: Document,
+    path: Path_,
+) -> dict[str, Param]:
     return {
-        name: Param(param.kind, param.help, "default" not in given[name], param.default)
-        for name, param in model.params.items()
+        name: Param(
+            param.kind if isinstance(param, ParamModel) else "",
+            param.help if param else "",
+            (*path, name, "default") not in document.places,
+            param.default if param else None,
+        )
+        for name, param in stated.items()
     }
-
-
-def _validate(document: Document) -> GraphModel:
-    if not isinstance(document.data, dict):
-        raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")
-    try:
-        return GraphModel.model_validate(document.data)
-    except ValidationError as error:
-        raise GraphError(_first_error(error, document)) from None
-
-
-def _first_error(error: ValidationError, document: Document) -> str:
-    first = error.errors()[0]
-    kind = first["type"]
-    path: Path_ = first["loc"]
-    if path[-1] == "[key]" and kind != "extra_forbidden":
-        path = path[:-1]
-    place = document.place(path)
-    if kind == "extra_forbidden":
-        known = _known_keys(path)
-        return f"{place}: unknown key '{path[-1]}'{did_you_mean(str(path[-1]), known)}"
-    if kind == "missing":
-        return f"{place}: '{path[-1]}' is missing"
-    value = first.get("input")
-    if kind == "string_pattern_mismatch":
-        return f"{place}: {_short(value)} is not a name such as 'cal' or 'cal.flat'"
-    if path == ("format",):
-        return f"{place}: this version reads format {FORMAT}, not {_short(value)}"
-    wanted = _WANTED.get(kind)
-    if wanted is None and kind == "literal_error":
-        wanted = f"{first['ctx']['expected']} is needed"
-    return f"{place}: {wanted or first['msg'].lower()}, not {_short(value)}"
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _known_keys(path: Path_) -> list[str]:
-    model: type[BaseModel] = GraphModel
-    if path[0] == "nodes" and len(path) > 1:
-        model = NodeModel
-    elif path[0] == "patch":
-        model = PatchModel
-    elif path[0] == "params" and len(path) > 1:
-        model = ParamModel
-    return [field.alias or name for name, field in model.model_fields.items()]

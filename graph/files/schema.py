@@ -8,7 +8,8 @@ from tactograph.graph.declare.check_settings import model_of
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
-from tactograph.graph.files.read_graph import GraphModel, shipped_names
+from tactograph.graph.files.graph_model import GraphModel
+from tactograph.graph.files.read_graph import shipped_names
 
 
 def make_schema() -> dict[str, Any]:

@@ -7,7 +7,9 @@ refused, so a graph file means what it looks like and can neither import anythin
 from __future__ import annotations
 
 import re
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +29,21 @@ _DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a graph file, counted from 1; line 0: not from a file."""
+    """A place in a graph file, counted from 1; line 0: not from a file.
+
+    `use` is the place that uses the group which this one is in.
+    """
 
     file: str
     line: int
     column: int
     path: str = ""
+    use: Place | None = None
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return f"{where}: {self.path}" if self.path else where
+        where = f"{where}: {self.path}" if self.path else where
+        return f"{where} (used by {self.use})" if self.use else where
 
 
 @dataclass
@@ -89,6 +96,13 @@ def read_yaml(file: Path) -> Document:
 
 def parse_yaml(text: str, name: str) -> Document:
     """Parse YAML text; `name` stands for the file in messages."""
+    parsed = _parsed(text, name)
+    return Document(deepcopy(parsed.data), dict(parsed.places))
+
+
+@lru_cache(64)
+def _parsed(text: str, name: str) -> Document:
+    """Variants extend the same few graphs, and parsing one takes longer than the rest of it."""
     if found := _DIRECTIVE.match(text):
         line = found[0].count("\n") + 1
         raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")

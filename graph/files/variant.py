@@ -12,6 +12,7 @@ from ruamel.yaml.main import YAML
 
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.files.whole_files import whole_file
 
@@ -47,6 +48,20 @@ def changes_between(
             found.append({"backend": name, "to": entry.backend})
         if entry.neutral and not old.neutral:
             found.append({"neutral": name})
+    return _once_for_all_uses(base, found)
+
+
+def _once_for_all_uses(graph: Graph, changes: list[Change]) -> list[Change]:
+    """The changes, those that every use of a group has alike said of the group."""
+    found: list[Change] = []
+    for change in changes:
+        verb = next(iter(change))
+        path, _, node = change[verb].rpartition(".")
+        nodes = alike(graph, change[verb])
+        if path in graph.uses and all({**change, verb: each} in changes for each in nodes):
+            change = {**change, verb: f"{graph.uses[path].group}.{node}"}
+        if change not in found:
+            found.append(change)
     return found
 
 

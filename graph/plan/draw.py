@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.plan.plan import Plan, Step
 
@@ -16,11 +18,14 @@ def to_dot(plan: Plan) -> str:
         '  rankdir=LR; node [fontname="sans-serif", fontsize=10, style="filled,rounded"];',
         '  edge [fontname="sans-serif", fontsize=8];',
     ]
+    drawn: dict[str, list[str]] = {}
     for step in plan.steps:
-        lines.append(
-            f'  "{step.name}" [label="{_label(plan, step, chr(92) + "n")}", '
+        drawn.setdefault(_use(step), []).append(
+            f'"{step.name}" [label="{_label(plan, step, chr(92) + "n")}", '
             f'shape={_SHAPES[step.kind]}, fillcolor="{COLOURS[step.backend]}"];'
         )
+    cluster = 'subgraph "cluster_{use}" {{ label="{use}"; color="#999999"; fontsize=10;'
+    lines += _in_clusters(drawn, cluster, "}")
     lines += [f'  "{a}" -> "{b}" [label="{port}"];' for a, b, port in edges(plan)]
     lines += [
         f'  "{a}" -> "{b}" [label="previous {port}", style=dashed, constraint=false];'
@@ -33,15 +38,38 @@ def to_mermaid(plan: Plan) -> str:
     """The plan as a Mermaid flow chart."""
     ids = {step.name: f"n{index}" for index, step in enumerate(plan.steps)}
     lines = ["flowchart LR"]
+    drawn: dict[str, list[str]] = {}
     for step in plan.steps:
         left, right = ("([", "])") if step.kind in ("upload", "download") else ("[", "]")
-        lines.append(
-            f'  {ids[step.name]}{left}"{_label(plan, step, "<br/>")}"{right}:::{step.backend}'
+        drawn.setdefault(_use(step), []).append(
+            f'{ids[step.name]}{left}"{_label(plan, step, "<br/>")}"{right}:::{step.backend}'
         )
+    lines += _in_clusters(drawn, 'subgraph use_{id}["{use}"]', "end")
     lines += [f"  {ids[a]} -->|{port}| {ids[b]}" for a, b, port in edges(plan)]
     lines += [f"  {ids[a]} -.->|previous {port}| {ids[b]}" for a, b, port in recalls(plan)]
     lines += [f"  classDef {name} fill:{colour}" for name, colour in COLOURS.items()]
     return "\n".join([*lines, ""])
+
+
+def _use(step: Step) -> str:
+    """The use of a group that a step is in: what stands before the last dot of its node."""
+    node = step.name if step.kind in ("run", "fill") else step.reads[0].node
+    return node.rpartition(".")[0]
+
+
+def _in_clusters(
+    drawn: Mapping[str, Sequence[str]], begin: str, end: str, around: str = "", deep: str = "  "
+) -> list[str]:
+    """The lines of each use between `begin` and `end`, a use inside another in its lines."""
+    lines = [f"{deep}{line}" for line in drawn.get(around, ())]
+    prefix = f"{around}." if around else ""
+    inside = [use[len(prefix) :].partition(".")[0] for use in drawn if use.startswith(prefix)]
+    for name in dict.fromkeys(filter(None, inside)):
+        use = prefix + name
+        body = _in_clusters(drawn, begin, end, use, f"{deep}  ")
+        first = begin.format(use=use, id=use.replace(".", "_"))
+        lines += [f"{deep}{first}", *body, f"{deep}{end}"]
+    return lines
 
 
 def edges(plan: Plan, *, transfers: bool = True) -> list[tuple[str, str, str]]:

@@ -18,6 +18,7 @@ from tactograph.graph.files.flat_graph import (
     split_previous,
     split_reference,
 )
+from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 
@@ -48,17 +49,15 @@ def bind(
             sources = ", ".join(n for n, node in found.items() if node.source)
             raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
     passed = _passed_through(graph, found)
-    if PREVIOUS in graph.nodes:
-        raise GraphError(f"{graph.nodes[PREVIOUS].where()}: no node can be called '{PREVIOUS}'")
+    for node_id, entry in graph.nodes.items():
+        if PREVIOUS in node_id.split("."):
+            raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS}'")
     edges = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
     reads = {n: reads for n, (reads, _) in edges.items()}
     recalls = {n: recalls for n, (_, recalls) in edges.items()}
     dag = _dag(reads)
     _refuse_cycles(graph, dag)
-    outputs = {
-        name: _resolve(reference, graph, found, passed, graph.where(f"outputs.{name}"))
-        for name, reference in graph.outputs.items()
-    }
+    outputs = {name: _output(name, graph, found, passed) for name in graph.outputs}
     wanted = {value.node for value in outputs.values()}
     if sinks:
         wanted |= {n for n in reads if found[n].sink}
@@ -151,7 +150,7 @@ def _reads(
 def _record(
     name: str, reference: str, graph: Graph, found: Mapping[str, Node], node: Node, where: str
 ) -> dict[str, Value]:
-    source, port = split_reference(reference)
+    source, port = split_reference(reference, graph.nodes)
     _known_node(source, graph, where)
     record = node.input_records[name]
     fields: tuple[str, ...] = record._fields  # type: ignore[attr-defined]
@@ -161,6 +160,15 @@ def _record(
             f"({', '.join(fields)}); '{reference}' is not one"
         )
     return {f"{name}.{field}": Value(source, field) for field in fields}
+
+
+def _output(
+    name: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
+) -> Value:
+    where = graph.where(f"outputs.{name}")
+    # A program may ask for an output of a group's use, which the flat graph calls otherwise.
+    flat = flat_reference(graph, graph.outputs[name], "", where)
+    return _resolve(str(flat), graph, found, passed, where)
 
 
 def _known_node(name: str, graph: Graph, where: str) -> None:
@@ -186,7 +194,7 @@ def _resolve(
 
 def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) -> Value:
     """The output that a reference speaks of."""
-    source, port = split_reference(reference)
+    source, port = split_reference(reference, graph.nodes)
     _known_node(source, graph, where)
     outputs = found[source].outputs
     if not outputs:

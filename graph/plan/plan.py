@@ -9,6 +9,7 @@ from typing import Any, Literal
 from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, split_reference
+from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
@@ -74,8 +75,9 @@ class Plan:
         InputError
             If the plan makes no such value.
         """
-        name, port = split_reference(reference)
         where = f"{self.graph.name}: {reference}"
+        flat = str(flat_reference(self.graph, reference, "", where))
+        name, port = split_reference(flat, self.graph.nodes)
         if name not in self.tasks:
             if name in self.passed:
                 raise InputError(f"{where}: '{name}' is taken out; it is {self.passed[name]}")

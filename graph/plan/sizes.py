@@ -108,7 +108,7 @@ class SizeClasses:
         sizes = self.sizes_of(task, known) if task.node.derived else {}
         for symbol, parts in task.node.derived.items():
             if parts.of in sizes:
-                by = f"{task.id} ({parts.of} / {parts.by})"
+                by = f"{task.id} ({parts})"
                 bound = Bound(parts.size(sizes[parts.of], task.settings), by)
                 self._bind_one(known, self.root[task.id, symbol], symbol, bound)
 

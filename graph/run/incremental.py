@@ -115,12 +115,23 @@ class Incremental:
             elif step.kind in ("upload", "download"):
                 times.pop(step.name, None)
 
+    def needed(self, targets: Iterable[Spot]) -> set[str]:
+        """The steps that the targets come of, by name."""
+        found: set[str] = set()
+        waiting = list(targets)
+        while waiting:
+            step = self._maker[waiting.pop()]
+            if step.name not in found:
+                found.add(step.name)
+                waiting.extend(read_by(self._plan, step))
+        return found
+
     def reach(self, value: Value, walk: Walk) -> Any:
         """A value of the last item, made again if it is not there any more."""
         on_host = Spot(value, "host")
         spot = on_host if on_host in self._maker else Spot(value, "device")
         steps = [step for step in self._plan.steps if not self._is_sink(step)]
-        self._make(steps, "", [spot], walk, {}, 1)
+        self.compute(steps, [spot], walk, {})
         # On the device it was released at once if nothing in the graph reads it.
         kept = Kept(self._keys[value.node], value.port, spot.side)
         return self._cache.take(kept) if kept in self._cache else self._held(spot)

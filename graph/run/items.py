@@ -175,6 +175,10 @@ class Items:
     ) -> Result:
         computing = [*self._once[0], *self._stream[0]]
         sinks = self._stream[1] if self._only is None else []
+        if self._only is not None:
+            asked = [Spot(value, "host") for value in self._outputs().values()]
+            needed = incremental.needed([*asked, *recalled_by(self._plan)])
+            computing = [step for step in computing if step.name in needed]
         try:
             _, total = self._run((computing, sinks), {}, given, repeats)
         finally:
@@ -256,7 +260,8 @@ class Items:
         wanted = [Spot(value, "host") for value in self._outputs().values()]
         wanted += [spot for step in sinks for spot in read_by(self._plan, step)]
         wanted = [spot for spot in wanted if spot.value.node in there]
-        if len(steps) > len(self._once[0]) or not self._once[1]:
+        is_part = self._only is not None
+        if is_part or len(steps) > len(self._once[0]) or not self._once[1]:
             wanted += recalled_by(self._plan)
         start = time.perf_counter()
         incremental.compute(steps, wanted, self._walk(given), self.times, repeats)

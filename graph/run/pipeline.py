@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import InputError, collect_warnings
 from tactograph.graph.files.changes import with_changes
+from tactograph.graph.files.groups import meant_nodes
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
@@ -193,7 +194,7 @@ class Pipeline:
         Parameters
         ----------
         node
-            Its name in the graph.
+            Its name in the graph; also a use of a group, or ``group.node`` for every use.
         **settings
             Its parameters, as ``with`` of a graph file gives them.
 
@@ -209,19 +210,24 @@ class Pipeline:
         """
         place = "set"
         changes = {f"{node}.{name}": value for name, value in settings.items()}
-        graph = with_changes(self.plan.graph, changes, place)
-        graph.entry(node)
+        before = self.plan.graph
+        graph = with_changes(before, changes, place)
+        if not meant_nodes(graph, node):
+            graph.entry(node)
+        changed = [n for n in self.plan.tasks if graph.nodes[n] != before.nodes[n]]
         with self._turn:
-            task = self.plan.tasks.get(node)
-            if task is not None and not task.stand_in:
-                found = settings_of(graph.nodes[node], graph, task.node, self.plan.given)
-                task.entry, task.settings = graph.nodes[node], found
+            tasks = [self.plan.tasks[n] for n in changed if not self.plan.tasks[n].stand_in]
+            found = {
+                task.id: settings_of(graph.nodes[task.id], graph, task.node, self.plan.given)
+                for task in tasks
+            }
+            for task in tasks:
+                task.entry, task.settings = graph.nodes[task.id], found[task.id]
             self.plan.graph = graph
             if not self._items.keeps:
                 self._items.keep(Cache())
                 self._has_run = False
-            if task is not None:
-                self._items.settings_changed([node])
+            self._items.settings_changed(changed)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
         """Run the last item once more: settings as they are now, its sources as they were.

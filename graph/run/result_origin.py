@@ -9,7 +9,7 @@ import importlib.util
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.machinery import ModuleSpec
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import tactograph.graph
-from tactograph.graph.backends import devices
+from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
@@ -65,8 +65,8 @@ def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Ori
     for package in {node.package for node in nodes}:
         found |= _versions_around(package)
     names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
-    uses_device = names != ["numpy"] or device is not None
-    name = _device(devices.choose_device, device) if uses_device else ""
+    opened, _ = open_device(names, device)
+    name = f"{opened.name}, driver {opened.driver}" if opened is not None else ""
     return Origin({"engine": _engine(), **code}, dict(sorted(found.items())), name)
 
 
@@ -219,11 +219,3 @@ def _versions_around(package: str) -> Mapping[str, str]:
         except importlib.metadata.PackageNotFoundError:
             continue
     return found
-
-
-@cache
-def _device(
-    choose: Callable[[str | None], tuple[devices.Device | None, str]], text: str | None
-) -> str:
-    found, _ = choose(text)
-    return f"{found.name}, driver {found.handle.driver_version}" if found else ""

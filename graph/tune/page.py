@@ -21,6 +21,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe, range_of
 from tactograph.graph.errors import TactographError
+from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import shipped_names
 from tactograph.graph.files.strict_yaml import parse_scalar
 from tactograph.graph.plan.draw import COLOURS
@@ -315,6 +316,10 @@ class _Page:
                 ui.label(name).classes("t-name").props("data-testid=node")
                 ui.label(entry.op).classes("t-quiet")
                 ui.space()
+                if len(alike(tuning.graph, name)) > 1:
+                    every = ui.switch("every use", value=tuning.every)
+                    every.props("dense data-testid=every").bind_value_to(tuning, "every")
+                    every.tooltip("what changes here changes in every use of the group")
                 backends = [AS_FILE, *sorted(node.backends)]
                 ui.select(
                     backends,

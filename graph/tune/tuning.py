@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.files.changes import plain
 from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import graph_file, read_graph
 from tactograph.graph.files.variant import Change, changes_between, write_variant
 from tactograph.graph.plan.make_plan import make_plan
@@ -76,6 +77,8 @@ class Tuning:
     output
         The output that is looked at: it is made and shown first, figures and all else follow
         when no newer change waits.
+    every
+        Whether a change to a node of a group is one to that node in every use.
     """
 
     def __init__(
@@ -96,6 +99,7 @@ class Tuning:
         self.rates: deque[float] = deque()
         self.playing = False
         self.output: str | None = None
+        self.every = False
         self._cache = Cache()
         self._runners = [Runner(given, self._cache, backend, device) for _ in range(2)]
         self._files = files_of(self.base, {}) | {graph_file(source)}
@@ -132,9 +136,8 @@ class Tuning:
         InputError
             If the node does not take the value; then nothing has changed.
         """
-        entry = self.graph.entry(node)
-        settings = {**entry.settings, parameter: plain(value)}
-        self._take(node, replace(entry, settings=settings))
+        said = {parameter: plain(value)}
+        self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **said}))
 
     def set_backend(self, node: str, backend: str | None) -> None:
         """Bind a node to a back end, or, with None, to that of the file.
@@ -147,7 +150,8 @@ class Tuning:
         entry = self.graph.entry(node)
         if backend == "opencl" and not find_node(entry.op).has_kernel:
             raise InputError(f"{node}: node '{entry.op}' has no OpenCL kernel")
-        self._take(node, replace(entry, backend=backend or self.base.nodes[node].backend))
+        base = self.base.nodes
+        self._take(node, lambda name, entry: replace(entry, backend=backend or base[name].backend))
 
     def set_neutral(self, node: str, neutral: bool) -> None:
         """Take a node out, or put it back.
@@ -157,14 +161,18 @@ class Tuning:
         InputError
             If it has no neutral value.
         """
-        self._take(node, replace(self.graph.entry(node), neutral=neutral))
+        self._take(node, lambda _, entry: replace(entry, neutral=neutral))
 
     def reset(self, node: str) -> None:
         """Take a node as the file has it."""
-        base = self.base.nodes[node]
-        defaults = {n: p.default for n, p in find_node(base.op).parameters.items()}
-        settings = {n: defaults[n] for n in self.graph.nodes[node].settings if n in defaults}
-        self._take(node, replace(base, settings={**settings, **base.settings}))
+
+        def as_read(name: str, entry: Entry) -> Entry:
+            base = self.base.nodes[name]
+            defaults = {n: p.default for n, p in find_node(base.op).parameters.items()}
+            settings = {n: defaults[n] for n in entry.settings if n in defaults}
+            return replace(base, settings={**settings, **base.settings})
+
+        self._take(node, as_read)
 
     def look_at(self, node: str | None) -> None:
         """Choose the node whose outputs are shown."""
@@ -206,6 +214,7 @@ class Tuning:
         defaults = {
             name: {n: p.default for n, p in find_node(entry.op).parameters.items()}
             for name, entry in self.base.nodes.items()
+            if entry != self.graph.nodes[name]
         }
         return changes_between(self.base, self.graph, defaults)
 
@@ -267,12 +276,18 @@ class Tuning:
     def _known(self) -> dict[str, Any]:
         return {n: v for n, v in self.given.items() if n in self.graph.params}
 
-    def _take(self, node: str, entry: Entry) -> None:
-        graph = self.graph.with_entry(node, entry)
-        if entry.neutral != self.graph.nodes[node].neutral:
+    def _take(self, node: str, changed: Callable[[str, Entry], Entry]) -> None:
+        """Change a node, or, if `every`, those that are it in all uses of its group."""
+        self.graph.entry(node)
+        graph = self.graph
+        names = alike(graph, node) if self.every else [node]
+        for name in names:
+            graph = graph.with_entry(name, changed(name, graph.nodes[name]))
+        if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):
             self._check(graph)
         else:  # what a slider can wait for
-            settings_of(entry, graph, find_node(entry.op), self._known)
+            for entry in map(graph.nodes.__getitem__, names):
+                settings_of(entry, graph, find_node(entry.op), self._known)
         with self._changed:
             self._asked = replace(self._asked, graph=graph)
             self._changed.notify()

@@ -1,87 +1,107 @@
 #include "common.clh"
+#include "lanes.clh"
 
 #define SHADES 9
 #define DEGREE 4
 #define TERMS 15
 #define LIGHTS 8
+#define POWERS (DEGREE + 1)
 
-// The monomials 1, u, v, u^2, u v, v^2, ... of the place.
-void monomials(const float u, const float v, float place[TERMS])
+// Along a row a coefficient is a polynomial in u alone, of POWERS numbers.  A work-item does one.
+__kernel void polynomials_of_rows(
+    __global const float *restrict reflectance,
+    __global float *restrict rows,
+    const int K, const int H, const int W)
 {
-    place[0] = 1.0f;
-    int last = 0;
-    for (int degree = 1; degree <= DEGREE; ++degree) {
-        const int first = last + degree;
-        for (int i = 0; i < degree; ++i) place[first + i] = place[last + i] * u;
-        place[first + degree] = place[first - 1] * v;
-        last = first;
+    GRID_1(i, H * K * SHADES)
+    const int row = i / (K * SHADES), coefficient = i - row * (K * SHADES);
+    const float v = ((float)row - 0.5f * (float)(H - 1)) * (2.0f / (float)W);
+    // The monomials of degree d are u^d, u^(d-1) v, ..., v^d.
+    __global const float *map = reflectance + coefficient * TERMS;
+    for (int power = 0; power < POWERS; ++power) {
+        float sum = 0.0f;
+        for (int degree = DEGREE; degree >= power; --degree)
+            sum = sum * v + map[degree * (degree + 1) / 2 + degree - power];
+        rows[i * POWERS + power] = sum;
     }
 }
 
-// Gauss-Newton for the slope that explains the light under a reflectance that varies.
-__kernel void solve_reflectance_map(
+static floats at_place(__global const float *polynomial, const floats u)
+{
+    floats sum = polynomial[DEGREE];
+    for (int power = DEGREE - 1; power >= 0; --power) sum = sum * u + polynomial[power];
+    return sum;
+}
+
+// Gauss-Newton for the slope that explains the light under a reflectance that varies.  A
+// work-item does LANES pixels of a row.
+LANED __kernel void solve(
     __global const float *restrict light,
     __global const float *restrict flat,
     __global const float *restrict height,
-    __global const float *restrict reflectance,
+    __global const float *restrict rows,
     __global float *restrict out,
     const int K, const int H, const int W,
     const int steps,
     const float prior,
-    const float limit)
+    const float limit,
+    const float still)
 {
-    GRID_2(yy, xx, H, W)
-    const int size = H * W, i = yy * W + xx;
-    const float scale = 0.5f * (float)W;
-    const float column = ((float)xx - 0.5f * (float)(W - 1)) / scale;
-    const float row = ((float)yy - 0.5f * (float)(H - 1)) / scale;
-    float place[TERMS], coefficients[LIGHTS][SHADES], rest[LIGHTS];
-    monomials(column, row, place);
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
+    const int size = H * W, at = row * W + column;
+    const floats u = ((float)column + LANE_NUMBERS - 0.5f * (float)(W - 1)) * (2.0f / (float)W);
+    __global const float *polynomials = rows + row * K * SHADES * POWERS;
+    floats coefficients[LIGHTS][SHADES], rest[LIGHTS], weight[LIGHTS];
     for (int k = 0; k < K; ++k) {
-        for (int b = 0; b < SHADES; ++b) {
-            __global const float *map = reflectance + (k * SHADES + b) * TERMS;
-            float sum = 0.0f;
-            for (int term = 0; term < TERMS; ++term) sum += map[term] * place[term];
-            coefficients[k][b] = sum;
-        }
-        rest[k] = light[k * size + i] - 1.0f - coefficients[k][SHADES - 1] * height[i];
+        for (int b = 0; b < SHADES; ++b)
+            coefficients[k][b] = at_place(polynomials + (k * SHADES + b) * POWERS, u);
+        const floats lifted = coefficients[k][SHADES - 1] * load_floats(height + at, count);
+        rest[k] = load_floats(light + k * size + at, count) - 1.0f - lifted;
+        weight[k] = load_floats(flat + k * size + at, count);
     }
-    float p = 0.0f, q = 0.0f;
+    const floats none = 0.0f;
+    floats p = none, q = none;
+    ints moving = -1;
     for (int step = 0; step < steps; ++step) {
-        const float square = 1.0f + p * p + q * q;
-        const float w = 1.0f / sqrt(square);
-        const float x = -p * w, y = -q * w, z = w;
-        const float cube = w / square;
-        const float xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
-        const float xq = p * q * cube, yq = q * q * cube - w, zq = -q * cube;
-        float a = prior, b = 0.0f, c = prior, s = -prior * p, t = -prior * q;
+        const floats square = 1.0f + p * p + q * q;
+        const floats w = 1.0f / sqrt(square);
+        const floats x = -p * w, y = -q * w, z = w;
+        const floats cube = w / square;
+        const floats xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
+        const floats xq = yp, yq = q * q * cube - w, zq = -q * cube;
+        floats a = prior, b = none, c = prior, s = -prior * p, t = -prior * q;
         for (int k = 0; k < K; ++k) {
-            const float *l = coefficients[k];
-            const float weight = flat[k * size + i];
-            const float value = l[0] * x + l[1] * y + l[2] * (z - 1.0f)
+            const floats *l = coefficients[k];
+            const floats value = l[0] * x + l[1] * y + l[2] * (z - 1.0f)
                 + l[3] * (x * y) + l[4] * (x * z) + l[5] * (y * z)
                 + l[6] * (x * x - y * y) + l[7] * (3.0f * (z * z - 1.0f));
-            const float rx = l[0] + l[3] * y + l[4] * z + 2.0f * l[6] * x;
-            const float ry = l[1] + l[3] * x + l[5] * z - 2.0f * l[6] * y;
-            const float rz = l[2] + l[4] * x + l[5] * y + 6.0f * l[7] * z;
-            const float jp = rx * xp + ry * yp + rz * zp;
-            const float jq = rx * xq + ry * yq + rz * zq;
-            const float left = rest[k] - value;
-            const float wp = weight * jp, wq = weight * jq;
+            const floats rx = l[0] + l[3] * y + l[4] * z + 2.0f * l[6] * x;
+            const floats ry = l[1] + l[3] * x + l[5] * z - 2.0f * l[6] * y;
+            const floats rz = l[2] + l[4] * x + l[5] * y + 6.0f * l[7] * z;
+            const floats jp = rx * xp + ry * yp + rz * zp;
+            const floats jq = rx * xq + ry * yq + rz * zq;
+            const floats left = rest[k] - value;
+            const floats wp = weight[k] * jp, wq = weight[k] * jq;
             a += wp * jp;
             b += wp * jq;
             c += wq * jq;
             s += wp * left;
             t += wq * left;
         }
-        const float determinant = fmax(a * c - b * b, 1e-12f);
-        const float dp = (c * s - b * t) / determinant;
-        const float dq = (a * t - b * s) / determinant;
-        const float length_ = sqrt(dp * dp + dq * dq);
-        const float shrink = fmin(1.0f, limit * square / fmax(length_, 1e-12f));
-        p += dp * shrink;
-        q += dq * shrink;
+        const floats smallest = 1e-12f, whole = 1.0f;
+        floats determinant = a * c - b * b;
+        determinant = MORE_OF(determinant, smallest);
+        const floats dp = (c * s - b * t) / determinant;
+        const floats dq = (a * t - b * s) / determinant;
+        floats turned = sqrt(dp * dp + dq * dq);
+        turned = MORE_OF(turned, smallest);
+        floats shrink = limit * square / turned;
+        shrink = LESS_OF(shrink, whole);
+        p += moving ? dp * shrink : none;
+        q += moving ? dq * shrink : none;
+        moving = moving && turned > still * square;
+        if (!ANY(moving)) break;
     }
-    out[i] = p;
-    out[size + i] = q;
+    store_floats(p, out + at, count);
+    store_floats(q, out + size + at, count);
 }

@@ -119,6 +119,21 @@ def read_quality(file: Path) -> dict[str, float]:
     return {name: float(value) for name, value in quality.items()}
 
 
+def is_of_kind(file: Path, kind: FileKind) -> bool:
+    """Whether a file says that it is a calibration of this kind; it may be damaged all the same.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or none that holds arrays.
+    """
+    try:
+        name = json.loads(str(_load(file, kind)["about"]))["kind"]
+    except (KeyError, ValueError, TypeError):
+        return False
+    return bool(name == f"tactograph {kind.name}")
+
+
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
         raise InputError(f"{file}: there is no such calibration file; '{kind.maker}' makes one")

@@ -32,6 +32,7 @@ def find_presses(
     flat: Light,
     names: list[str],
     pixel: PixelSize,
+    known: Circles | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
     fewest: Annotated[int, Ge(1)] = FEWEST,
@@ -49,6 +50,8 @@ def find_presses(
         The presses' names, for messages; none: there is no press, and no ball is found.
     pixel
         mm per px.
+    known
+        P x 3: circles that were found already, as `guide_colour_presses` does.
     radius_mm
         The ball's radius.
     fewest
@@ -70,6 +73,8 @@ def find_presses(
         return FoundPresses(np.zeros((len(image), 3), np.float32), none)
     if radius_mm is None:
         raise InputError("the ball's radius is not known; give ball_radius_mm=...")
+    if known is not None:
+        return FoundPresses(known, (known[:, 2] > 0).astype(np.float32))
     circles, goodness = [], []
     for press, name in zip(image, names, strict=True):
         light = press / np.maximum(flat, DARKEST)

@@ -11,8 +11,11 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, U1, Light, PixelSize
 from tactograph.nodes.calibrate.find_presses import FEWEST, Circles
 from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.height.enlarge_height import enlarge_height
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.height.rest_at_border import rest_at_border
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.coarsen_pixel import coarsen_pixel
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.slope._reflectance_map import (
     DEGREE,
@@ -30,8 +33,8 @@ from tactograph.nodes.slope._reflectance_map import (
 )
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, solve_reflectance_map
 
-PASSES = 3
-"""Times the slope is solved for, each with the height of the one before."""
+ROUGH_PASSES = 2
+"""Times the slope is solved for on cells, each with the height of the one before."""
 MEASURED = 7
 """Presses by which the height of the contact's rim is measured."""
 FIRST_RIM = 0.2
@@ -193,13 +196,14 @@ def refine_center(
 
 def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
     """Return slope and height of a press, as the graph `gelsight_mini` finds them."""
-    height = np.zeros(bench.shape, np.float32)
-    for _ in range(PASSES):
-        slope = solve_reflectance_map(
-            bench.light[press], bench.flat, height, reflectance.astype(np.float32)
-        )
-        height = rest_at_border(integrate_dct(slope, bench.pixel))
-    return slope, height
+    light, known = bench.light[press], reflectance.astype(np.float32)
+    light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
+    height = np.zeros(light_c.shape[1:], np.float32)
+    for _ in range(ROUGH_PASSES):
+        slope = solve_reflectance_map(light_c, flat_c, height, known)
+        height = rest_at_border(integrate_dct(slope, pixel_c))
+    slope = solve_reflectance_map(light, bench.flat, enlarge_height(height, light), known)
+    return slope, rest_at_border(integrate_dct(slope, bench.pixel))
 
 
 def measure_rim(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray) -> float:

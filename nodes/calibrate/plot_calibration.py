@@ -75,8 +75,7 @@ def plot_calibration(
     """
     rows = flat.shape[1]
     lights, masks = cut(light, rows), cut(mask, rows)
-    figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), dpi=100, layout="constrained")
     axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
     residuals = [
         _residual(*press, reflectance)
@@ -95,7 +94,7 @@ def plot_calibration(
             _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
-        figure.savefig(target, dpi=100)
+        FigureCanvasAgg(figure).print_png(target)
 
 
 def _title(quality: Metrics) -> str:

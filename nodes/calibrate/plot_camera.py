@@ -47,8 +47,7 @@ def plot_camera(
     rows, columns = image.shape
     x, y = marks.place.T
     out = np.isnan(departure[:, 0])
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
     left, right = figure.subplots(1, 2)
     left.imshow(image, cmap="gray")
     left.plot(x[~out], y[~out], "+", color=ORANGE, markersize=5)
@@ -65,4 +64,4 @@ def plot_camera(
     right.set(aspect="equal", title="departure from the fit")
     figure.suptitle("  ".join(f"{name} {value:.4g}" for name, value in quality.items()), fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
-        figure.savefig(target, dpi=100)
+        FigureCanvasAgg(figure).print_png(target)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate.advise_press import REGIONS
 from tactograph.nodes.calibrate.find_presses import Circles
 from tactograph.nodes.calibrate.fit_reflectance_map import (
     Bench,
@@ -92,8 +93,8 @@ def rate_presses(
         for press in chosen[fold::folds]
     ]
     degrees, microns, percent = np.mean(errors, axis=0)
-    pressed = _pressed(bench, circle[chosen])
-    steepest = float(np.median(_steepness(bench, circle[chosen])))
+    pressed = presses_per_cell(circle[chosen], bench.shape)
+    steepest = rim_slope(circle[chosen], bench.radius)
     quality = {
         "heldout_normal_deg": float(degrees),
         "heldout_height_um": float(microns),
@@ -164,9 +165,9 @@ def judge_contact(
     return float(np.degrees(angle.mean())), microns, microns / 10 / float(cap)
 
 
-def _pressed(bench: Bench, circles: F4) -> F4:
+def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
     """How many contacts reach the middle half of each cell of the film."""
-    (rows, columns), (height, width) = CELLS, bench.shape
+    (rows, columns), (height, width) = CELLS, shape
     row, column = np.indices(CELLS)
     x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
     reach = 0.25 * min(width / columns, height / rows)
@@ -174,10 +175,10 @@ def _pressed(bench: Bench, circles: F4) -> F4:
     return np.asarray((far < circles[:, 2] + reach).sum(axis=-1), np.float32)
 
 
-def _steepness(bench: Bench, circles: F4) -> F4:
-    """The slope at the rim of each contact."""
+def rim_slope(circles: F4, radius: float) -> float:
+    """The slope at the rim of half of the contacts; the ball's `radius` in px."""
     rim = circles[:, 2]
-    return np.asarray(rim / np.sqrt(np.maximum(bench.radius**2 - rim**2, 1)), np.float32)
+    return float(np.median(rim / np.sqrt(np.maximum(radius**2 - rim**2, 1))))
 
 
 def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
@@ -186,7 +187,8 @@ def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
     if (pressed > 0).mean() < ENOUGH:
         row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
         x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
-        return f"press next around {x:.0f},{y:.0f} px: no contact reaches there"
+        region = REGIONS[int(3 * y / height)][int(3 * x / width)]
+        return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
     if steepest < STEEP:
         return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"
     return "the presses cover the film; nothing more is needed"

@@ -11,6 +11,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_camera import CAMERA
+from tactograph.nodes.live._sensor_preset import read_preset
 
 APART = 0.005
 """A stated size that departs by more from the camera's file is remarked on."""
@@ -18,7 +19,10 @@ APART = 0.005
 
 @node
 def pixel_size(
-    *, mm: Annotated[float, Interval(ge=1e-6, le=1e3)] | None = None, camera: Path | None = None
+    *,
+    mm: Annotated[float, Interval(ge=1e-6, le=1e3)] | None = None,
+    camera: Path | None = None,
+    sensor: str | None = None,
 ) -> PixelSize:
     """Return the pixel size, so that nodes can read it like any other value.
 
@@ -29,12 +33,16 @@ def pixel_size(
     camera
         What `write_camera` wrote: its pixel size goes before `mm`, since images that are
         undistorted by it have it.
+    sensor
+        A kind of sensor, as for `read_camera`: its pixel size counts where `mm` is not given.
 
     Raises
     ------
     InputError
-        If neither is given, or the file is no camera's.
+        If none is given, there is no such sensor, or the file is no camera's.
     """
+    if mm is None and sensor is not None:
+        mm = read_preset(sensor).pixel_size_mm
     if camera is None:
         if mm is None:
             raise InputError(

@@ -36,4 +36,4 @@ def _along(light: F4, axis: int) -> F4:
     return np.asarray(total, np.float32)
 
 
-smooth_light.opencl(grid="K H W")
+smooth_light.opencl(grid="K H W", lanes="rows")

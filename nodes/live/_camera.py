@@ -2,57 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple, Protocol
-
-# V4L2 waits so many seconds for a frame of a camera that has stopped; OpenCV's own 10 would
-# keep the thread from opening it again.  Read at the first wait.
-os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-
-Plane = NDArray[np.uint8] | NDArray[np.uint16]
+from tactograph.nodes.live._open_camera import Capture, Plane, Wanted, settle
 
 PAUSE = 0.1
 """Seconds between two attempts to open a camera."""
-NET_TIMEOUTS = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 1000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000)
-"""OpenCV's own are half a minute."""
-FILES = ("FFMPEG", "CV_MJPEG", "CV_IMAGES", "GSTREAMER")
-"""Back ends whose pictures come from files or the net: they have no exposure to set."""
-
-
-class Capture(Protocol):
-    """What of ``cv2.VideoCapture`` is used: anything that has it can be the camera."""
-
-    def isOpened(self) -> bool: ...  # noqa: N802
-    def grab(self) -> bool: ...
-    def retrieve(self) -> tuple[bool, Any]: ...
-    def get(self, prop: int) -> float: ...
-    def set(self, prop: int, value: float) -> bool: ...
-    def getBackendName(self) -> str: ...  # noqa: N802
-    def release(self) -> None: ...
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """What the camera is asked for; None leaves a property as the driver has it."""
-
-    width: int | None
-    height: int | None
-    rate: float
-    exposure: float | None = None
-    gain: float | None = None
-    white_balance: float | None = None
 
 
 class Shot(NamedTuple):
@@ -61,57 +24,6 @@ class Shot(NamedTuple):
     number: int
     time: float
     data: Plane
-
-
-def open_capture(camera: int | str) -> Capture:
-    """Open a camera by index, path or URL; it may turn out not to be opened."""
-    text = str(camera)
-    # We report once what cannot be opened.
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    if text.isdecimal():
-        return cv2.VideoCapture(int(text))
-    if "://" in text:
-        return cv2.VideoCapture(text, cv2.CAP_FFMPEG, list(NET_TIMEOUTS))
-    return cv2.VideoCapture(text)
-
-
-def settle(capture: Capture, wanted: Wanted) -> list[str]:
-    """Fix size, rate, exposure, gain and white balance; return what the driver refused.
-
-    A camera that sets its own exposure or gain makes the light of one LED depend on that of
-    the others: nothing could be measured.
-    """
-    if capture.getBackendName() in FILES:
-        return []
-    automatic = [
-        (cv2.CAP_PROP_AUTO_EXPOSURE, _manual(capture), "automatic exposure off", True),
-        (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", False),
-        (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
-    ]
-    chosen = [
-        (cv2.CAP_PROP_FRAME_WIDTH, wanted.width, "width", True),
-        (cv2.CAP_PROP_FRAME_HEIGHT, wanted.height, "height", True),
-        (cv2.CAP_PROP_FPS, wanted.rate, "frames per second", True),
-        (cv2.CAP_PROP_EXPOSURE, wanted.exposure, "exposure", True),
-        (cv2.CAP_PROP_GAIN, wanted.gain, "gain", True),
-        (cv2.CAP_PROP_WB_TEMPERATURE, wanted.white_balance, "white balance", True),
-    ]
-    if capture.getBackendName() == "SIMULATED":
-        automatic = []
-    refused = []
-    for prop, value, name, matters in automatic + chosen:
-        if value is None:
-            continue
-        capture.set(prop, float(value))
-        found = capture.get(prop)
-        if matters and abs(found - value) > 0.02 * max(abs(value), 1):
-            refused.append(f"the camera keeps {name} at {found:g} instead of {value:g}")
-    return refused
-
-
-def _manual(capture: Capture) -> float:
-    """The value that means manual exposure: V4L2's menu has 1, the others a quarter."""
-    return 1.0 if capture.getBackendName() in ("V4L2", "V4L") else 0.25
 
 
 class Camera:
@@ -133,7 +45,7 @@ class Camera:
     Attributes
     ----------
     faults
-        How often what happened: "dropped", "camera lost".
+        How often what happened: "dropped", "camera lost", and "lost" where the kernel counts.
     refused
         What the driver did not do at the last opening.
     connections
@@ -159,6 +71,7 @@ class Camera:
         self._once = once
         self._refused = False
         self._number = 0
+        self._sequence: int | None = None
         self._shots: deque[Shot] = deque(maxlen=queue)
         self._changed = threading.Condition()
         self._alive = time.monotonic()
@@ -194,7 +107,8 @@ class Camera:
         Raises
         ------
         InputError
-            If the camera cannot be opened, delivers nothing, or another size.
+            If the camera cannot be opened, delivers nothing, or another size, or grey pictures
+            where colours are wanted.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._shots or self.ended or self._refused, wait)
@@ -205,8 +119,14 @@ class Camera:
                 f"camera={name}: {why}; look at its cable, whether another program has it, and "
                 "whether you are in the group 'video'"
             )
-        height, width = first.data.shape
-        wanted = self._wanted.width or width, self._wanted.height or height
+        if self._wanted.colour and first.data.ndim < 3:
+            raise InputError(
+                f"camera={name}: delivers grey pictures, but a one-shot sensor's lights are the "
+                "colours of one picture"
+            )
+        height, width = first.data.shape[:2]
+        view = self._wanted.view
+        wanted = view.size if view else (self._wanted.width or width, self._wanted.height or height)
         if (width, height) != wanted:
             raise InputError(
                 f"camera={name}: delivers {width} x {height} pixels, but the calibration is for "
@@ -252,6 +172,7 @@ class Camera:
             capture = self._connect()
             if capture.isOpened():
                 self.refused = settle(capture, self._wanted)
+                self._sequence = None
                 self.connections += 1
                 return capture
             capture.release()
@@ -278,10 +199,22 @@ class Camera:
             if not there or frame is None or stop.is_set():
                 return
             self._alive = time.monotonic()
-            self._put(_moment(capture, come), _grey(frame))
+            self._put(
+                _moment(capture, come), self._plane(frame), getattr(capture, "sequence", None)
+            )
 
-    def _put(self, moment: float, data: Plane) -> None:
+    def _plane(self, frame: Any) -> Plane:
+        plane = _colours(frame) if self._wanted.colour else _grey(frame)
+        return self._wanted.view.of(plane) if self._wanted.view else plane
+
+    def _put(self, moment: float, data: Plane, sequence: int | None) -> None:
+        """Queue a frame; by the kernel's numbers it is known what is missing before it."""
         with self._changed:
+            if sequence is not None:
+                if self._sequence is not None and sequence > self._sequence + 1:
+                    self.faults["lost"] += sequence - self._sequence - 1
+                    self._number += sequence - self._sequence - 1
+                self._sequence = sequence
             if len(self._shots) == self._shots.maxlen:
                 self.faults["dropped"] += 1
             self._shots.append(Shot(self._number, moment, data))
@@ -325,19 +258,9 @@ def _grey(frame: Any) -> Plane:
     return np.ascontiguousarray(plane)
 
 
-def check_camera(camera: int | str) -> bool:
-    """Whether `camera` is a file; a path that names nothing is refused.
-
-    Raises
-    ------
-    InputError
-        If it looks like a path and there is nothing.
-    """
-    text = str(camera)
-    if text.isdecimal() or "://" in text or text.startswith("/dev/"):
-        return False
-    if not Path(text).is_file():
-        raise InputError(
-            f"camera={text}: there is no such file; give an index, a path, a URL or 'simulated'"
-        )
-    return True
+def _colours(frame: Any) -> Plane:
+    """Three planes, one beside another, as the driver orders them; grey stays grey."""
+    picture = np.asarray(frame)
+    if picture.ndim == 3 and picture.shape[2] == 1:
+        picture = picture[..., 0]
+    return np.ascontiguousarray(picture[..., :3] if picture.ndim == 3 else picture)

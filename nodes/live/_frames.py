@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Port
-from tactograph.nodes import Height, Light
+from tactograph.nodes import Height, Labels, Light, Slope
+
+ALL_LIT = -1
+"""In place of an LED's number: all LEDs are lit, a colour each."""
 
 
 @dataclass(frozen=True)
@@ -18,8 +21,9 @@ class RawFrame:
     """One camera frame as it came.
 
     `number` is counted by the camera, so that a gap is a drop.  `led` is the LED it was
-    exposed with, from 1, or 0 if all were off.  `time` is the end of the exposure in
-    seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit.
+    exposed with, from 1, 0 if all were off, or ALL_LIT in a one-shot sensor.  `time` is the
+    end of the exposure in seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit; of a
+    one-shot sensor H x W x 3 in the order of the camera's driver.
     """
 
     number: int
@@ -45,7 +49,11 @@ class LiveState:
 
 
 class Touch(NamedTuple):
-    """The newest light of every LED, and the frames that are new in it."""
+    """The newest light of every LED or colour, and the frames that are new in it.
+
+    True slopes and shadows are known of no sensor at work; they are here so that a camera can
+    stand wherever `read_capture` does.
+    """
 
     image: Light
     name: str
@@ -53,3 +61,5 @@ class Touch(NamedTuple):
     new: list[RawFrame]
     state: LiveState
     truth: Height | None = None
+    truth_slope: Slope | None = None
+    truth_shadow: Labels | None = None

@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from tactograph.nodes import F4, U1, Height, Labels, Light
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
+from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.marker._arrows import draw_arrows
 
 Picture = NDArray[np.uint8]
@@ -34,6 +35,13 @@ DIM = 0.6
 WHITE_SHARE = 0.995
 """The share of the pixels that the camera picture shows below white."""
 LABELS = 256
+BLUE, GREEN, RED = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
+NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
+    "leds": tuple((str(k), colour) for k, colour in enumerate(LED_COLOURS, start=1)),
+    "bgr": (BLUE, GREEN, RED),
+    "rgb": (RED, GREEN, BLUE),
+}
+"""What the lights are called, and their labels' colours."""
 
 
 def draw_touch(
@@ -43,6 +51,7 @@ def draw_touch(
     pixel: float,
     top: float,
     footer: str,
+    lights: Lights = "leds",
     moved: tuple[F4, F4, U1] | None = None,
 ) -> Picture:
     """Draw height, camera image and shadow labels side by side.
@@ -54,7 +63,7 @@ def draw_touch(
     shadow
         H x W, a bit per shadowed LED.
     image
-        K x H x W; LED 1 is shown, and under the labels the mean.
+        K x H x W; LED 1 is shown, or the colours, and under the labels the mean.
     pixel
         mm per px.
     top
@@ -64,6 +73,8 @@ def draw_touch(
     moved
         Markers M x 3 in px, their shifts M x 2 and whether they are seen, M: drawn as arrows
         over the camera image.
+    lights
+        "bgr" or "rgb" where the lights are the colours of one picture.
     """
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
@@ -72,22 +83,24 @@ def draw_touch(
     right = GAP + width + GAP + BAR_PX + BAR_TEXT_PX
     canvas = np.empty((GAP + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP, right + small + GAP, 3), "u1")
     canvas[:] = GROUND
-    first, mean = _grey(image[:1], small, half), _grey(image, small, half)
+    mean = _grey(image, small, half)
+    first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
     if moved is not None:
         markers, shift, seen = moved
+        first = np.ascontiguousarray(first)
         draw_arrows(first, markers[:, :2], shift, seen, small / columns)
     upper, lower = GAP + TITLE_PX, GAP + 2 * TITLE_PX + half + GAP
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP, upper)
     _place(canvas, _ramp(HEIGHT_PX), GAP + width + GAP, upper)
     _place(canvas, first, right, upper)
-    _place(canvas, _labelled(shadow, mean), right, lower)
+    _place(canvas, _labelled(shadow, mean, lights), right, lower)
 
     page = Image.fromarray(canvas)
     pen = ImageDraw.Draw(page)
     _write(pen, GAP, GAP, "height above the film at rest")
-    _write(pen, right, GAP, "camera, LED 1")
+    _write(pen, right, GAP, "camera, LED 1" if lights == "leds" else "camera")
     _write(pen, right, lower - TITLE_PX, "in shadow")
-    _legend(pen, right + small, lower - TITLE_PX, image.shape[0])
+    _legend(pen, right + small, lower - TITLE_PX, NAMES[lights][: image.shape[0]])
     _ticks(pen, GAP + width + GAP, upper, top)
     _scale_bar(pen, GAP, upper + HEIGHT_PX, width, columns * pixel)
     _write(pen, GAP, upper + HEIGHT_PX + 8, footer)
@@ -118,19 +131,28 @@ def _grey(image: Light, width: int, height: int) -> Picture:
     return np.asarray(cv2.cvtColor(plane, cv2.COLOR_GRAY2RGB))
 
 
-def _labelled(shadow: Labels, grey: Picture) -> Picture:
+def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
+    """The lights as the colours that they are."""
+    rows, columns = like.shape[:2]
+    planes = [_resized(plane, columns, rows) for plane in image]
+    picture = np.stack(planes if lights == "rgb" else planes[::-1], axis=-1)
+    white = float(np.quantile(picture[::4, ::4], WHITE_SHARE)) or 1.0
+    return np.asarray(cv2.convertScaleAbs(picture, alpha=255 / white), np.uint8)
+
+
+def _labelled(shadow: Labels, grey: Picture, lights: Lights) -> Picture:
     rows, columns = grey.shape[:2]
     labels = cv2.resize(shadow, (columns, rows), interpolation=cv2.INTER_NEAREST)
     dim = cv2.convertScaleAbs(grey, alpha=DIM)
-    mixed = cv2.addWeighted(dim, 1 - ALPHA, _label_colours()[labels], ALPHA, 0)
+    mixed = cv2.addWeighted(dim, 1 - ALPHA, _label_colours(lights)[labels], ALPHA, 0)
     return np.where(labels[..., None] > 0, mixed, dim)
 
 
 @lru_cache
-def _label_colours() -> Picture:
+def _label_colours(lights: Lights) -> Picture:
     """A colour for each of the 256 labels: the LED's own, or white for several."""
     found = [SEVERAL] * LABELS
-    for k, colour in enumerate(LED_COLOURS):
+    for k, (_, colour) in enumerate(NAMES[lights]):
         found[1 << k] = colour
     return np.array([_rgb(colour) for colour in found], np.uint8)
 
@@ -184,8 +206,10 @@ def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: fl
     _write(pen, x + 14 + across / 2, y - 4, f"{length:g} mm", "mb")
 
 
-def _legend(pen: ImageDraw.ImageDraw, right: int, y: int, count: int) -> None:
-    entries = [*zip(map(str, range(1, count + 1)), LED_COLOURS, strict=False), ("several", SEVERAL)]
+def _legend(
+    pen: ImageDraw.ImageDraw, right: int, y: int, names: tuple[tuple[str, str], ...]
+) -> None:
+    entries = [*names, ("several", SEVERAL)]
     for text, colour in reversed(entries):
         right -= round(pen.textlength(text, font=_font()))
         _write(pen, right, y, text)

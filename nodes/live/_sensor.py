@@ -17,7 +17,7 @@ from typing import Protocol
 
 from tactograph.graph import InputError
 from tactograph.nodes import Dark, Height, Light
-from tactograph.nodes.live._camera import Camera, Capture, Wanted, check_camera, open_capture
+from tactograph.nodes.live._camera import Camera
 from tactograph.nodes.live._led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -26,9 +26,10 @@ from tactograph.nodes.live._led_controller import (
 )
 from tactograph.nodes.live._led_in_frame import Film, make_film
 from tactograph.nodes.live._match_frames import Clock
+from tactograph.nodes.live._open_camera import Capture, Library, Wanted, check_camera, open_capture
 from tactograph.nodes.live._simulated_camera import LitBetween, SimulatedCamera
 from tactograph.nodes.live._simulated_controller import SimulatedController
-from tactograph.nodes.live._simulated_sensor import SimulatedSensor, read_scene
+from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
 
 FREE = "none"
 """The port of LEDs that flash by themselves."""
@@ -243,6 +244,7 @@ def open_sensor(
     wanted: Wanted,
     *,
     ambient: bool = False,
+    library: Library = "opencv",
     queue: int = 8,
     timeout: float = 0.5,
 ) -> Sensor:
@@ -254,7 +256,14 @@ def open_sensor(
         From the calibration, K x H x W and H x W.
     """
     rig = open_rig(
-        camera, port, wanted, leds=len(flat), ambient=ambient, queue=queue, timeout=timeout
+        camera,
+        port,
+        wanted,
+        leds=len(flat),
+        ambient=ambient,
+        library=library,
+        queue=queue,
+        timeout=timeout,
     )
     try:
         return rig.with_film(flat, dark)
@@ -270,6 +279,7 @@ def open_rig(
     *,
     leds: int,
     ambient: bool = False,
+    library: Library = "opencv",
     queue: int = 8,
     timeout: float = 0.5,
 ) -> Rig:
@@ -285,6 +295,8 @@ def open_rig(
         How many LEDs there are.
     ambient
         Whether the cycle has a step with all LEDs off.
+    library
+        As for `read_camera`.
     queue, timeout
         As for `Camera`.
 
@@ -301,7 +313,7 @@ def open_rig(
     with ExitStack() as undo:
         # What is open by then is closed again should the rest fail, or Ctrl-C be pressed.
         if str(camera).partition("?")[0] == SIMULATED:
-            table = SimulatedSensor(read_scene(str(camera)))
+            table = SimulatedSensor(read_scene(str(camera), Scene))
             lit_between = steady(cycle, wanted.rate, table.start)
             if port == SIMULATED:
                 # Plugged in again, a controller has another port; a link leads to it, as udev's do.
@@ -314,8 +326,8 @@ def open_rig(
         elif port == SIMULATED:
             raise InputError("port=simulated goes with camera=simulated")
         else:
-            once = check_camera(camera)
-            connect = partial(open_capture, camera)
+            once = check_camera(camera, library)
+            connect = partial(open_capture, camera, library)
         lamps = open_lamps(port, cycle, wanted.rate)
         undo.callback(lamps.close)
         source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)

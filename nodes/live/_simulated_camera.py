@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
+from tactograph.nodes.live._simulated_colour_sensor import SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import SimulatedSensor
 
 LitBetween = Callable[[float, float], Sequence[tuple[int, float]]]
@@ -33,14 +34,14 @@ class SimulatedCamera:
     sensor
         What it looks at.
     lit_between
-        The simulated controller's LEDs.
+        The simulated controller's LEDs; None: all are lit, and `sensor` is a one-shot sensor.
     full_share
         The share of an exposure for which an LED is lit when the controller and the camera
         agree: the calibration's brightness.
     """
 
     sensor: SimulatedSensor
-    lit_between: LitBetween
+    lit_between: LitBetween | None
     full_share: float = 1.0
     rate: float = 30.0
     number: int = -1
@@ -122,15 +123,21 @@ class SimulatedCamera:
         if self._released.wait(max(end - now, 0)) or not self.isOpened():
             return False
         middle = end - 0.5 * (scene.exposure_s + scene.readout_s)
-        image = self.sensor.image(self._shares(end), middle, self.number)
+        image = self._picture(end, middle)
         if self.sensor.size is not None:
             image = np.asarray(cv2.resize(image, self.sensor.size), np.uint8)
         self._last = end, image
         self._held.append(self._last)
         return True
 
+    def _picture(self, end: float, middle: float) -> NDArray[np.uint8]:
+        if isinstance(self.sensor, SimulatedColourSensor):
+            return self.sensor.picture(middle, self.number)
+        return self.sensor.image(self._shares(end), middle, self.number)
+
     def _shares(self, end: float) -> list[F4]:
         """How much of every LED's light each row takes up."""
+        assert self.lit_between is not None
         scene = self.sensor.scene
         groups = ROW_GROUPS if scene.readout_s else 1
         shares = np.zeros((len(self.sensor.lights), groups), np.float32)

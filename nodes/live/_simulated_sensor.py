@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, NamedTuple, TypeVar
 from urllib.parse import parse_qsl
 
 import numpy as np
@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4
+from tactograph.nodes import F4, LightPositions
 from tactograph.nodes.light._near_light import light_vectors, places
 from tactograph.nodes.live.expose import _lens
 from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM
@@ -69,9 +69,19 @@ class Scene:
     read_noise: Annotated[float, Ge(0)] = 10.0
     seed: Annotated[int, Ge(0)] = 0
 
+    @property
+    def lights(self) -> LightPositions:
+        """Where the LEDs stand."""
+        return light_ring(slant_deg=self.slant_deg, distance_mm=self.distance_mm)
 
-def read_scene(text: str) -> Scene:
-    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``.
+
+SceneKind = TypeVar("SceneKind", bound=Scene)
+
+
+def read_scene(
+    text: str, kind: type[SceneKind], known: Mapping[str, Any] | None = None
+) -> SceneKind:
+    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``; `known` are other defaults.
 
     Raises
     ------
@@ -80,7 +90,7 @@ def read_scene(text: str) -> Scene:
     """
     pairs = parse_qsl(text.partition("?")[2], keep_blank_values=True)
     try:
-        return TypeAdapter(Scene).validate_python(dict(pairs))
+        return TypeAdapter(kind).validate_python({**(known or {}), **dict(pairs)})
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
@@ -129,7 +139,7 @@ class SimulatedSensor:
         self.faults: deque[str] = deque()
         pixel = scene.pixel_size_mm
         shape = scene.height_px, scene.width_px
-        self.lights = light_ring(slant_deg=scene.slant_deg, distance_mm=scene.distance_mm)
+        self.lights = scene.lights
         self.strength = np.ones(len(self.lights), np.float32)
         flat = render(np.zeros(shape, np.float32), pixel, self.lights).light
         self._lens = _lens(shape, scene.vignetting)

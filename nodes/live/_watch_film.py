@@ -12,10 +12,13 @@ import numpy as np
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.live._camera import Camera
+from tactograph.nodes.live._colour_stream import ColourStream
+from tactograph.nodes.live._fault_log import SAYS
 from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
 from tactograph.nodes.live._sensor import Rig
-from tactograph.nodes.live._touch_stream import SAYS, Stream
+from tactograph.nodes.live._touch_stream import Stream
 
 SETTLE_S = 0.25
 """For so long a camera may deliver frames from before an LED was switched."""
@@ -74,7 +77,34 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
                 )
         if _change(_cells(image[0], dark), _cells(again, dark), _cells(image[0], dark)) < MOVES:
             return image, dark
-    raise InputError(
+    raise InputError(_restless(patience_s))
+
+
+def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
+    """Take the untouched film of a one-shot sensor: H x W x 3 in the driver's order.
+
+    Raises
+    ------
+    InputError
+        If a colour gives no light; if something moves for longer than `patience_s`.
+    """
+    end = time.monotonic() + patience_s
+    while time.monotonic() < end:
+        one, again = (_mean_of_frames(camera, time.monotonic(), bits) for _ in range(2))
+        if one is None or again is None or _change(cells(one), cells(again), cells(one)) > MOVES:
+            continue
+        for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
+            if float(plane.mean()) < DARKEST:
+                raise InputError(
+                    f"{colour} gives no light on the film; look at the sensor's LEDs and at the "
+                    "exposure"
+                )
+        return (one + again) * np.float32(0.5)
+    raise InputError(_restless(patience_s))
+
+
+def _restless(patience_s: float) -> str:
+    return (
         f"the film does not come to rest within {patience_s:g} s; take everything off it, keep "
         "other light out, and turn the camera's automatic exposure off"
     )
@@ -83,12 +113,16 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
 def _mean(rig: Rig, led: int, bits: int | None) -> F4 | None:
     """The mean of some frames under one LED; None if the light changes meanwhile."""
     rig.lamps.hold(led)
-    settled = time.monotonic() + SETTLE_S
+    return _mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits)
+
+
+def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | None:
+    """The mean of some frames from a moment on; None if the light changes meanwhile."""
     total: F4 | None = None
     first: F4 | None = None
     count = 0
     while count < AVERAGED:
-        shots = rig.camera.shots(POLL_S)
+        shots = camera.shots(POLL_S)
         if not shots and time.monotonic() - settled > AVERAGED * POLL_S:
             raise InputError("the camera delivers no frames any more; look at its cable")
         for shot in shots:
@@ -125,14 +159,16 @@ class Guide:
     film
         The untouched film.
     stream
-        Touches, one per cycle of the LEDs.
+        Touches, one per cycle of the LEDs, or per colour frame.
     still_s
         Nothing may change for so long.
     patience_s
         So long is waited.
     """
 
-    def __init__(self, film: Film, stream: Stream, still_s: float, patience_s: float) -> None:
+    def __init__(
+        self, film: Film, stream: Stream | ColourStream, still_s: float, patience_s: float
+    ) -> None:
         self._film, self._stream = film, stream
         self._still, self._patience = still_s, patience_s
         self._seen: deque[tuple[float, F4]] = deque()

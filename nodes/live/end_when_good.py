@@ -27,7 +27,7 @@ def end_when_good(
     ----------
     quality
         ``heldout_normal_deg`` and ``heldout_height_um`` from `hold_out_presses`, where there
-        are two presses; ``film_covered_percent`` and ``slopes_covered_percent``.
+        are two presses; ``film_covered_percent``; ``slopes_covered_percent`` where it is known.
     advice
         What to press next.
     names
@@ -47,10 +47,9 @@ def end_when_good(
         If it is good, or after `presses_at_most` presses.
     """
     error = quality.get("heldout_normal_deg", float("inf"))
-    parts = [
-        f"film covered {quality['film_covered_percent']:.0f} %",
-        f"slopes {quality['slopes_covered_percent']:.0f} %",
-    ]
+    parts = [f"film covered {quality['film_covered_percent']:.0f} %"]
+    if "slopes_covered_percent" in quality:
+        parts += [f"slopes {quality['slopes_covered_percent']:.0f} %"]
     if "heldout_normal_deg" in quality:
         parts += [f"held out {error:.2f} degrees, {quality['heldout_height_um']:.0f} um"]
     print(f"{len(names)}: {', '.join(parts)}", flush=True)

@@ -20,7 +20,7 @@ from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
 from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.light.flat_field import flat_field
-from tactograph.nodes.live._camera import Plane, Wanted
+from tactograph.nodes.live._open_camera import Library, Plane, Wanted
 from tactograph.nodes.live._sensor import open_rig
 from tactograph.nodes.live._touch_stream import Stream
 from tactograph.nodes.live._watch_film import Guide, film_at_rest, tell
@@ -47,6 +47,7 @@ class GuidedPresses(NamedTuple):
 def guide_presses(
     *,
     camera: int | str = 0,
+    library: Library = "opencv",
     port: str | None = None,
     ball_radius_mm: Annotated[float, Gt(0)],
     pixel_size_mm: Annotated[float, Gt(0)],
@@ -75,7 +76,7 @@ def guide_presses(
 
     Parameters
     ----------
-    camera, port, rate, exposure, gain, white_balance, bits, timeout_s
+    camera, library, port, rate, exposure, gain, white_balance, bits, timeout_s
         As for `read_camera`; the LEDs cannot do without their controller here.
     ball_radius_mm
         The ball's radius.
@@ -107,7 +108,7 @@ def guide_presses(
     if folder.exists():
         raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
     wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance)
-    rig = open_rig(camera, port, wanted, leds=leds, timeout=timeout_s)
+    rig = open_rig(camera, port, wanted, leds=leds, library=library, timeout=timeout_s)
     try:
         tell("Take everything off the film, and leave it alone.")
         image, black = film_at_rest(rig, bits, patience_s)

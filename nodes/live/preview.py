@@ -15,6 +15,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import InputError, Port, Session, node, warn
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import Height, Labels, Light, PixelSize
+from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._frames import LiveState
 from tactograph.nodes.live._live_picture import Picture, draw_touch, round_up
 from tactograph.nodes.marker.find_markers import Markers
@@ -40,6 +41,7 @@ def preview(
     shift: Shifts | None = None,
     seen: Seen | None = None,
     *,
+    lights: Lights = "leds",
     where: Where = "auto",
     folder: Path = Path("preview"),
     rate_hz: Annotated[float, Gt(0)] = 10.0,
@@ -60,7 +62,7 @@ def preview(
     shadow
         H x W, the shadowed LEDs.
     image
-        K x H x W; LED 1 is shown, and under the labels the mean.
+        K x H x W; LED 1 is shown, or the colours, and under the labels the mean.
     pixel
         mm per px.
     name
@@ -72,6 +74,8 @@ def preview(
     markers, shift, seen
         Markers M x 3, as `find_markers` gives them, their shifts M x 2 and whether each is seen,
         as `track_markers` does: arrows over the camera's image.
+    lights
+        "bgr" or "rgb" where the lights are the colours of one picture, see `read_camera`.
     where
         "auto": a window if there can be one, else files.
     folder
@@ -96,8 +100,8 @@ def preview(
         moved = None
         if markers is not None and shift is not None and seen is not None:
             moved = markers, shift, seen
-        picture = draw_touch(height, shadow, image, pixel, top, shown.footer(state), moved)
-        shown.show(picture, name)
+        footer = shown.footer(state)
+        shown.show(draw_touch(height, shadow, image, pixel, top, footer, lights, moved), name)
 
 
 class _Window:
@@ -201,7 +205,8 @@ class _Preview:
             parts.append(f"latency {1e3 * self._latency:.0f} ms")
         if state is not None:
             parts.append(f"dropped {state.dropped}")
-            parts += [f"{fault} {count}" for fault, count in state.faults.most_common(3)]
+            others = [each for each in state.faults.most_common(4) if each[0] != "dropped"]
+            parts += [f"{fault} {count}" for fault, count in others[:3]]
         return "     ".join(parts)
 
     def show(self, picture: Picture, name: str) -> None:

@@ -1,19 +1,28 @@
-"""Read touches from a camera whose LEDs flash one after the other."""
+"""Read touches from a camera: its LEDs flash one after the other, or are colours lit at once."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import node
+from tactograph.graph import InputError, node
+from tactograph.nodes import Dark, Light
+from tactograph.nodes.calibrate._calibration_file import is_of_kind
 from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.calibrate.read_press_calibration import read_press_calibration
+from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._assemble import Refresh
-from tactograph.nodes.live._camera import Wanted
+from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
 from tactograph.nodes.live._frames import LiveState, Touch
+from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.live._open_camera import Library, Wanted
 from tactograph.nodes.live._sensor import open_sensor
+from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._touch_stream import Stream
 
 
@@ -21,12 +30,15 @@ from tactograph.nodes.live._touch_stream import Stream
 def read_camera(
     *,
     camera: int | str = 0,
+    sensor: str | None = None,
+    library: Library = "opencv",
     port: str | None = None,
     calibration: Path,
     rate: Annotated[float, Gt(0)] = 30.0,
     exposure: float | None = None,
     gain: float | None = None,
     white_balance: float | None = None,
+    lights: Lights | None = None,
     refresh: Refresh = "rolling",
     ambient: bool = False,
     motion: Literal["report", "skip"] = "report",
@@ -44,11 +56,22 @@ def read_camera(
     wrong one, or not the film at all is counted, reported and discarded.  Camera and controller
     are opened again whenever they fail.
 
+    Of a one-shot sensor, whose LEDs are colours and lit at once, every colour frame is a touch.
+    It has no controller, and `port`, `refresh`, `ambient` and `motion` mean nothing to it.
+
     Parameters
     ----------
     camera
-        Index, device, URL or video file; ``simulated`` for a simulated sensor, with
+        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``), device
+        (``/dev/v4l/by-id/...``), URL or video file; ``simulated`` for a simulated sensor, with
         its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
+    sensor
+        A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of one's own: what its
+        camera is asked for, how its pictures are turned, cut and shrunk, in which order its
+        colours are counted.  A copy of ``nodes/live/sensors/gelsight_mini.yaml`` is a start.
+    library
+        "opencv" opens the camera; "linuxpy" does so on Linux, and frames have the kernel's time
+        and number, and grey ones all of their bits (``pip install tactograph[linux]``).
     port
         The LED controller's serial port; None: found by its USB id.  ``simulated``: one made
         of software.  ``none``: the LEDs flash by themselves, and the image alone decides.
@@ -56,6 +79,10 @@ def read_camera(
         The sensor's calibration: its flat frame says what the film looks like.
     rate
         Frames per second, and steps of the LEDs per second.
+    lights
+        "leds": they flash.  "bgr" or "rgb": the colours of a frame are the lights, in the order
+        in which the calibration counts them.  None: "bgr" if the calibration is a one-shot
+        sensor's (`write_press_calibration`), else "leds".
     exposure, gain, white_balance
         In the driver's units; None does not change them.  Automatic ones are turned off.
     refresh
@@ -86,43 +113,74 @@ def read_camera(
     ------
     InputError
         If at the start the calibration, the camera or the controller cannot be opened, or
-        the camera's size is not the calibration's.
+        the camera's size is not the calibration's; if there is no such sensor.
     """
-    known = read_calibration(file=calibration)
-    height, width = known.dark.shape
-    wanted = Wanted(width, height, rate, exposure, gain, white_balance)
-    sensor = open_sensor(
-        camera,
-        port,
-        known.flat,
-        known.dark,
-        wanted,
-        ambient=ambient,
-        queue=queue,
-        timeout=timeout_s,
-    )
-    try:
-        full = float(2**bits - 1) if bits else 0.0
-        settings = {
-            "camera": str(camera),
-            "rate": rate,
-            "exposure": exposure,
-            "gain": gain,
-            "white_balance": white_balance,
-            "refresh": refresh,
-            "cycle": list(sensor.cycle),
-            "bits": bits,
-        }
-        stream = Stream(
-            sensor, refresh, full, motion_limit, motion == "skip", LiveState(settings=settings)
+    flat, dark, one_shot = _film(calibration)
+    height, width = dark.shape
+    preset = None if sensor is None else read_preset(sensor)
+    order = lights or (preset.lights if preset else "bgr" if one_shot else "leds")
+    if preset is not None and order != preset.lights:
+        raise InputError(
+            f"sensor={sensor}: counts the colours as {preset.lights}, but lights={order}"
         )
+    if order != "leds" and len(flat) != len(order):
+        raise InputError(
+            f"{calibration}: is of {len(flat)} LEDs, but a colour picture holds {len(order)} "
+            "lights; leave lights= and sensor= out for LEDs that flash"
+        )
+    wanted = Wanted(width, height, rate, exposure, gain, white_balance, colour=order != "leds")
+    full = float(2**bits - 1) if bits else 0.0
+    settings: dict[str, Any] = {
+        "camera": str(camera),
+        "sensor": sensor,
+        "library": library,
+        "rate": rate,
+        "exposure": exposure,
+        "gain": gain,
+        "white_balance": white_balance,
+        "bits": bits,
+        "lights": order,
+    }
+    with ExitStack() as closing:
+        if order == "leds":
+            flashed = open_sensor(
+                camera,
+                port,
+                flat,
+                dark,
+                wanted,
+                ambient=ambient,
+                library=library,
+                queue=queue,
+                timeout=timeout_s,
+            )
+            closing.callback(flashed.close)
+            settings |= {"refresh": refresh, "cycle": list(flashed.cycle)}
+            state, skip = LiveState(settings=settings), motion == "skip"
+            stream: Stream | ColourStream = Stream(
+                flashed, refresh, full, motion_limit, skip, state
+            )
+        else:
+            colours = open_colour_sensor(
+                camera, wanted, preset=preset, library=library, queue=queue, timeout=timeout_s
+            )
+            closing.callback(colours.close)
+            film = make_film(flat, dark)
+            stream = ColourStream(colours, film, order, full, LiveState(settings=settings))
         yield from stream.touches(timeout_s / 2, seconds, items)
-    finally:
-        sensor.close()
 
 
 @read_camera.rehearsal
 def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
     """The film at rest, as the calibration knows it."""
-    known = read_calibration(file=calibration)
-    return Touch(known.flat + known.dark, "", 0.0, [], LiveState())
+    flat, dark, _one_shot = _film(calibration)
+    return Touch(flat + dark, "", 0.0, [], LiveState())
+
+
+def _film(calibration: Path) -> tuple[Light, Dark, bool]:
+    """The film at rest, the camera's dark, and whether it is a one-shot sensor's."""
+    if is_of_kind(calibration, PRESS_CALIBRATION):
+        known = read_press_calibration(file=calibration)
+        return known.flat, known.dark, True
+    flashed = read_calibration(file=calibration)
+    return flashed.flat, flashed.dark, False

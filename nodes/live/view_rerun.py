@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, Provenance, Session, node, warn
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate._led_colours import LED_COLOURS
-from tactograph.nodes.live._live_picture import colour_height, round_up
+from tactograph.nodes.capture._image_files import Lights
+from tactograph.nodes.live._live_picture import NAMES, colour_height, round_up
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Shifts
 
@@ -52,6 +52,7 @@ def view_rerun(
     markers: Markers | None = None,
     shift: Shifts | None = None,
     *,
+    lights: Lights = "leds",
     viewer: Viewer = "spawn",
     url: str = "rerun+http://127.0.0.1:9876/proxy",
     file: Path | None = None,
@@ -89,6 +90,8 @@ def view_rerun(
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
     markers, shift
         M x 3 and M x 2 in px, as `track_markers` has them: arrows over the image of LED 1.
+    lights
+        "bgr" or "rgb" where the lights are the colours of one picture, which is sent as one.
     viewer
         "spawn": open one on this screen, or use the one that is open.  "connect": to the one
         at `url`, here or elsewhere.  "none": only the file.
@@ -112,7 +115,7 @@ def view_rerun(
     """
     stream = session.keep(
         lambda: _Stream(
-            _open(viewer, url, file),
+            _open(viewer, url, file, lights),
             None if viewer == "none" else url,
             file,
             1e9 * file_gb,
@@ -124,7 +127,7 @@ def view_rerun(
         return
     age = now - time if time is not None else None
     stream.begin(age)
-    stream.images(image[:, ::image_step, ::image_step], shadow, image_step)
+    stream.images(image[:, ::image_step, ::image_step], shadow, image_step, lights)
     stream.arrows(markers, shift, image_step)
     stream.surface(height, pixel, surface_step)
     stream.section(height, error, pixel)
@@ -155,7 +158,7 @@ def rerun() -> Any:
         ) from None
 
 
-def _open(viewer: Viewer, url: str, file: Path | None) -> Any:
+def _open(viewer: Viewer, url: str, file: Path | None, lights: Lights) -> Any:
     """A recording stream that goes where it should."""
     rr = rerun()
     if viewer == "none" and file is None:
@@ -168,7 +171,7 @@ def _open(viewer: Viewer, url: str, file: Path | None) -> Any:
         sinks.append(_viewer_sink(rr, url))
     if file is not None:
         sinks.append(_file_sink(rr, file))
-    stream.set_sinks(*sinks, default_blueprint=_layout())
+    stream.set_sinks(*sinks, default_blueprint=_layout(lights))
     return stream
 
 
@@ -215,9 +218,12 @@ def _file_sink(rr: Any, file: Path) -> Any:
         raise InputError(f"{file}: cannot be written: {reason}") from None
 
 
-def _layout() -> Any:
+def _layout(lights: Lights) -> Any:
     """Surface and section on the left, images in the middle, curves below."""
     rrb = importlib.import_module("rerun.blueprint")
+    pictures = [(f"led{k}", f"LED {k}") for k in range(1, 5)]
+    if lights != "leds":
+        pictures = [("colour", "camera")]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(
@@ -232,10 +238,10 @@ def _layout() -> Any:
                 ),
                 rrb.Grid(
                     *(
-                        rrb.Spatial2DView(origin=f"/camera/led{k}", name=f"LED {k}")
-                        for k in range(1, 5)
+                        rrb.Spatial2DView(origin=f"/camera/{image}", name=name)
+                        for image, name in pictures
                     ),
-                    grid_columns=2,
+                    grid_columns=min(len(pictures), 2),
                 ),
                 column_shares=[2, 1, 1],
             ),
@@ -295,15 +301,18 @@ class _Stream:
         self._recording.set_time("touch", sequence=self._touches)
         self._recording.set_time("time", timestamp=clock.time() - (age or 0.0))
 
-    def images(self, image: Light, shadow: Labels | None, step: int) -> None:
+    def images(self, image: Light, shadow: Labels | None, step: int, lights: Lights) -> None:
         rr = rerun()
-        for k, plane in enumerate(image, start=1):
-            grey = np.clip(plane * np.float32(255), 0, 255).astype(np.uint8)
-            self.log(f"camera/led{k}", rr.Image(grey))
+        planes = np.clip(image * np.float32(255), 0, 255).astype(np.uint8)
+        if lights == "leds":
+            for k, grey in enumerate(planes, start=1):
+                self.log(f"camera/led{k}", rr.Image(grey))
+        else:
+            self.log("camera/colour", rr.Image(np.moveaxis(planes, 0, -1), color_model=lights))
         if shadow is None:
             return
         if not self._colours_sent:
-            self.log("shadow", rr.AnnotationContext(_classes(image.shape[0])), static=True)
+            self.log("shadow", rr.AnnotationContext(_classes(image.shape[0], lights)), static=True)
             self._colours_sent = True
         self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
 
@@ -378,14 +387,15 @@ class _Stream:
         recording.disconnect()
 
 
-def _classes(count: int) -> list[Any]:
-    """Name and colour of every label: one LED, or several."""
+def _classes(count: int, lights: Lights) -> list[Any]:
+    """Name and colour of every label: one LED or colour, or several."""
     rr = rerun()
     found = [rr.AnnotationInfo(0, "lit", (40, 40, 40))]
     for label in range(1, 1 << count):
         leds = [k for k in range(count) if label >> k & 1]
-        name = " and ".join(f"LED {k + 1}" for k in leds)
-        colour = LED_COLOURS[leds[0]] if len(leds) == 1 else "#ffffff"
+        names, colours = zip(*NAMES[lights], strict=True)
+        name = " and ".join(f"LED {names[k]}" if lights == "leds" else names[k] for k in leds)
+        colour = colours[leds[0]] if len(leds) == 1 else "#ffffff"
         found.append(rr.AnnotationInfo(label, name, tuple(bytes.fromhex(colour[1:]))))
     return found
 

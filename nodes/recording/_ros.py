@@ -82,6 +82,8 @@ string value
 }
 """The definitions that stand in the file, so that a reader needs no ROS."""
 _ENCODINGS = {"u1": "mono8", "u2": "mono16", "f4": "32FC1"}
+_COLOURS = {"u1": "bgr8", "u2": "bgr16"}
+"""Of pictures of three channels: blue, green, red, as OpenCV gives them."""
 _FLOAT32 = 7
 
 
@@ -111,39 +113,44 @@ def text_message(topic: str, time: int, text: str) -> Message:
 def image_message(
     topic: str, time: int, image: NDArray[Any], frame: str, sequence: int = 0
 ) -> Message:
-    """A sensor_msgs/Image of H x W: mono8, mono16 or 32FC1 by the array's type."""
-    rows, columns = image.shape
+    """A sensor_msgs/Image by the array's type: H x W is mono8, mono16 or 32FC1; H x W x 3 bgr."""
+    rows, columns, *channels = image.shape
+    encodings = _COLOURS if channels else _ENCODINGS
     little = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
     body = {
         "header": _header(time, frame),
         "height": rows,
         "width": columns,
-        "encoding": _ENCODINGS[image.dtype.str[1:]],
+        "encoding": encodings[image.dtype.str[1:]],
         "is_bigendian": 0,
-        "step": columns * image.dtype.itemsize,
+        "step": columns * image.itemsize * (3 if channels else 1),
         "data": little.tobytes(),
     }
     return Message(topic, "sensor_msgs/msg/Image", time, body, sequence)
 
 
 def read_image(body: Any) -> NDArray[Any]:
-    """The array of a decoded sensor_msgs/Image, H x W.
+    """The array of a decoded sensor_msgs/Image, H x W or H x W x 3.
 
     Raises
     ------
     InputError
-        If its encoding is none of mono8, mono16 and 32FC1, or its size is not what it says.
+        If its encoding is none of mono8, mono16, 32FC1, bgr8 and bgr16, or its size is not what
+        it says.
     """
-    known = {encoding: kind for kind, encoding in _ENCODINGS.items()}
+    grey = {encoding: kind for kind, encoding in _ENCODINGS.items()}
+    colours = {encoding: kind for kind, encoding in _COLOURS.items()}
+    known, channels = grey | colours, 3 if body.encoding in colours else 1
     if body.encoding not in known:
-        raise InputError(f"images are {body.encoding}; mono8 or mono16 is needed")
+        raise InputError(f"images are {body.encoding}; mono8, mono16, bgr8 or bgr16 is needed")
     order = ">" if body.is_bigendian else "<"
     kind = np.dtype(order + known[body.encoding])
-    if body.step < body.width * kind.itemsize or len(body.data) != body.step * body.height:
+    used = body.width * channels * kind.itemsize
+    if body.step < used or len(body.data) != body.step * body.height:
         raise InputError(f"an image of {body.width} x {body.height} holds {len(body.data)} bytes")
     rows = np.frombuffer(body.data, np.uint8).reshape(body.height, body.step)
-    inside = np.ascontiguousarray(rows[:, : body.width * kind.itemsize])
-    return np.asarray(inside.view(kind), kind.newbyteorder("="))
+    values = np.asarray(np.ascontiguousarray(rows[:, :used]).view(kind), kind.newbyteorder("="))
+    return values.reshape(body.height, body.width, channels) if channels > 1 else values
 
 
 def cloud_message(topic: str, time: int, height: F4, pixel: float, frame: str) -> Message:

@@ -11,7 +11,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.graph import Provenance, Session, node, warn
 from tactograph.nodes import Light
-from tactograph.nodes.live._frames import LiveState, RawFrame
+from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame
 from tactograph.nodes.recording._mcap_log import Limits, McapLog, WhenFull
 from tactograph.nodes.recording._ros import Message, image_message, text_message
 
@@ -39,11 +39,11 @@ def record(
     """Record the frames behind a touch as MCAP files, which `replay`, Foxglove and ROS 2 read.
 
     ``folder/000001_<start>.mcap`` and so on.  A frame is a sensor_msgs/Image on the topic
-    ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off), stamped with the end of its
-    exposure; after the frames of a touch comes its name and the camera's state as JSON on
-    ``/touch``.  When this function returns, a kill of the program loses none of it, unless the
-    disk has not taken it within a quarter of a second; a power cut loses what the disk has not
-    yet been asked to keep, see `sync_ms`.
+    ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off, ``/colour/image_raw`` of a
+    one-shot sensor), stamped with the end of its exposure; after the frames of a touch comes
+    its name and the camera's state as JSON on ``/touch``.  When this function returns, a kill
+    of the program loses none of it, unless the disk has not taken it within a quarter of a
+    second; a power cut loses what the disk has not yet been asked to keep, see `sync_ms`.
 
     A disk that is slow, full or gone does not stop the stream: touches are left out, which is
     said in one line and counted, and recording goes on once the disk does.
@@ -51,7 +51,7 @@ def record(
     Parameters
     ----------
     new
-        The frames that came since the touch before, each H x W, 8 or 16 bit.
+        The frames that came since the touch before, each H x W or H x W x 3, 8 or 16 bit.
     image
         K x H x W; tells how many LEDs there are.
     name
@@ -130,7 +130,7 @@ class _Recording:
         self.log.put([*messages, text_message("/touch", now, text)])
 
     def _frame(self, frame: RawFrame) -> Message:
-        source = f"led{frame.led}" if frame.led else "off"
+        source = {0: "off", ALL_LIT: "colour"}.get(frame.led, f"led{frame.led}")
         when = round(1e9 * frame.time) + self._offset
         return image_message(f"/{source}/image_raw", when, frame.data, source, frame.number)
 

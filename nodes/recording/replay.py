@@ -16,18 +16,20 @@ import numpy as np
 from annotated_types import Ge
 
 from tactograph.graph import InputError, node, warn
+from tactograph.nodes import Light
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.capture._image_files import MOST_PIXELS
 from tactograph.nodes.capture.read_capture import MOST_LEDS
 from tactograph.nodes.live._assemble import Assembler, Refresh
-from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
+from tactograph.nodes.live._colour_stream import planes_of
+from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
 from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.recording._mcap_log import log_files
 from tactograph.nodes.recording._mcap_read import McapFile, Read
 from tactograph.nodes.recording._ros import read_image
 from tactograph.nodes.recording.record import FORMAT
 
-TOPIC = re.compile(r"/(?:led(\d)|off)/image_raw")
+TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 LOOK_AHEAD = 40
 """Frames from which the camera's rate is found."""
 LONGEST_PAUSE_S = 1.0
@@ -75,28 +77,81 @@ def replay(
     first = list(islice(frames, LOOK_AHEAD))
     if not first:
         raise InputError(f"{recording}: holds no frame")
-    wait = _Pace(speed).wait
+    every = _paced(source, chain(first, frames), _Pace(speed), first[0].led == ALL_LIT)
+    if first[0].led == ALL_LIT:
+        yield from _one_shot(source, every)
+    else:
+        yield from _flashed(source, every, first, calibration, refresh)
+
+
+def _paced(
+    source: _Recording, frames: Iterator[RawFrame], pace: _Pace, one_shot: bool
+) -> Iterator[RawFrame]:
+    """Let each frame wait until it is due; all are of one kind of sensor."""
+    for frame in frames:
+        if (frame.led == ALL_LIT) != one_shot:
+            raise InputError(
+                f"{source.path}: holds frames of a one-shot sensor and of one whose LEDs flash; "
+                "replay them apart"
+            )
+        pace.wait(frame.time)
+        yield frame
+
+
+def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[Touch]:
+    """Every colour frame is a touch."""
+    state = LiveState(settings=source.settings)
+    before: int | None = None
+    for frame in frames:
+        _count(state, frame, before)
+        before = frame.number
+        state.touches += 1
+        yield _touch(_colours(frame, source.settings), frame.time, [frame], state, source)
+
+
+def _flashed(
+    source: _Recording,
+    frames: Iterator[RawFrame],
+    first: list[RawFrame],
+    calibration: Path | None,
+    refresh: Refresh,
+) -> Iterator[Touch]:
+    """The newest frames of all LEDs are a touch."""
     state = LiveState(settings=source.settings)
     new: list[RawFrame] = []
     assembler = _assembler(source, first, calibration, refresh)
-    for before, frame in pairwise(chain([first[0]], first, frames)):
-        if frame.data.shape != before.data.shape:
+    before: RawFrame | None = None
+    for frame in frames:
+        if before is not None and frame.data.shape != before.data.shape:
             assembler = _assembler(source, [frame], calibration, refresh)
-        wait(frame.time)
+        _count(state, frame, before.number if before else None)
+        before = frame
         new.append(frame)
         assembler.add(frame)
-        state.frames += 1
-        state.dropped += max(frame.number - before.number - 1, 0)
         if frame.led and assembler.due:
             state.touches += 1
-            yield Touch(
-                assembler.take(),
-                f"{state.touches:06}",
-                assembler.newest.time,
-                new,
-                replace(state, settings=source.settings),
-            )
+            yield _touch(assembler.take(), assembler.newest.time, new, state, source)
             new = []
+
+
+def _count(state: LiveState, frame: RawFrame, before: int | None) -> None:
+    state.frames += 1
+    if before is not None:
+        state.dropped += max(frame.number - before - 1, 0)
+
+
+def _touch(
+    image: Light, time: float, new: list[RawFrame], state: LiveState, source: _Recording
+) -> Touch:
+    name, now = f"{state.touches:06}", replace(state, settings=source.settings)
+    return Touch(image, name, time, new, now)
+
+
+def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
+    """The lights of a one-shot sensor's frame, in the order that the camera was read in."""
+    bits = settings.get("bits")
+    top = float(2**bits - 1 if bits else np.iinfo(frame.data.dtype).max)
+    return planes_of(frame.data, "rgb" if settings.get("lights") == "rgb" else "bgr", top)
 
 
 class _Recording:
@@ -104,6 +159,8 @@ class _Recording:
 
     Attributes
     ----------
+    path
+        Of the file, or of the folder.
     leds
         How many there are; known with the first frame.
     settings
@@ -111,7 +168,7 @@ class _Recording:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
         self._files = _files(path)
         # From the time of day back to this computer's clock.
         self._offset = time.time_ns() - time.monotonic_ns()
@@ -156,7 +213,9 @@ class _Recording:
             data = read_image(message.body)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-        led = int(found[1] or 0)
+        led = ALL_LIT if found[2] else int(found[1] or 0)
+        if (data.ndim > 2) != (led == ALL_LIT):
+            raise InputError(f"{path}: {message.topic} holds {data.ndim - 1} planes of an image")
         if led > self.leds:
             raise InputError(f"{path}: holds frames of LED {led}, but is of {self.leds} LEDs")
         if data.dtype.kind != "u" or not 0 < data.size <= MOST_PIXELS:

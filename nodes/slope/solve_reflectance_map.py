@@ -8,6 +8,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
 from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
 from tactograph.nodes.slope._reflectance_map import DEGREE, SHADES, TERMS
@@ -37,6 +38,7 @@ def solve_reflectance_map(
     steps: Annotated[int, Interval(ge=1, le=30)] = 8,
     prior: Annotated[float, Gt(0)] = 4e-4,
     limit: Annotated[float, Gt(0)] = 0.3,
+    still: Annotated[float, Gt(0)] = 1e-3,
 ) -> Slope:
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
@@ -53,18 +55,25 @@ def solve_reflectance_map(
     reflectance
         K x 9 x 15, as `fit_reflectance_map` gives it.
     steps
-        Gauss-Newton steps.
+        Gauss-Newton steps at most.
     prior
         Weight of small slopes; matters where no light tells the slope.
     limit
         Longest step, as the angle in radians by which it turns the normal.
+    still
+        A pixel whose step is no longer than this takes no other.
     """
     maps = _maps(reflectance, light.shape[1:])
     rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]
-    p = q = np.zeros(light.shape[1:], np.float32)
+    p: F4 = np.zeros(light.shape[1:], np.float32)
+    q = p
+    moving = np.ones(p.shape, bool)
     for _ in range(steps):
-        dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
-        p, q = p + dp, q + dq
+        square, dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
+        p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
+        moving &= np.hypot(dp, dq) > np.float32(still) * square
+        if not moving.any():
+            break
     return np.asarray(np.stack([p, q]), np.float32)
 
 
@@ -90,8 +99,8 @@ def _maps(reflectance: F4, shape: tuple[int, ...]) -> F4:
 
 def _step(
     rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
-) -> tuple[F4, F4]:
-    """One solution of the weighted normal equations, cut to `limit`."""
+) -> tuple[F4, F4, F4]:
+    """1 + p^2 + q^2, and one solution of the weighted normal equations, cut to `limit`."""
     square, normal, by_p, by_q = normal_by_slope(p, q)
     a = c = np.full_like(p, prior)
     b = np.zeros_like(p)
@@ -103,7 +112,7 @@ def _step(
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
         s, t = s + w_p * left, t + w_q * left
-    return limited_step((a, b, c), (s, t), limit * square)
+    return square, *limited_step((a, b, c), (s, t), limit * square)
 
 
 def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
@@ -122,7 +131,17 @@ def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
     return value, gradient
 
 
-solve_reflectance_map.opencl(grid="H W")
+@solve_reflectance_map.opencl()
+def _launch(run: Launch) -> None:
+    """First the map along every row, then the pixels."""
+    count, rows, columns = (run.sizes[name] for name in "KHW")
+    lines, work = run.scratch((rows, count * SHADES, DEGREE + 1)), (rows * count * SHADES,)
+    run.kernel("polynomials_of_rows", work, run.inputs["reflectance"], lines, count, rows, columns)
+    planes = (run.inputs[name] for name in ("light", "flat", "height"))
+    out = run.outputs["solve_reflectance_map"]
+    settings = (run.settings[name] for name in ("steps", "prior", "limit", "still"))
+    grid = run.in_row_lanes(rows, columns)
+    run.kernel("solve", grid, *planes, lines, out, count, rows, columns, *settings)
 
 
 @solve_reflectance_map.example

@@ -389,6 +389,38 @@ def test_check_lists_what_is_needed_and_what_is_not_used(tactograph: Command, wr
     assert "needed; a height map" in done.out
 
 
+def test_check_names_groups_that_nothing_uses_and_nodes_that_no_use_needs(
+    tactograph: Command, write: Write
+) -> None:
+    text = """
+format: 1
+groups:
+  back:
+    inputs: {height: {}}
+    nodes:
+      slope: {op: height_slopes, in: {height: height, pixel: size}}
+      size:  {op: pixel_size, with: {mm: 0.1}}
+      raw:   {op: integrate_dct, in: {slope: slope.slope, pixel: size}}
+      idle:  {op: rest_at_border, in: {height: raw}}
+      flat:  {op: rest_at_border, in: {height: raw}}
+    outputs: {height: raw}
+  spare:
+    nodes: {size: {op: pixel_size, with: {mm: 0.1}}}
+nodes:
+  shape: {op: shape_ball, with: {width_px: 32, height_px: 24}}
+  one:   {group: back, in: {height: shape.height}}
+  two:   {group: back, in: {height: one.flat}}
+outputs: {height: two.height}
+"""
+    done = tactograph("check", write(text))
+    unused = [line for line in done.out.splitlines() if line.startswith("not used")]
+    assert unused == [
+        "not used by any output: one.idle",
+        "not used by any output: two.idle",
+        "not used by any node: the group spare",
+    ]
+
+
 def test_check_takes_a_value_that_is_not_given_to_be_right(
     tactograph: Command, write: Write
 ) -> None:

@@ -69,6 +69,45 @@ def test_until_runs_what_a_node_needs_and_writes_nothing(
     assert toys == ["at_rest", "touch 1"]
 
 
+GROUPED = """
+format: 1
+params:
+  count: {kind: integer, default: 1}
+  out:   {kind: path}
+prefer: [numpy]
+groups:
+  more:
+    inputs:
+      image: {}
+    nodes:
+      one: {op: doubled, in: {image: image}}
+      two: {op: doubled, in: {image: one}}
+    outputs: {light: two}
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  use:    {group: more, in: {image: frames.image}}
+  again:  {group: more, in: {image: use.light}}
+  save:   {op: noted, in: {image: again.light}}
+"""
+
+
+def test_what_is_inside_a_use_of_a_group_is_kept_too(
+    toys: list[str], tactograph: Command, write: Write, tmp_path: Path
+) -> None:
+    words = ("run", write(GROUPED), f"out={tmp_path}")
+    done = tactograph(*words, "--keep", "use.one,use.light,use.two.doubled")
+    assert done.code == 0, done.err
+    kept = tmp_path / "kept" / "1"
+    means = {file.stem: np.load(file).mean() for file in kept.glob("*.npy")}
+    assert means == {"use.one": 2, "use.light": 4, "use.two.doubled": 4}
+    toys.clear()
+    done = tactograph(*words, "--until", "use", "--trace", tmp_path / "trace.json")
+    assert (done.code, toys) == (0, ["touch 1", "doubled", "doubled"])
+    assert '"use.one"' in (tmp_path / "trace.json").read_text()
+    done = tactograph(*words, "--keep", "use.tow")
+    assert (done.code, "the group 'more' has no output or node 'tow'" in done.err) == (2, True)
+
+
 @pytest.mark.parametrize(
     ("option", "message"),
     [

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,33 +16,50 @@ from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.declare.find_node import builtin_names, find_node
 
 SCRIPT = """
-import ast
+import gc
+import json
+import os
 import sys
-from tactograph.graph.backends import compiled_node, launch, opencl
+from tactograph.graph.backends import compiled_node, launch, opencl, programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, compare
 from tactograph.nodes.height import _height_solver
 
-name, lanes, shape, before, after = sys.argv[1:6]
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
 _height_solver.PARTS, _height_solver.GROUP = 64, 32
+FILLS = ("random", "edges", "nan")  # edges hold zeros, too
 text = compiled_node.kernel_source
-compiled_node.kernel_source = lambda node: (
-    text(node)
-    .replace("#define GROUP 128", "#define GROUP 16")
-    .replace("#define PARTS 1024", "#define PARTS 64")
-)
-device = opencl.OpenCL(choose_device("oclgrind")[0], lanes=int(lanes))
-if before:
-    source = compiled_node.kernel_source
-    compiled_node.kernel_source = lambda node: source(node).replace(before, after)
-node = find_node(name)
-small = cases(node, shapes=((1, 1), (3, 5)))[:8]
-for case in cases(node, shapes=(ast.literal_eval(shape),))[:1] if shape else small:
-    wrong = compare(node, device, case)
-    assert wrong is None or before, f"{case}: {wrong}"
+simulator = choose_device("oclgrind")[0]
+
+
+def check(name, lanes, shape, before, after):
+    def source(node):
+        smaller = text(node).replace("#define GROUP 128", "#define GROUP 16")
+        smaller = smaller.replace("#define PARTS 1024", "#define PARTS 64")
+        return smaller.replace(before, after) if before else smaller
+
+    compiled_node.kernel_source = source
+    device, node = opencl.OpenCL(simulator, lanes=lanes), find_node(name)
+    wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
+    small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]
+    for case in cases(node, shapes=(shape,))[:1] if shape else small:
+        wrong = compare(node, device, case)
+        if wrong is not None and not before:
+            return f"{case}: {wrong}"
+    return ""
+
+
+for line in sys.stdin:
+    job = json.loads(line)
+    os.environ.update(job.pop("checks"))
+    answer = check(**job)
+    # A context reads what to check when it opens, and ends its log when it closes.
+    programs.build.cache_clear()
+    programs.context_of.cache_clear()
+    gc.collect()
+    print(json.dumps(answer), flush=True)
 """
 # Optimised, a kernel holds vector shuffles that the simulator fails on, and fewer reads.
 AS_WRITTEN = {"PYOPENCL_NO_CACHE": "1", "PYOPENCL_BUILD_OPTIONS": "-cl-opt-disable"}
@@ -50,55 +70,80 @@ OURS = [node.name for node in NODES if node.name not in VKFFT]
 LANED = [node.name for node in NODES if "LANES" in kernel_source(node)]
 
 
-def simulate(
-    name: str,
-    log: Path,
-    before: str = "",
-    after: str = "",
-    lanes: int = 1,
-    shape: tuple[int, int] | None = None,
-) -> str:
+Simulate = Callable[..., str]
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[subprocess.Popen[str]]:
+    """A process that checks one kernel after another."""
+    command = [sys.executable, "-c", SCRIPT]
+    pipe = subprocess.PIPE
+    environment = {**os.environ, **AS_WRITTEN}
+    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:
+        yield process
+        process.stdin.close()
+
+
+@pytest.fixture
+def simulate(simulator: subprocess.Popen[str], tmp_path: Path) -> Simulate:
     """Run a node's small parity cases, or one of `shape`, and return what the simulator says."""
-    checks = {"OCLGRIND_DATA_RACES": "1", "OCLGRIND_LOG": str(log)}
-    if lanes == 1:  # the check does not know the built-in functions of 16 lanes
-        checks["OCLGRIND_UNINITIALIZED"] = "1"
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, name, str(lanes), str(shape or ""), before, after],
-        env={**os.environ, **checks, **AS_WRITTEN},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    return log.read_text() if log.is_file() else ""
+
+    def run(
+        name: str,
+        before: str = "",
+        after: str = "",
+        lanes: int = 1,
+        shape: tuple[int, int] | None = None,
+    ) -> str:
+        log = tmp_path / "log"
+        # One check does not know the built-in functions of 16 lanes.
+        uninitialised = "1" if lanes == 1 else "0"
+        checks = {
+            "OCLGRIND_DATA_RACES": "1",
+            "OCLGRIND_UNINITIALIZED": uninitialised,
+            "OCLGRIND_LOG": str(log),
+        }
+        job = {"name": name, "lanes": lanes, "shape": shape, "before": before, "after": after}
+        assert simulator.stdin is not None
+        assert simulator.stdout is not None
+        simulator.stdin.write(json.dumps({**job, "checks": checks}) + "\n")
+        simulator.stdin.flush()
+        patience = threading.Timer(300, simulator.kill)
+        patience.start()
+        answer = simulator.stdout.readline()
+        patience.cancel()
+        assert answer, "the simulator died, or took five minutes"
+        assert json.loads(answer) == ""
+        return log.read_text() if log.is_file() else ""
+
+    return run
 
 
 @pytest.mark.parametrize("name", OURS)
-def test_a_kernel_is_clean(name: str, tmp_path: Path) -> None:
-    assert simulate(name, tmp_path / "log") == ""
+def test_a_kernel_is_clean(name: str, simulate: Simulate) -> None:
+    assert simulate(name) == ""
 
 
 @pytest.mark.parametrize("name", LANED)
-def test_a_kernel_of_many_lanes_is_clean(name: str, tmp_path: Path) -> None:
-    assert simulate(name, tmp_path / "log", lanes=16) == ""
+def test_a_kernel_of_many_lanes_is_clean(name: str, simulate: Simulate) -> None:
+    assert simulate(name, lanes=16) == ""
 
 
 @pytest.mark.parametrize("name", LANED)
-def test_a_kernel_whose_lanes_are_filled_is_clean(name: str, tmp_path: Path) -> None:
+def test_a_kernel_whose_lanes_are_filled_is_clean(name: str, simulate: Simulate) -> None:
     """A row is longer than the lanes, and the image than a run of label_lights."""
-    assert simulate(name, tmp_path / "log", lanes=16, shape=(4, 17)) == ""
+    assert simulate(name, lanes=16, shape=(4, 17)) == ""
 
 
-def test_an_image_that_is_turned_over_is_clean(tmp_path: Path) -> None:
-    assert simulate("integrate_dct", tmp_path / "log", lanes=16, shape=(67, 18)) == ""
+def test_an_image_that_is_turned_over_is_clean(simulate: Simulate) -> None:
+    assert simulate("integrate_dct", lanes=16, shape=(67, 18)) == ""
 
 
-def test_the_simulator_notices_an_access_out_of_bounds(tmp_path: Path) -> None:
-    log = simulate("flat_field", tmp_path / "log", "image + i", "image + i + K * H * W")
+def test_the_simulator_notices_an_access_out_of_bounds(simulate: Simulate) -> None:
+    log = simulate("flat_field", "image + i", "image + i + K * H * W")
     assert "Invalid read" in log
 
 
-def test_the_simulator_notices_a_race(tmp_path: Path) -> None:
-    log = simulate("shadow_linear", tmp_path / "log", "out + i, count", "out, count")
+def test_the_simulator_notices_a_race(simulate: Simulate) -> None:
+    log = simulate("shadow_linear", "out + i, count", "out, count")
     assert "race" in log

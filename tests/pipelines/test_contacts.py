@@ -11,13 +11,14 @@ import pytest
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
+from tests.conftest import without_pictures
 
 PIXEL = 0.2
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": PIXEL}
 
 
 def run(graph: str, **given: object) -> None:
-    for _ in open_pipeline(read_graph(graph), given).items():
+    for _ in open_pipeline(without_pictures(read_graph(graph)), given).items():
         pass
 
 

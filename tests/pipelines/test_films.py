@@ -28,13 +28,13 @@ Microns = Callable[..., float]
 
 
 @pytest.fixture
-def microns(raytraced: Raytraced, made_once: MadeOnce, tmp_path: Path) -> Microns:
+def microns(raytraced: Raytraced, made_once: MadeOnce) -> Microns:
     """Root mean square error in um of the soft ball on a rig, by a graph."""
 
     def measure(rig: str, graph: str = "reconstruct") -> float:
         file = made_once(f"{rig}.npz", lambda file: calibrate(raytraced / rig, file))
         capture = raytraced / rig / SHAPE
-        found = run(graph, tmp_path / graph, capture=capture, calibration=file)
+        found = run(graph, capture=capture, calibration=file)
         true = np.load(capture / "truth_height_mm.npy")
         return 1e3 * float(np.sqrt(np.square(found["height"] - true).mean()))
 
@@ -121,13 +121,11 @@ def degrees(height: F4, centres: F4) -> float:
     return float(np.mean(found))
 
 
-def test_one_ball_calibrates_a_real_sensor(sensor: Sensor, tmp_path: Path) -> None:
+def test_one_ball_calibrates_a_real_sensor(sensor: Sensor) -> None:
     """Against all balls of another scan; and the paper's flow is never better."""
     found = {
         graph: degrees(
-            run(graph, tmp_path / graph, capture=sensor.scan, calibration=sensor.calibration)[
-                "height"
-            ],
+            run(graph, capture=sensor.scan, calibration=sensor.calibration)["height"],
             sensor.centres,
         )
         for graph in ("reconstruct", "paper")

@@ -99,7 +99,7 @@ def test_a_batch_outlives_its_workers_and_its_scheduler(
     machines.workers.append(machines.start_worker())
     next(tallies)
     machines.restart_scheduler()
-    machines.workers += [machines.start_worker(), machines.start_worker()]
+    machines.workers.append(machines.start_worker())
     list(tallies)
     cluster.close()
     assert_whole(store, captures)

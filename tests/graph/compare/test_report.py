@@ -14,11 +14,13 @@ import cv2
 import numpy as np
 import pytest
 
+from tactograph.graph.command import run_command
 from tactograph.graph.compare.differences import Difference, differences
 from tactograph.graph.compare.drawable_arrays import View, load_views, save_views
 from tactograph.graph.compare.report import _pictures
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tests.conftest import MadeOnce
 from tests.graph.conftest import Command, Write
 
 ONE = """
@@ -95,6 +97,32 @@ def variants(write: Write) -> tuple[str, str]:
     return write(ONE, "one.yaml"), write(TWO, "two.yaml")
 
 
+def compared(made_once: MadeOnce, name: str, tmp_path: Path, *words: object) -> Path:
+    """A copy of what is compared once for all tests of all workers."""
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        for file, text in (("one.yaml", ONE), ("two.yaml", TWO)):
+            (folder / file).write_text(text)
+        graphs = (folder / "one.yaml", folder / "two.yaml")
+        run_command([str(w) for w in ("compare", *graphs, *words, "--out", folder / "report")])
+
+    shutil.copytree(made_once(name, make) / "report", tmp_path / "report")
+    return tmp_path / "report"
+
+
+@pytest.fixture
+def report(made_once: MadeOnce, tmp_path: Path) -> Path:
+    """The report of both variants."""
+    return compared(made_once, "compared", tmp_path)
+
+
+@pytest.fixture
+def swept(made_once: MadeOnce, tmp_path: Path) -> Path:
+    """The report of both variants at two exposures, each twice."""
+    return compared(made_once, "swept", tmp_path, *SWEEP)
+
+
 @pytest.fixture
 def captures(tmp_path: Path) -> list[Path]:
     rng = np.random.default_rng(0)
@@ -126,12 +154,8 @@ def rows_of(folder: Path) -> list[dict[str, object]]:
     return json.loads((folder / "table.json").read_text())
 
 
-def test_a_browser_shows_the_whole_page(
-    tactograph: Command, variants: tuple[str, str], tmp_path: Path
-) -> None:
-    out = tmp_path / "report"
-    assert tactograph("compare", *variants, *SWEEP, "--out", out).code == 0
-    page = (out / "report.html").read_text(encoding="utf-8")
+def test_a_browser_shows_the_whole_page(swept: Path, tmp_path: Path) -> None:
+    page = (swept / "report.html").read_text(encoding="utf-8")
     references = _References()
     references.feed(page)
     assert references.found
@@ -151,13 +175,9 @@ def test_a_browser_shows_the_whole_page(
     assert state["height"] > 2000
 
 
-def test_the_page_is_not_blank(
-    tactograph: Command, variants: tuple[str, str], tmp_path: Path
-) -> None:
-    out = tmp_path / "report"
-    tactograph("compare", *variants, "--out", out)
-    picture = tmp_path / "page.png"
-    chromium(f"--screenshot={picture}", "--window-size=1300,2400", (out / "report.html").as_uri())
+def test_the_page_is_not_blank(report: Path, tmp_path: Path) -> None:
+    picture, page = tmp_path / "page.png", report / "report.html"
+    chromium(f"--screenshot={picture}", "--window-size=1300,2400", page.as_uri())
     pixels = cv2.imread(str(picture))
     assert pixels is not None
     assert pixels.shape[1] == 1300
@@ -166,10 +186,9 @@ def test_the_page_is_not_blank(
 
 
 def test_the_page_says_what_was_ablated_and_how_it_was_made(
-    tactograph: Command, variants: tuple[str, str], tmp_path: Path
+    report: Path, variants: tuple[str, str]
 ) -> None:
-    tactograph("compare", *variants, "--out", tmp_path / "report")
-    page = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    page = (report / "report.html").read_text(encoding="utf-8")
     for text in (
         "integrate_frankot_chellappa",
         read_graph(variants[0]).hash,
@@ -180,16 +199,12 @@ def test_the_page_says_what_was_ablated_and_how_it_was_made(
         assert text in page
 
 
-def test_repeats_by_seed_give_intervals(
-    tactograph: Command, variants: tuple[str, str], tmp_path: Path
-) -> None:
-    out = tmp_path / "report"
-    tactograph("compare", *variants, *SWEEP, "--out", out)
-    rows = rows_of(out)
+def test_repeats_by_seed_give_intervals(swept: Path) -> None:
+    rows = rows_of(swept)
     assert len(rows) == 2 * 2 * 2
     assert {row["seed"] for row in rows} == {5, 6}
     assert len({row["hash"] for row in rows}) == len(rows)
-    assert "±" in (out / "table.md").read_text()
+    assert "±" in (swept / "table.md").read_text()
 
 
 def test_what_was_done_is_not_done_again_until_something_changes(
@@ -219,17 +234,12 @@ def test_one_failing_run_does_not_end_the_rest(
     assert "failed: " in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
 
 
-def test_again_repeats_what_was_recorded(
-    tactograph: Command, variants: tuple[str, str], tmp_path: Path
-) -> None:
-    out = tmp_path / "report"
-    tactograph("compare", *variants, *SWEEP, "--out", out)
-    for variant in variants:
-        Path(variant).unlink()
-    again = tactograph("compare", "--again", out)
+def test_again_repeats_what_was_recorded(tactograph: Command, swept: Path, tmp_path: Path) -> None:
+    """Of a report alone: the graph files are elsewhere."""
+    again = tactograph("compare", "--again", swept)
     assert again.code == 0
     assert re.search(r"all \d+ figures are the same as before", again.out)
-    assert len(rows_of(tmp_path / "report_again")) == len(rows_of(out))
+    assert len(rows_of(tmp_path / "report_again")) == len(rows_of(swept))
 
 
 def test_again_says_what_changed(
@@ -270,14 +280,10 @@ def test_a_wrong_comparison_is_refused_in_one_line(
     assert refused.err.count("\n") == 1
 
 
-def test_a_graph_that_was_tampered_with_is_not_run_again(
-    tactograph: Command, variants: tuple[str, str], tmp_path: Path
-) -> None:
-    out = tmp_path / "report"
-    tactograph("compare", *variants, "--out", out)
-    file = out / "graphs" / "one.yaml"
+def test_a_graph_that_was_tampered_with_is_not_run_again(tactograph: Command, report: Path) -> None:
+    file = report / "graphs" / "one.yaml"
     file.write_text(file.read_text().replace("0.8", "0.7"))
-    refused = tactograph("compare", "--again", out)
+    refused = tactograph("compare", "--again", report)
     assert refused.code == 2
     assert "was changed since" in refused.err
 

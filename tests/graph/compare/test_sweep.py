@@ -30,6 +30,41 @@ outputs: {image: camera.image}
 """
 
 
+def test_a_parameter_may_be_one_of_a_group() -> None:
+    graph = read_graph(
+        {
+            "format": 1,
+            "groups": {
+                "shot": {
+                    "inputs": {"light": {}},
+                    "params": {"seed": {"default": 3}},
+                    "nodes": {
+                        "camera": {
+                            "op": "expose", "in": {"light": "light"}, "with": {"seed": "$seed"}
+                        }
+                    },
+                    "outputs": {"image": "camera.image"},
+                }
+            },
+            "nodes": {
+                "cal": {"op": "at_rest"},
+                "a": {"group": "shot", "in": {"light": "cal.flat"}},
+                "b": {"group": "shot", "in": {"light": "cal.flat"}, "with": {"seed": 5}},
+            },
+            "outputs": {"image": "b.image"},
+        }
+    )  # fmt: skip
+    for target, first in {"shot.seed": 3, "b.seed": 5, "shot.camera.seed": 3}.items():
+        sweep = read_sweep(f"{target}=1,2")
+        check_targets([graph], [target], "--sweep")
+        assert points(graph, [sweep]) == [{target: 1}, {target: 2}]
+        assert seeds(graph, target, 2, {}) == [{target: first}, {target: first + 1}]
+    with pytest.raises(InputError, match="'b' has no param 'sede'; it has: seed"):
+        check_targets([graph], ["b.sede"], "--sweep")
+    with pytest.raises(InputError, match=r"node 'shot.camera' \(expose\) has no parameter 'sede'"):
+        check_targets([graph], ["shot.camera.sede"], "--sweep")
+
+
 @pytest.mark.parametrize(
     ("text", "values"),
     [

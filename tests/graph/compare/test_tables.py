@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.compare.tables import (
@@ -30,6 +29,8 @@ def row(variant: str, capture: str = "a", seed: int | None = None, **figures: fl
 
 
 def test_the_interval_is_students() -> None:
+    from scipy import stats  # seconds, for each worker that collects this file
+
     values = [1.0, 2.0, 4.0, 4.5]
     found = estimate(values)
     wanted = stats.t.interval(0.95, 3, np.mean(values), stats.sem(values))

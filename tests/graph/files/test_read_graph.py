@@ -73,7 +73,7 @@ def test_a_file_that_is_not_there_is_an_input_error(name: str) -> None:
         ("{mm: 0.1}", "5", "nodes.pixel.with: a mapping is needed, not 5"),
         ("{mm: 0.1}", "{mm mm: 1}", "nodes.pixel.with.mm mm: 'mm mm' is not a name"),
         ("height: height,", "height: 5,", "nodes.slope.in.height: text is needed, not 5"),
-        ("height: height,", "height: a.b.c,", "nodes.slope.in.height: 'a.b.c' is not a name"),
+        ("height: height,", "height: a..b,", "nodes.slope.in.height: 'a..b' is not a name"),
         ("{height: again", "{'he-ight': again", "outputs.he-ight: 'he-ight' is not a name"),
         ("outputs:", "prefer: [cuda]\noutputs:", f"prefer[0]: {BACKENDS}"),
         ("outputs:", "prefer: []\noutputs:", "prefer: at least one is needed"),

@@ -75,7 +75,7 @@ Slip = Callable[[dict[str, Any]], object]
         pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(mm=0), id="out of range"),
         pytest.param(lambda g: g["nodes"]["pixel"]["with"].update(mm="x"), id="of another type"),
         pytest.param(lambda g: g["nodes"]["slope"]["in"].update(hieght="a"), id="an input"),
-        pytest.param(lambda g: g["nodes"]["slope"]["in"].update(height="a.b.c"), id="a reference"),
+        pytest.param(lambda g: g["nodes"]["slope"]["in"].update(height="a..b"), id="a reference"),
         pytest.param(lambda g: g["nodes"]["slope"].update(backend="gpu"), id="a back end"),
         pytest.param(lambda g: g["params"]["file"].update(kind="file"), id="the kind of a param"),
         pytest.param(lambda g: g.update(prefer=["cuda"]), id="a preference"),
@@ -93,6 +93,43 @@ def test_a_param_of_the_graph_may_stand_for_any_parameter() -> None:
     graph = slopes()
     graph["nodes"]["pixel"]["with"]["mm"] = "$mm"
     validator().validate(graph)
+
+
+GROUP = {
+    "inputs": {"height": {}, "pixel": {"default": "pixel"}, "rest": {"default": None}},
+    "params": {"mm": {"default": 0.1, "help": "mm per px"}},
+    "nodes": {"size": {"op": "pixel_size", "with": {"mm": "$mm"}}},
+    "outputs": {"size": "size"},
+}
+
+
+def test_a_group_and_its_use_pass() -> None:
+    graph = slopes()
+    graph["groups"] = {"sized": GROUP}
+    graph["nodes"]["use"] = {"group": "sized", "in": {"height": "again"}, "with": {"mm": 0.2}}
+    validator().validate(graph)
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [
+        pytest.param(lambda g: g["groups"]["sized"].pop("nodes"), id="no nodes"),
+        pytest.param(lambda g: g["groups"]["sized"].update(input={}), id="a key of a group"),
+        pytest.param(lambda g: g["groups"]["sized"]["inputs"].update(a={"of": 1}), id="an input"),
+        pytest.param(
+            lambda g: g["groups"]["sized"]["nodes"]["size"]["with"].update(mm=0), id="out of range"
+        ),
+        pytest.param(lambda g: g["nodes"]["use"].update(op="pixel_size"), id="op and group"),
+        pytest.param(lambda g: g["nodes"]["use"].update(neutral=True), id="a key of a use"),
+    ],
+)
+def test_a_slip_in_a_group_does_not_pass(slip: Slip) -> None:
+    graph = slopes()
+    graph["groups"] = {"sized": copy.deepcopy(GROUP)}
+    graph["nodes"]["use"] = {"group": "sized", "in": {"height": "again"}}
+    slip(graph)
+    with pytest.raises(jsonschema.ValidationError):
+        validator().validate(graph)
 
 
 def test_a_node_of_another_package_passes() -> None:

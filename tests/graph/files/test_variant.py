@@ -45,6 +45,28 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
     assert saved.nodes["shadow"].inputs == turned.nodes["shadow"].inputs
 
 
+def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
+    base = read_graph("reconstruct")
+    passes = [f"pass_{number}" for number in range(1, 5)]
+    graph = base
+    for name in passes:
+        settings = {**base.nodes[f"{name}.label"].settings, "dark": 0}
+        graph = changed(graph, f"{name}.label", settings=settings)
+    graph = changed(graph, "pass_2.bounce", neutral=True)
+    changes = changes_between(base, graph, {})
+    assert changes == [
+        {"set": "pass.label", "with": {"dark": 0}},
+        {"neutral": "pass_2.bounce"},
+    ]
+    saved = write_variant(tmp_path / "v.yaml", base, "reconstruct", changes, "lit")
+    assert saved.nodes == graph.nodes
+    graph = changed(graph, "pass_3.label", settings={"steepest": 4.0, "dark": 1})
+    assert [change.get("set") for change in changes_between(base, graph, {})][:2] == [
+        "pass_1.label",
+        "pass_2.label",
+    ]
+
+
 def test_a_variant_extends_a_file_by_its_place(tmp_path: Path) -> None:
     (tmp_path / "deep").mkdir()
     file = tmp_path / "mine.yaml"

@@ -35,6 +35,44 @@ def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -
     assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
 
 
+def test_the_nodes_of_a_use_are_drawn_together(device: OpenCL) -> None:
+    noted = {"op": "rest_at_border", "in": {"height": "height"}}
+    groups = {
+        "one": {"inputs": {"height": {}}, "nodes": {"n": noted}, "outputs": {"height": "n"}},
+        "two": {
+            "inputs": {"height": {}},
+            "nodes": {
+                "a": {"group": "one", "in": {"height": "height"}},
+                "b": {"op": "rest_at_border", "in": {"height": "a.height"}},
+            },
+            "outputs": {"height": "b"},
+        },
+    }
+    use = {"group": "two", "in": {"height": "ball"}}
+    ball = {"op": "shape_ball", "with": {"width_px": 32, "height_px": 24}}
+    graph = {"format": 1, "groups": groups, "outputs": {"height": "use.height"}}
+    nodes = {"shape": ball, "ball": {**noted, "in": {"height": "shape.height"}}, "use": use}
+    plan = make_plan(read_graph({**graph, "nodes": nodes}), {}, device=None)
+    assert [line.split(" [")[0].strip() for line in to_dot(plan).splitlines()[3:12]] == [
+        '"shape"',
+        '"ball"',
+        'subgraph "cluster_use" { label="use"; color="#999999"; fontsize=10;',
+        '"use.b"',
+        'subgraph "cluster_use.a" { label="use.a"; color="#999999"; fontsize=10;',
+        '"use.a.n"',
+        "}",
+        "}",
+        '"shape" -> "ball"',
+    ]
+    mermaid = to_mermaid(plan)
+    assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
+        ('use_use["use"]', ""),
+        ('use_use_a["use.a"]', ""),
+        ("", "end"),
+        ("", "end"),
+    ]
+
+
 def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None:
     drawn = edges(planned(write(SLOPES), device))
     assert ("height", "upload height.read_height", "read_height") in drawn

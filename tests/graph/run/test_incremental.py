@@ -229,6 +229,60 @@ def test_a_wrong_setting_changes_nothing(toys: list[str], write: Write) -> None:
     assert pipeline.plan.graph.hash != before
 
 
+@BACKENDS
+def test_of_a_change_only_what_is_asked_for_is_made(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    text = CHAIN.replace("before: previous.sum", "")
+    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline(frames=STACK)
+    toys.clear()
+    pipeline.set("light", floor=0.5)
+    assert pipeline.again(["high"])["high"].size == 0
+    assert "doubled" not in toys
+    np.testing.assert_array_equal(pipeline.inspect("twice"), 2 * STACK)
+    assert toys.count("doubled") == 1
+    found = pipeline.again()
+    assert toys.count("doubled") == 1
+    np.testing.assert_array_equal(found["seen"], pipeline.inspect("seen"))
+    pipeline.set("light", floor=0.4)
+    pipeline.again(["high"])
+    found = pipeline(frames=2 * STACK)
+    np.testing.assert_array_equal(found["light"], 2 * STACK)
+
+
+def test_a_group_is_set_in_one_use_or_in_all(toys: list[str], write: Write) -> None:
+    cuts = """
+groups:
+  cut:
+    inputs:  {image: {}}
+    params:  {above: {default: 0.0}}
+    nodes:   {high: {op: bright, in: {image: image}, with: {above: $above}}}
+    outputs: {light: high.light}
+nodes:
+  one: {group: cut, in: {image: light}}
+  two: {group: cut, in: {image: light}}
+"""
+    text = CHAIN.replace("\nnodes:\n", f"\n{cuts.strip()}\n")
+    text = text.replace("\noutputs: {", "\noutputs: {one: one.light, two: two.light, ")
+    pipeline = load(write(text), backend="numpy", cache=Cache())
+
+    def lit() -> tuple[int, int]:
+        found = pipeline.again(["one", "two"])
+        return found["one"].size, found["two"].size
+
+    pipeline(frames=STACK)
+    assert lit() == (20, 20)
+    pipeline.set("two", above=0.7)
+    assert lit() == (20, 0)
+    pipeline.set("cut.high", above=0.8)
+    assert lit() == (0, 0)
+    pipeline.set("one.high", above=0.2)
+    assert lit() == (20, 0)
+    with pytest.raises(InputError, match="the group 'cut' has no param 'abov'; did you mean"):
+        pipeline.set("two", abov=1)
+
+
 def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     raytraced: Raytraced, calibration: Calibration
 ) -> None:
@@ -236,7 +290,7 @@ def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     graph, cache = read_graph("reconstruct"), Cache(megabytes=64)
     pipeline = open_pipeline(graph, given, sinks=False, cache=cache)
     next(pipeline.items())
-    for node, settings in (("level", {"degree": 1}), ("label_2", {"steepest": 3.0})):
+    for node, settings in (("level", {"degree": 1}), ("pass_2.label", {"steepest": 3.0})):
         pipeline.set(node, **settings)
         found = pipeline.again()
     expected = next(open_pipeline(pipeline.plan.graph, given, sinks=False).items())

@@ -98,7 +98,7 @@ def wait_for(page: Page, name: str, words: str) -> None:
 def choose(page: Page, node: str) -> None:
     if text_of(page, "node") == node:
         return
-    page.browser.click(f"[data-node={node}] rect")
+    page.browser.click(f'[data-node="{node}"] rect')
     page.browser.wait(f"document.querySelector('{element('node')}')?.innerText === '{node}'")
 
 

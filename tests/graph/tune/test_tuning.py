@@ -56,6 +56,47 @@ def test_a_change_is_followed_by_its_result(opened: Open, toys: list[str]) -> No
     assert toys.count("doubled") == 1
 
 
+GROUPED = """
+format: 1
+params: {count: {kind: integer, default: 3}}
+groups:
+  cut:
+    inputs:  {image: {}}
+    nodes:   {high: {op: bright, in: {image: image}}}
+    outputs: {light: high.light}
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  one:    {group: cut, in: {image: frames.image}}
+  twice:  {op: doubled, in: {image: frames.image}}
+  two:    {group: cut, in: {image: twice}}
+outputs: {one: one.light, two: two.light}
+"""
+
+
+def test_a_node_of_a_group_is_changed_in_one_use_or_in_every(opened: Open, tmp_path: Path) -> None:
+    tuning = opened(GROUPED)
+
+    def lit() -> tuple[int, int]:
+        result = tuning.settled().result
+        assert result is not None
+        return result["one"].size, result["two"].size
+
+    assert lit() == (0, 20)
+    tuning.set("two.high", "above", 5.0)
+    assert lit() == (0, 0)
+    tuning.every = True
+    tuning.set("one.high", "above", 0.5)
+    assert lit() == (20, 20)
+    assert tuning.changes() == [{"set": "cut.high", "with": {"above": 0.5}}]
+    saved = read_graph(tuning.save(tmp_path / "kept.yaml"))
+    assert saved.nodes == tuning.graph.nodes
+    tuning.set_backend("two.high", "numpy")
+    assert {entry.backend for entry in tuning.graph.nodes.values()} == {None, "numpy"}
+    tuning.reset("two.high")
+    assert tuning.changes() == []
+    assert lit() == (0, 20)
+
+
 def test_the_latest_of_many_changes_is_what_is_shown(opened: Open) -> None:
     tuning = opened()
     first = tuning.settled().number

@@ -189,7 +189,7 @@ def test_markers_that_moved_are_arrows_over_the_cameras_image() -> None:
     rows, columns = HEIGHT.shape
     place = np.array([[columns / 2, rows / 2, 3.0]], np.float32)
     moved = place, np.array([[columns / 4, 0.0]], np.float32), np.ones(1, np.uint8)
-    drawn = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "", moved)
+    drawn = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "", moved=moved)
     y, x = np.nonzero((plain != drawn).any(axis=-1))
     assert x.max() - x.min() > 2 * (y.max() - y.min())
     red, _, blue = drawn[y, x].mean(axis=0)

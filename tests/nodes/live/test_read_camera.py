@@ -19,10 +19,10 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.live._camera import Wanted, settle
 from tactograph.nodes.live._frames import Touch
+from tactograph.nodes.live._open_camera import Wanted, settle
 from tactograph.nodes.live._sensor import Sensor, open_sensor
-from tactograph.nodes.live._simulated_sensor import SimulatedSensor, read_scene
+from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
 from tactograph.nodes.live._touch_stream import Stream
 
 pytestmark = pytest.mark.realtime
@@ -35,7 +35,7 @@ SCENE = (
 WANTED = Wanted(WIDTH, HEIGHT, RATE)
 LATEST = 2.5
 """Seconds within which a stream has to be back, on a machine that does much else besides."""
-FLAT = np.stack([SimulatedSensor(read_scene(SCENE))._flat[k] for k in range(4)])
+FLAT = np.stack([SimulatedSensor(read_scene(SCENE, Scene))._flat[k] for k in range(4)])
 DARK = np.zeros((HEIGHT, WIDTH), np.float32)
 
 
@@ -287,8 +287,8 @@ def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
 def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
     """Half of the frames are missing; each of the others shows its LED all the same."""
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
-    stream = Stream(sensor)
     sensor.rate = 2 * RATE
+    stream = Stream(sensor)
     for _ in stream.touches(seconds=2.6):
         pass
     sensor.close()
@@ -321,7 +321,7 @@ def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
 
 def test_the_real_videocapture_reads_a_file_of_the_same_frames(tmp_path: Path) -> None:
     """Lossless, through OpenCV's own reader, at the file's pace and with an end."""
-    table = SimulatedSensor(read_scene(SCENE), start=0.0)
+    table = SimulatedSensor(read_scene(SCENE, Scene), start=0.0)
     file = tmp_path / "touch.avi"
     writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"FFV1"), RATE, (WIDTH, HEIGHT))
     assert writer.isOpened()

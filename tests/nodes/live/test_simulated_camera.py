@@ -92,7 +92,7 @@ def test_what_is_unplugged_delivers_nothing() -> None:
 
 
 def test_a_scene_is_told_behind_a_question_mark() -> None:
-    assert read_scene("simulated") == Scene()
-    assert read_scene("simulated?radius_mm=3&seed=4") == Scene(radius_mm=3, seed=4)
+    assert read_scene("simulated", Scene) == Scene()
+    assert read_scene("simulated?radius_mm=3&seed=4", Scene) == Scene(radius_mm=3, seed=4)
     with pytest.raises(InputError, match="depth"):
-        read_scene("simulated?depth=1")
+        read_scene("simulated?depth=1", Scene)

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image
-from surfalize import Surface
 
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
@@ -65,6 +64,8 @@ def test_a_png_states_its_scale(exported: Path) -> None:
 
 
 def test_a_tmd_is_read_by_a_surface_metrology_package(exported: Path) -> None:
+    from surfalize import Surface  # seconds, for each worker that collects this file
+
     surface = Surface.load(str(exported / "height.tmd"))
     # It takes the numbers as they stand; that they are mm is what GelSight's own files say.
     np.testing.assert_array_equal(surface.data, slope())

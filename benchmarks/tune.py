@@ -1,0 +1,173 @@
+"""How fast `tactograph tune` follows a slider, and what memory it takes after many updates.
+
+    python benchmarks/tune.py
+    python benchmarks/tune.py --graph precise --updates 100
+    python benchmarks/tune.py --browser 20         in chromium, for so many seconds
+
+A simulated touch of 640 x 480 pixels, the height looked at.  A parameter is changed as soon as
+the height of the last change is there: one of the last nodes, then one of the first.  With
+--browser chromium drags the slider instead, and the pictures that it shows are counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.tune.tuning import Tuning
+
+SLIDERS = {
+    "reconstruct": (("label", "price", 6.0), ("pass_1.label", "price", 6.0)),
+    "precise": (("pass_3.raw", "robust", 3.0), ("coarse_1.label", "price", 6.0)),
+}
+SIZE = {"width_px": 640, "height_px": 480, "pixel_size_mm": 0.0357}
+
+
+COUNT = """
+window.pictures = 0;
+window.last = "";
+setInterval(() => {
+    const now = document.querySelector('[data-testid=picture] img').src;
+    if (now !== window.last) window.pictures++;
+    window.last = now;
+}, 5);
+"""
+"""Counts the pictures that the page shows."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--graph", choices=list(SLIDERS), default="reconstruct")
+    parser.add_argument("--updates", type=int, default=1000)
+    parser.add_argument("--browser", type=float, metavar="SECONDS")
+    arguments = parser.parse_args()
+    print(f"{_machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    with tempfile.TemporaryDirectory() as folder:
+        given = prepared(Path(folder))
+        if arguments.browser:
+            in_browser(arguments.graph, given, Path(folder), arguments.browser)
+        else:
+            follow(arguments.graph, given, arguments.updates)
+
+
+def prepared(folder: Path) -> dict[str, str]:
+    """A capture and a calibration of a simulated sensor."""
+    touch, ball, flat, file = (folder / name for name in ("touch", "ball", "flat", "cal.npz"))
+    for graph, given in (
+        ("simulate", {**SIZE, "out": str(touch), "radius_mm": 5.0, "seed": 3}),
+        ("simulate", {**SIZE, "out": str(ball), "radius_mm": 7.0, "seed": 1}),
+        ("simulate_flat", {**SIZE, "out": str(flat), "seed": 2}),
+        (
+            "calibrate",
+            {
+                "capture": str(ball),
+                "flat": str(flat),
+                "ball_radius_mm": 7.0,
+                "pixel_size_mm": SIZE["pixel_size_mm"],
+                "out": str(file),
+            },
+        ),
+    ):
+        for _ in open_pipeline(read_graph(graph), given).items():
+            pass
+    return {"capture": str(touch), "calibration": str(file)}
+
+
+def follow(graph: str, given: dict[str, str], updates: int) -> None:
+    """Print how long the height takes to follow each parameter, and the memory meanwhile."""
+    tuning = Tuning(graph, given)
+    try:
+        tuning.settled(120)
+        tuning.output = "height"
+        for node, parameter, middle in SLIDERS[graph]:
+            walls, processor = [], time.process_time()
+            sizes = []
+            for number, value in enumerate(_values(middle, updates)):
+                before, start = tuning.shown.number, time.perf_counter()
+                tuning.set(node, parameter, value)
+                while tuning.shown.number == before:
+                    time.sleep(0.0005)
+                walls.append(time.perf_counter() - start)
+                if number in (updates // 10, updates - 1):
+                    sizes.append(_resident_mb())
+            each = 1e3 * (time.process_time() - processor) / updates
+            tuning.settled(120)
+            print(
+                f"{graph} {node}.{parameter}: {1 / median(walls):.1f} updates/s "
+                f"({1e3 * median(walls):.0f} ms, 95 % within "
+                f"{1e3 * sorted(walls)[int(0.95 * updates)]:.0f} ms), "
+                f"{each:.0f} ms of the processor each; "
+                f"{sizes[0]:.0f} MB after {updates // 10} updates, {sizes[-1]:.0f} after {updates}"
+            )
+            if tuning.shown.error:
+                sys.exit(tuning.shown.error)
+    finally:
+        tuning.close()
+
+
+def in_browser(graph: str, given: dict[str, str], folder: Path, seconds: float) -> None:
+    """Print how many pictures a second chromium shows while it drags a slider."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    from tests.graph.tune.browser import Browser
+
+    words = [f"{name}={value}" for name, value in given.items()]
+    server = subprocess.Popen(
+        [sys.executable, "-m", "tactograph.graph.command", "tune", graph, *words, "--no-browser"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert server.stdout is not None
+    address = server.stdout.readline().strip()
+    browser = Browser(folder / "profile")
+    node, parameter, _ = SLIDERS[graph][0]
+    try:
+        time.sleep(5)
+        browser.open(address)
+        browser.wait("document.querySelector('[data-testid=picture] img')?.naturalWidth > 100", 90)
+        browser.click(f'[data-node="{node}"] rect')
+        browser.wait(f"document.querySelector('[data-testid=param-{parameter}]') !== null")
+        browser.look(COUNT)
+        there_and_back = [0.3 + 0.002 * step for step in (*range(200), *range(200, 0, -1))]
+        start = time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            browser.drag(f"[data-testid=param-{parameter}]", there_and_back[:200])
+        pictures = browser.look("window.pictures") / (time.perf_counter() - start)
+        print(f"{graph} {node}.{parameter}: {pictures:.1f} pictures/s in chromium")
+    finally:
+        browser.close()
+        server.terminate()
+        server.wait(timeout=30)
+
+
+def _values(middle: float, count: int) -> Iterator[float]:
+    """Values around the middle, each of them new."""
+    for number in range(count):
+        yield middle * (0.8 + 0.4 * ((number * 0.618034) % 1))
+
+
+def _resident_mb() -> float:
+    status = Path("/proc/self/status").read_text()
+    found = re.search(r"VmRSS:\s+(\d+) kB", status)
+    assert found is not None
+    return int(found[1]) / 1024
+
+
+def _machine() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    names = [line.partition(": ")[2] for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,13 @@
+"""``tactograph cameras``: the cameras that are plugged in, by the graph of that name."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("cameras", short_help="List the cameras that are plugged in.")
+def command() -> None:
+    """List cameras: device, name, serial number, formats, sizes and rates."""
+    from tactograph.graph.command import run_command
+
+    run_command(["run", "cameras", "--quiet"])

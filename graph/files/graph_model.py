@@ -1,0 +1,237 @@
+"""What a graph file may say, as pydantic models: for reading it, and for its JSON schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StringConstraints,
+    Tag,
+    ValidationError,
+)
+
+from tactograph.graph.backends import Backend
+from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.files.flat_graph import FORMAT
+from tactograph.graph.files.strict_yaml import Document, Path_
+
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
+Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
+
+_WANTED = {
+    "model_type": "a mapping is needed",
+    "dict_type": "a mapping is needed",
+    "list_type": "a list is needed",
+    "too_short": "at least one is needed",
+    "string_type": "text is needed",
+    "bool_type": "true or false is needed",
+}
+
+
+def _whole(value: Any) -> Any:
+    """Keep `true` and 1.0, which equal 1 to Python, from passing for it."""
+    if type(value) is not int:
+        raise ValueError("a whole number is needed")
+    return value
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class ParamModel(_Strict):
+    """A value that the user gives on the command line."""
+
+    kind: Kind = Field(description="What the value is.")
+    help: str = Field("", description="One line for people.")
+    default: Any = Field(None, description="Without it, the value must be given.")
+
+
+class NodeModel(_Strict):
+    """A node of the graph."""
+
+    op: Name = Field(description="The node's name; `tactograph nodes` lists them.")
+    inputs: dict[Name, Reference] = Field(
+        default={},
+        alias="in",
+        description="Input port: node or node.port it reads; previous.node.port reads the "
+        "value of the item before.",
+    )
+    settings: dict[Name, Any] = Field(
+        default={}, alias="with", description="Parameters; $name stands for a graph parameter."
+    )
+    backend: Backend | None = Field(None, description="Refuse to run elsewhere.")
+    neutral: bool = Field(False, description="Take the node out; its neutral value stands in.")
+
+
+class UseModel(_Strict):
+    """A use of a group: its nodes, with this one's name before theirs."""
+
+    group: Name = Field(description="One of `groups`.")
+    inputs: dict[Name, Reference] = Field(
+        default={}, alias="in", description="Input of the group: what it reads here."
+    )
+    settings: dict[Name, Any] = Field(
+        default={}, alias="with", description="Params of the group; $name stands for one around it."
+    )
+
+
+_AN_OP, _A_GROUP = "(op)", "(group)"
+
+
+def _op_or_group(value: Any) -> str:
+    return _A_GROUP if isinstance(value, dict) and "group" in value else _AN_OP
+
+
+AnyNode = Annotated[
+    Annotated[NodeModel, Tag(_AN_OP)] | Annotated[UseModel, Tag(_A_GROUP)],
+    Discriminator(_op_or_group),
+]
+
+
+class GroupInputModel(_Strict):
+    """What nodes of a group read from around it."""
+
+    help: str = Field("", description="One line for people.")
+    default: Reference | None = Field(
+        None,
+        description="What it reads where a use does not say; null: it may be left out. Without "
+        "it, a use has to say.",
+    )
+
+
+class GroupParamModel(_Strict):
+    """A value that a use gives to a group."""
+
+    help: str = Field("", description="One line for people.")
+    default: Any = Field(None, description="Without it, a use has to give the value.")
+
+
+class GroupModel(_Strict):
+    """Nodes that are defined once; `nodes` use them by `group`."""
+
+    inputs: dict[Name, GroupInputModel | None] = Field(
+        {}, description="What its nodes read from around it."
+    )
+    params: dict[Name, GroupParamModel | None] = Field(
+        {}, description="Its nodes take them as $name."
+    )
+    nodes: Annotated[dict[Name, AnyNode], Field(min_length=1)] = Field(
+        description="They read one another and the inputs."
+    )
+    outputs: dict[Name, Reference] = Field(
+        {}, description="Names for values inside: `use.name` reads one."
+    )
+
+
+class PatchModel(_Strict):
+    """One change to the graph that is extended; exactly one verb.
+
+    A name is a node, `use.node`, or `group.node`: that node in every use of the group.
+    """
+
+    set: Reference | None = Field(
+        None, description="Change parameters (`with`) of this node, or of a use of a group."
+    )
+    replace: Reference | None = Field(None, description="Put another node in this one's place.")
+    insert: Reference | None = Field(None, description="Add a node, `after` a reference if given.")
+    remove: Reference | None = Field(None, description="Remove this node.")
+    backend: Reference | None = Field(None, description="Run this node on the back end `to`.")
+    neutral: Reference | None = Field(None, description="Let this node's neutral value stand in.")
+    op: Name | None = None
+    group: Name | None = Field(None, description="In place of `op`: use this group.")
+    inputs: dict[Name, Reference] | None = Field(None, alias="in")
+    settings: dict[Name, Any] | None = Field(None, alias="with")
+    after: Reference | None = Field(
+        None, description="Every reader of this value reads the inserted node instead."
+    )
+    to: Backend | None = None
+
+
+class GraphModel(_Strict):
+    """A graph file, or, with `extends`, a change to another one."""
+
+    format: Annotated[Literal[1], BeforeValidator(_whole)] = Field(
+        description="The version of this file format."
+    )
+    title: str = ""
+    extends: str | None = Field(None, description="Another graph file, or a shipped one's name.")
+    params: dict[Name, ParamModel] = {}
+    prefer: Annotated[list[Backend], Field(min_length=1)] | None = Field(
+        None, description="Back ends in order of preference."
+    )
+    groups: dict[Name, GroupModel] = Field(
+        {}, description="Nodes that are defined once and used several times."
+    )
+    nodes: dict[Reference, AnyNode] | None = None
+    patch: list[PatchModel] | None = None
+    outputs: dict[Name, Reference | None] = Field(
+        {}, description="null, with `extends`: the other graph's output is not wanted."
+    )
+
+
+def validate(document: Document) -> GraphModel:
+    """What a document says.
+
+    Raises
+    ------
+    GraphError
+        With the place of the first thing that no graph file may say.
+    """
+    if not isinstance(document.data, dict):
+        raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")
+    try:
+        return GraphModel.model_validate(document.data)
+    except ValidationError as error:
+        raise GraphError(_first_error(error, document)) from None
+
+
+def _first_error(error: ValidationError, document: Document) -> str:
+    first = error.errors()[0]
+    kind = first["type"]
+    model = _model_at(first["loc"])
+    path: Path_ = tuple(part for part in first["loc"] if part not in (_AN_OP, _A_GROUP))
+    if path[-1] == "[key]" and kind != "extra_forbidden":
+        path = path[:-1]
+    place = document.place(path)
+    if kind == "extra_forbidden":
+        if model is UseModel and path[-1] in ("op", "backend", "neutral"):
+            return f"{place}: a node with 'group' has no '{path[-1]}'"
+        known = [field.alias or name for name, field in model.model_fields.items()]
+        return f"{place}: unknown key '{path[-1]}'{did_you_mean(str(path[-1]), known)}"
+    if kind == "missing":
+        return f"{place}: '{path[-1]}' is missing"
+    value = first.get("input")
+    if kind == "string_pattern_mismatch":
+        return f"{place}: {_short(value)} is not a name such as 'cal' or 'cal.flat'"
+    if path == ("format",):
+        return f"{place}: this version reads format {FORMAT}, not {_short(value)}"
+    wanted = _WANTED.get(kind)
+    if wanted is None and kind == "literal_error":
+        wanted = f"{first['ctx']['expected']} is needed"
+    return f"{place}: {wanted or first['msg'].lower()}, not {_short(value)}"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _model_at(loc: Path_) -> type[BaseModel]:
+    """What stands at a place where something is wrong."""
+    if _A_GROUP in loc:
+        return UseModel
+    if _AN_OP in loc:
+        return NodeModel
+    whole: type[BaseModel] = GraphModel
+    parts: dict[str | int, type[BaseModel]] = {"params": ParamModel, "patch": PatchModel}
+    if loc[0] == "groups":
+        loc, whole = loc[2:], GroupModel
+        parts = {"inputs": GroupInputModel, "params": GroupParamModel}
+    return parts.get(loc[0], whole) if len(loc) > 1 else whole

@@ -1,0 +1,293 @@
+"""Groups: nodes that a graph defines once and uses several times, each use with names of its own.
+
+A node ``label`` of a group is the node ``pass_2.label`` where ``pass_2`` uses it.  Inside, a
+reference names a node or an input of the group; outside it names a node, or an output of a use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.files.flat_graph import (
+    PREVIOUS,
+    Entry,
+    Graph,
+    Group,
+    Param,
+    Use,
+    split_previous,
+)
+from tactograph.graph.files.strict_yaml import Place
+
+
+def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:
+    """The graph with further nodes, each use of a group taken apart into the group's nodes.
+
+    Parameters
+    ----------
+    scope
+        The use in whose group the nodes stand; "" for the graph itself.
+
+    Raises
+    ------
+    GraphError
+        If a use names no group, gives what the group does not take or leaves out what it
+        needs, a group uses itself, or a reference in a group names nothing there.
+    """
+    added = _uses(graph, nodes, scope, ())
+    graph = replace(graph, uses={**graph.uses, **{path: use for path, (use, _) in added.items()}})
+    for path, (use, around) in added.items():  # the use around another comes first
+        graph = replace(graph, uses={**graph.uses, path: _bound(graph, use, around)})
+    return replace(graph, nodes={**graph.nodes, **_taken_apart(graph, nodes, scope)})
+
+
+def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:
+    """What a reference that stands in a scope is called in the flat graph.
+
+    Returns
+    -------
+    None for an input of the group that this use leaves out.
+
+    Raises
+    ------
+    GraphError
+        With `where`, if it names nothing that can be read.
+    """
+    bare, previous = split_previous(reference)
+    name, _, rest = bare.partition(".")
+    if scope:
+        use = graph.uses[scope]
+        group = graph.groups[use.group]
+        if name in group.inputs:
+            return _of_input(use.inputs.get(name), rest, previous, where)
+        known = [*group.body.nodes, *group.body.uses]
+        if name not in known:
+            hint = did_you_mean(name, [*known, *group.inputs])
+            raise GraphError(
+                f"{where}: the group '{use.group}' has no node or input '{name}'{hint}"
+            )
+        name = f"{scope}.{name}"
+    flat = _of_use(graph, name, rest, where) if name in graph.uses else _joined(name, rest)
+    return f"{PREVIOUS}.{flat}" if previous else flat
+
+
+def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
+    """An entry with references of the flat graph, and the values of the group's params.
+
+    Raises
+    ------
+    GraphError
+        If it refers to something that is not there.
+    """
+    if scope:
+        entry = replace(entry, places=_used_by(graph.uses[scope], entry))
+    inputs = {
+        port: flat_reference(graph, reference, scope, entry.where(f"in.{port}"))
+        for port, reference in entry.inputs.items()
+    }
+    return replace(
+        entry,
+        inputs={port: flat for port, flat in inputs.items() if flat is not None},
+        settings=_settings(graph, entry.settings, scope, entry),
+    )
+
+
+def meant_nodes(graph: Graph, name: str) -> list[str]:
+    """The nodes that a name stands for: of a use, or, as ``group.node``, of every use."""
+    if name in graph.nodes:
+        return [name]
+    first, _, inner = name.partition(".")
+    paths = [_joined(use, inner) for use in uses_of(graph, first)] or [name]
+    return [n for n in graph.nodes for path in paths if n == path or n.startswith(f"{path}.")]
+
+
+def group_of(graph: Graph, name: str) -> Group | None:
+    """The group of that name, or that a use of that name uses."""
+    return graph.groups.get(graph.uses[name].group if name in graph.uses else name)
+
+
+def alike(graph: Graph, node: str) -> list[str]:
+    """The nodes of all uses that are the same one of the group; a node of no group: itself."""
+    path, _, inner = node.rpartition(".")
+    if path not in graph.uses:
+        return [node]
+    paths = (f"{use}.{inner}" for use in uses_of(graph, graph.uses[path].group))
+    return [path for path in paths if path in graph.nodes]
+
+
+def uses_of(graph: Graph, group: str) -> list[str]:
+    """The names that use a group, those inside other uses too."""
+    return [path for path, use in graph.uses.items() if use.group == group]
+
+
+def refuse_idle(name: str, group: Group) -> None:
+    """Refuse inputs and params that nothing in a group reads, and outputs that nothing makes.
+
+    Raises
+    ------
+    GraphError
+        With the place of the first.
+    """
+    body = group.body
+    entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]
+    read = {split_previous(r)[0].partition(".")[0] for e in entries for r in e.inputs.values()}
+    params = {v for e in entries for v in e.settings.values() if isinstance(v, str)}
+    for each in group.inputs:
+        where = body.where(f"inputs.{each}")
+        if each in body.nodes or each in body.uses:
+            raise GraphError(f"{where}: a node of the group '{name}' is called '{each}' too")
+        if each not in read:
+            raise GraphError(f"{where}: no node of the group '{name}' reads the input '{each}'")
+    for each in body.params:
+        if f"${each}" not in params:
+            where = body.where(f"params.{each}")
+            raise GraphError(f"{where}: no node of the group '{name}' takes the param '${each}'")
+    for output, reference in body.outputs.items():
+        where, node = body.where(f"outputs.{output}"), reference.partition(".")[0]
+        if node in group.inputs:
+            raise GraphError(f"{where}: '{node}' is an input; read it where it comes from")
+        if node not in body.nodes and node not in body.uses:
+            hint = did_you_mean(node, [*body.nodes, *body.uses])
+            raise GraphError(f"{where}: the group '{name}' has no node '{node}'{hint}")
+        same = output in body.nodes or output in body.uses
+        if same and node != output:
+            raise GraphError(f"{where}: '{output}' is a node of the group; it is another's name")
+
+
+def _uses(
+    graph: Graph, nodes: Mapping[str, Entry | Use], scope: str, chain: tuple[str, ...]
+) -> dict[str, tuple[Use, str]]:
+    """The uses among nodes, and those inside them, as their files say them, with their scope."""
+    found: dict[str, tuple[Use, str]] = {}
+    for name, use in nodes.items():
+        if isinstance(use, Entry):
+            continue
+        path = _joined(scope, name) if scope else name
+        if use.group not in graph.groups:
+            hint = did_you_mean(use.group, graph.groups)
+            there = f" (there are: {', '.join(graph.groups) or 'none'})"
+            raise GraphError(
+                f"{use.where('group')}: there is no group '{use.group}'{hint or there}"
+            )
+        if use.group in chain:
+            loop = " -> ".join((*chain, use.group))
+            raise GraphError(f"{use.where('group')}: a group cannot use itself: {loop}")
+        group = graph.groups[use.group]
+        _check_given(use, "in", "input", use.inputs, group.inputs)
+        _check_given(use, "with", "param", use.settings, group.body.params)
+        found[path] = use, scope
+        found |= _uses(graph, group.body.uses, path, (*chain, use.group))
+    return found
+
+
+def _check_given(
+    use: Use, key: str, word: str, given: Mapping[str, Any], taken: Mapping[str, Param]
+) -> None:
+    for name in given:
+        if name not in taken:
+            has = did_you_mean(name, taken) or f" (it takes: {', '.join(taken) or 'none'})"
+            raise GraphError(
+                f"{use.where(f'{key}.{name}')}: the group '{use.group}' has no {word} '{name}'{has}"
+            )
+    for name, param in taken.items():
+        if param.required and name not in given:
+            raise GraphError(f"{use.where(key)}: the group '{use.group}' needs the {word} '{name}'")
+
+
+def _bound(graph: Graph, use: Use, scope: str) -> Use:
+    """A use with all inputs and params, in the words of the flat graph."""
+    group = graph.groups[use.group]
+    own = in_scope(graph, Entry("", use.inputs, use.settings, places=use.places), scope)
+    inputs: dict[str, str] = {}
+    for name, param in group.inputs.items():
+        if name in use.inputs:
+            flat = own.inputs.get(name)
+        else:
+            where = f"{group.body.where(f'inputs.{name}')} (used by {own.where()})"
+            default = param.default
+            flat = default and flat_reference(graph, default, "", where)
+        if flat is not None:
+            inputs[name] = flat
+    settings = {name: p.default for name, p in group.body.params.items()} | {**own.settings}
+    return Use(use.group, inputs, settings, own.places)
+
+
+def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> dict[str, Entry]:
+    flat: dict[str, Entry] = {}
+    for name, entry in nodes.items():
+        path = _joined(scope, name) if scope else name
+        if isinstance(entry, Entry):
+            flat[path] = in_scope(graph, entry, scope)
+        else:
+            body = graph.groups[entry.group].body
+            flat |= _taken_apart(graph, {**body.nodes, **body.uses}, path)
+    return flat
+
+
+def _of_input(bound: str | None, rest: str, previous: bool, where: str) -> str | None:
+    """What an input of a group reads, or a port of it."""
+    if bound is None:
+        return None
+    bare, already = split_previous(bound)
+    if previous and already:
+        raise GraphError(f"{where}: only the item before is kept, not the one before that")
+    flat = _joined(bare, rest)
+    return f"{PREVIOUS}.{flat}" if previous or already else flat
+
+
+def _of_use(graph: Graph, path: str, rest: str, where: str) -> str:
+    """An output of a use, or a node in it."""
+    name = graph.uses[path].group
+    body = graph.groups[name].body
+    first, _, port = rest.partition(".")
+    if not rest and len(body.outputs) == 1:
+        (first,) = body.outputs
+    if not first:
+        outputs = ", ".join(f"{path}.{o}" for o in body.outputs) or "none"
+        raise GraphError(f"{where}: '{path}' uses the group '{name}'; say which output: {outputs}")
+    if first in body.outputs:
+        inner = _joined(body.outputs[first], port)
+    elif first in body.nodes or first in body.uses or f"{path}.{first}" in graph.nodes:
+        inner = rest
+    else:
+        hint = did_you_mean(first, [*body.outputs, *body.nodes, *body.uses])
+        raise GraphError(f"{where}: the group '{name}' has no output or node '{first}'{hint}")
+    head, _, port = inner.partition(".")
+    deeper = f"{path}.{head}"
+    return _of_use(graph, deeper, port, where) if deeper in graph.uses else _joined(deeper, port)
+
+
+def _settings(
+    graph: Graph, settings: Mapping[str, Any], scope: str, entry: Entry
+) -> dict[str, Any]:
+    if not scope:
+        return dict(settings)
+    use = graph.uses[scope]
+    found = dict(settings)
+    for key, value in settings.items():
+        if isinstance(value, str) and value.startswith("$"):
+            if value[1:] not in use.settings:
+                hint = did_you_mean(value[1:], use.settings)
+                raise GraphError(
+                    f"{entry.where(f'with.{key}')}: the group '{use.group}' has no param "
+                    f"'{value[1:]}'{hint}"
+                )
+            found[key] = use.settings[value[1:]]
+    return found
+
+
+def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
+    """The places of an entry of a group, each with that of the use, which names the node."""
+    given = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
+    given |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
+    return {
+        key: replace(place, use=use.place(given.get(key, "")))
+        for key, place in entry.places.items()
+    }
+
+
+def _joined(name: str, rest: str) -> str:
+    return f"{name}.{rest}" if rest else name

@@ -1,0 +1,201 @@
+"""Changes to groups and to their uses, by the patch verbs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.files.flat_graph import Entry, Graph, Use
+from tactograph.graph.files.groups import (
+    flat_reference,
+    in_scope,
+    meant_nodes,
+    uses_of,
+    with_nodes,
+)
+from tactograph.graph.files.patch_verbs import (
+    VERBS,
+    Change,
+    Places,
+    entry_of,
+    redirect,
+    verb_of,
+    with_references,
+)
+from tactograph.graph.files.strict_yaml import Place
+
+
+def check_new(graph: Graph, target: str, place: Place) -> None:
+    """Refuse a name for a node that would not tell it from others."""
+    if target in graph.nodes or target in graph.uses or target in graph.groups:
+        kind = "group" if target in graph.groups else "node"
+        raise GraphError(
+            f"{place}: insert: there is a {kind} '{target}' already; give another name"
+        )
+    around = target.rpartition(".")[0]
+    if around and around not in graph.uses:
+        hint = did_you_mean(around, [*graph.uses, *graph.groups])
+        raise GraphError(f"{place}: insert: there is no group, and no use of one, '{around}'{hint}")
+
+
+def flat_change(graph: Graph, change: Change, places: Places, scope: str) -> Change:
+    """A change that stands in a scope, with references and values of the flat graph."""
+    stated = Entry("", change.get("inputs", {}), change.get("settings", {}), places=places)
+    stated = in_scope(graph, stated, scope)
+    flat = {**change}
+    for key in ("inputs", "settings"):
+        if key in change:
+            flat[key] = getattr(stated, key)
+    if change.get("after") is not None:
+        flat["after"] = flat_reference(graph, change["after"], scope, stated.where("after"))
+    return flat
+
+
+def change_group(graph: Graph, name: str, node: str, change: Change, places: Places) -> Graph:
+    """Change a node of a group: in the definition, and in every use."""
+    place, verb = places[""], verb_of(change)
+    group = graph.groups[name]
+    body = group.body
+    if "group" in change:
+        raise GraphError(f"{place}: {verb}: no group can be put into the group '{name}'")
+    if node in body.uses:
+        inside = body.uses[node].group
+        raise GraphError(f"{place}: {verb}: '{node}' uses the group '{inside}'; change that one")
+    known = [*body.nodes, *group.inputs]
+    if verb == "insert" and node in known:
+        raise GraphError(f"{place}: insert: the group '{name}' has '{node}' already")
+    if verb != "insert" and node not in body.nodes:
+        hint = did_you_mean(node, body.nodes)
+        raise GraphError(f"{place}: {verb}: the group '{name}' has no node '{node}'{hint}")
+    after = str(change.get("after") or "")
+    if after.partition(".")[0] in group.inputs:
+        raise GraphError(
+            f"{place}: insert: after: '{after}' is an input of the group '{name}'; "
+            "replace the nodes that read it"
+        )
+    body = VERBS[verb](body, node, change, places)
+    graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
+    for use in uses_of(graph, name):
+        flat = f"{use}.{node}"
+        if verb == "insert":
+            check_new(graph, flat, place)
+        elif flat not in graph.nodes:
+            continue
+        here = {key: replace(at, use=graph.uses[use].place("")) for key, at in places.items()}
+        graph = VERBS[verb](graph, flat, flat_change(graph, change, places, use), here)
+    return graph
+
+
+def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    """Change a use, or all uses of a group."""
+    place, verb = places[""], verb_of(change)
+    if verb == "set":
+        return _set_params(graph, target, change, places)
+    if verb == "backend":
+        for node in meant_nodes(graph, target):
+            graph = VERBS[verb](graph, node, change, places)
+        return graph
+    if verb == "neutral" or target in graph.groups:
+        what = "a group" if target in graph.groups else "a use of a group"
+        raise GraphError(f"{place}: {verb}: '{target}' is {what}; name one of its nodes")
+    if "group" in change:
+        return put_use(graph, target, change, places)
+    inputs = graph.uses[target].inputs
+    graph = _without_use(graph, target, keep_readers=verb == "replace")
+    if verb == "remove":
+        return graph
+    flat = flat_change(graph, {"inputs": inputs, **change}, places, "")
+    return graph.with_entry(target, entry_of(flat, places))
+
+
+def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    """Give params to a use, or to every use of a group and to those still to come."""
+    given: Mapping[str, Any] = change["settings"]
+    name = graph.uses[target].group if target in graph.uses else target
+    group = graph.groups[name]
+    params = group.body.params
+    for param in given:
+        if param not in params:
+            place = places.get(f"with.{param}", places[""])
+            hint = did_you_mean(param, params) or f" (it takes: {', '.join(params) or 'none'})"
+            raise GraphError(f"{place}: set: the group '{name}' has no param '{param}'{hint}")
+    if target in graph.uses:
+        return _set_use(graph, target, given, places)
+    stated = {n: replace(params[n], required=False, default=v) for n, v in given.items()}
+    body = replace(group.body, params={**params, **stated})
+    graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
+    for use in uses_of(graph, name):
+        graph = _set_use(graph, use, given, places)
+    return graph
+
+
+def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) -> Graph:
+    """Give params to a use: to those of its nodes that take them."""
+    use = graph.uses[path]
+    body = graph.groups[use.group].body
+    settings = {**use.settings, **given}
+    graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
+    words = {f"${name}": value for name, value in given.items()}
+    for name in given:
+        entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]
+        if not any(f"${name}" in entry.settings.values() for entry in entries):
+            raise GraphError(
+                f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
+                "any more; an earlier change gave a value to what did"
+            )
+
+    def taken(entry: Entry | Use) -> dict[str, Any]:
+        settings = entry.settings.items()
+        return {key: words[v] for key, v in settings if isinstance(v, str) and v in words}
+
+    for name, entry in body.nodes.items():
+        node = f"{path}.{name}"
+        if taken(entry) and node in graph.nodes and graph.nodes[node].op == entry.op:
+            graph = VERBS["set"](graph, node, {"settings": taken(entry)}, places)
+    for name, inside in body.uses.items():
+        if taken(inside):
+            graph = _set_use(graph, f"{path}.{name}", taken(inside), places)
+    return graph
+
+
+def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    """Use a group, as a new node or in place of one."""
+    inputs: Mapping[str, str] = {}
+    if target in graph.uses:
+        taken = graph.groups[change["group"]].inputs if change["group"] in graph.groups else {}
+        inputs = {n: reads for n, reads in graph.uses[target].inputs.items() if n in taken}
+        graph = _without_use(graph, target, keep_readers=True)
+    elif target in graph.nodes:
+        inputs = graph.nodes[target].inputs
+        graph = VERBS["remove"](graph, target, change, places)
+    elif change.get("after") is not None:
+        after = str(flat_reference(graph, change["after"], "", str(places[""])))
+        graph = redirect(graph, after, target, places[""])
+    use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
+    graph = with_nodes(graph, {target: use})
+
+    def flat(reference: str) -> str:
+        return str(flat_reference(graph, reference, "", str(places[""])))
+
+    return with_references(graph, flat)
+
+
+def _without_use(graph: Graph, path: str, *, keep_readers: bool) -> Graph:
+    """The graph without the nodes of a use.
+
+    With `keep_readers` those who read one of its outputs read ``path.output``, whatever makes
+    it then.
+    """
+    outputs = graph.groups[graph.uses[path].group].body.outputs if keep_readers else {}
+    swapped = {
+        flat_reference(graph, f"{path}.{name}", "", path): f"{path}.{name}" for name in outputs
+    }
+    gone = f"{path}."
+    graph = replace(
+        graph,
+        nodes={name: entry for name, entry in graph.nodes.items() if not name.startswith(gone)},
+        uses={n: u for n, u in graph.uses.items() if n != path and not n.startswith(gone)},
+    )
+    return with_references(graph, lambda reference: swapped.get(reference, reference))

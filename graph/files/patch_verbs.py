@@ -1,0 +1,120 @@
+"""The patch verbs: what each does to one node of a graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.files.flat_graph import (
+    PREVIOUS,
+    Entry,
+    Graph,
+    split_previous,
+    split_reference,
+)
+from tactograph.graph.files.strict_yaml import Place
+
+Change = Mapping[str, Any]
+Places = Mapping[str, Place]
+
+
+def _set(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    entry = graph.nodes[target]
+    settings = {**entry.settings, **change["settings"]}
+    here = {
+        key: places.get(key, places[""])
+        for key in ("with", *(f"with.{name}" for name in change["settings"]))
+    }
+    entry = replace(entry, settings=settings, places={**entry.places, **here})
+    return graph.with_entry(target, entry)
+
+
+def _replace(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    kept = {"inputs": graph.nodes[target].inputs, **change}
+    return graph.with_entry(target, entry_of(kept, places))
+
+
+def _insert(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    if change.get("after") is not None:
+        graph = redirect(graph, change["after"], target, places[""])
+    return graph.with_entry(target, entry_of(change, places))
+
+
+def entry_of(change: Change, places: Places) -> Entry:
+    inputs, settings = change.get("inputs", {}), change.get("settings", {})
+    return Entry(op=change["op"], inputs=inputs, settings=settings, places=places)
+
+
+def redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
+    # A node with one output is read by its name alone, or with the output's, which is the op.
+    sole = f"{old}.{graph.nodes[old].op}" if old in graph.nodes else old
+    changed = with_references(graph, lambda r: new if r in (old, sole) else r)
+    if (changed.nodes, changed.uses, changed.outputs) == (graph.nodes, graph.uses, graph.outputs):
+        raise GraphError(f"{place}: insert: after: {_why_unread(graph, old)}")
+    return changed
+
+
+def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
+    """The graph with every reference changed, whether it reads this item or the one before."""
+
+    def swap(reference: str) -> str:
+        bare, previous = split_previous(reference)
+        return f"{PREVIOUS}.{changed(bare)}" if previous else changed(bare)
+
+    def swapped(inputs: Mapping[str, str]) -> dict[str, str]:
+        return {port: swap(reference) for port, reference in inputs.items()}
+
+    return replace(
+        graph,
+        nodes={n: replace(entry, inputs=swapped(entry.inputs)) for n, entry in graph.nodes.items()},
+        uses={n: replace(use, inputs=swapped(use.inputs)) for n, use in graph.uses.items()},
+        outputs=swapped(graph.outputs),
+    )
+
+
+def _why_unread(graph: Graph, reference: str) -> str:
+    """Why no input and no output of the graph reads a reference."""
+    node, _ = split_reference(reference, graph.nodes)
+    if node not in graph.nodes:
+        return f"there is no node '{node}'{did_you_mean(node, graph.nodes)}"
+    references = [split_previous(r)[0] for e in graph.nodes.values() for r in e.inputs.values()]
+    references += graph.outputs.values()
+    read = [r for r in references if split_reference(r, graph.nodes)[0] == node]
+    if not read:
+        return f"nothing reads '{node}'"
+    ports = ", ".join(f"'{port}'" for port in dict.fromkeys(read))
+    return f"nothing reads '{reference}'; of this node {ports} can be named"
+
+
+def _remove(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    nodes = {node_id: entry for node_id, entry in graph.nodes.items() if node_id != target}
+    return replace(graph, nodes=nodes)
+
+
+def _backend(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    entry = graph.nodes[target]
+    here = {**entry.places, "backend": places["to"]}
+    return graph.with_entry(target, replace(entry, backend=change["to"], places=here))
+
+
+def _neutral(graph: Graph, target: str, change: Change, places: Places) -> Graph:
+    entry = graph.nodes[target]
+    here = {**entry.places, "neutral": places["neutral"]}
+    return graph.with_entry(target, replace(entry, neutral=True, places=here))
+
+
+VERBS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {
+    "set": _set,
+    "replace": _replace,
+    "insert": _insert,
+    "remove": _remove,
+    "backend": _backend,
+    "neutral": _neutral,
+}
+
+
+def verb_of(change: Change) -> str:
+    """The verb of a change that has one."""
+    return next(verb for verb in VERBS if verb in change)

@@ -1,0 +1,120 @@
+"""Bring images to another number of pixels."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated, Literal
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Close, SizeRule, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, Light, ResizedLight
+
+Method = Literal["area", "linear"]
+METHODS: dict[Method, int] = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
+SLIVER = 1e-3
+"""Less of a pixel than that OpenCV leaves out of an area."""
+
+
+def _side(pixels: int, scale: float) -> int:
+    return max(1, round(pixels * scale))
+
+
+@node(
+    derived={
+        "h": SizeRule("H", by="scale", rule=_side),
+        "w": SizeRule("W", by="scale", rule=_side),
+    },
+    tolerance=Close(1e-6, 1e-5, why="sums in another order"),
+)
+def resize_image(
+    light: Light,
+    *,
+    scale: Annotated[float, Interval(ge=0.05, le=8)] = 0.5,
+    method: Method = "area",
+) -> ResizedLight:
+    """Return the images with another number of pixels.
+
+    OpenCV's `resize`.  Both sides change alike, so that pixels stay square, except for what
+    whole numbers of pixels take: the side of a pixel becomes W / w, and H / h, times as long.
+    A calibration holds for images of its size: what it reads has to be resized alike.
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    scale
+        Pixels along a side of the result for each that there was.
+    method
+        ``area``: the mean of what a pixel covers, which keeps the noise's share and makes no
+        patterns; ``linear``: from the four pixels around its centre, smooth where an image is
+        enlarged.
+
+    Returns
+    -------
+    ndarray
+        K x h x w, with h = scale H and w = scale W, rounded.
+    """
+    _count, rows, columns = light.shape
+    size = _side(columns, scale), _side(rows, scale)
+    planes = [cv2.resize(plane, size, interpolation=METHODS[method]) for plane in light]
+    return np.asarray(planes, np.float32)
+
+
+@lru_cache(maxsize=16)
+def _taps(before: int, after: int, method: Method) -> tuple[NDArray[np.int32], F4]:
+    """Along one side, for each pixel of the result the first that it reads, and their shares."""
+    find = _area if method == "area" else _linear
+    found = [find(at, before / after, before) for at in range(after)]
+    count = max(len(shares) for _, shares in found)
+    first = np.array([min(start, before - count) for start, _ in found], np.int32)
+    table = np.zeros((after, count), np.float32)
+    for row, (start, shares), moved in zip(table, found, first, strict=True):
+        row[start - moved :][: len(shares)] = shares
+    return first, table
+
+
+def _area(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
+    """The pixels under the `at`-th of `ratio` pixels each, and the share of each."""
+    start = at * ratio
+    left = int(start)
+    if ratio < 1:
+        beyond = (at + 1) - (left + 1) / ratio
+        share = beyond - np.floor(beyond) if beyond > 0 and left < before - 1 else 0.0
+        return left, [1 - share, share] if share else [1.0]
+    end = min(start + ratio, before)
+    width = end - start
+    left, right = int(np.ceil(start)), min(int(end), before - 1)
+    shares = [1 / width] * (right - left)
+    if end - right > SLIVER:
+        shares.append(min(end - right, 1) / width)
+    if left - start > SLIVER:
+        return left - 1, [(left - start) / width, *shares]
+    return left, shares
+
+
+def _linear(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
+    """The pixels on both sides of the centre of the `at`-th of `ratio` pixels each."""
+    centre = (at + 0.5) * ratio - 0.5
+    left = int(np.floor(centre))
+    if left < 0 or left >= before - 1:
+        return min(max(left, 0), before - 1), [1.0]
+    return left, [1 - (centre - left), centre - left]
+
+
+@resize_image.opencl()
+def _launch(run: Launch) -> None:
+    """Find on the host what each row and column reads, and add it up for every pixel."""
+    method = run.settings["method"]
+    first_row, of_row = _taps(run.sizes["H"], run.sizes["h"], method)
+    first_column, of_column = _taps(run.sizes["W"], run.sizes["w"], method)
+    tables = [run.put(table) for table in (first_row, of_row, first_column, of_column)]
+    grid = run.sizes["K"], run.sizes["h"], run.sizes["w"]
+    sizes = run.sizes["K"], run.sizes["H"], run.sizes["W"], *grid[1:]
+    counts = of_row.shape[1], of_column.shape[1]
+    out = run.outputs["resize_image"]
+    run.kernel("resize", grid, run.inputs["light"], *tables, out, *sizes, *counts)

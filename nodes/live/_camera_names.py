@@ -1,0 +1,64 @@
+"""Cameras by what they are, not by the order in which they were plugged in (Linux)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from tactograph.graph import InputError
+
+SYSFS = Path("/sys/class/video4linux")
+"""Where the kernel tells of cameras."""
+SERIAL = "serial:"
+NODE = re.compile(r"/dev/video(\d+)")
+
+
+class NamedCamera(NamedTuple):
+    """A camera that is plugged in; `serial` is empty where it has none."""
+
+    device: str
+    name: str
+    serial: str
+
+
+def named_cameras(sysfs: Path | None = None) -> list[NamedCamera]:
+    """The cameras there are, by number; what shows no pictures (metadata) is left out."""
+    found = []
+    for entry in sorted((sysfs or SYSFS).glob("video*"), key=lambda each: int(each.name[5:])):
+        if _read(entry / "index") not in ("", "0"):
+            continue
+        interface = (entry / "device").resolve()
+        # A USB camera's serial number is its device's, of which the camera is an interface.
+        serial = _read(interface / "serial") or _read(interface.parent / "serial")
+        found.append(NamedCamera(f"/dev/{entry.name}", _read(entry / "name"), serial))
+    return found
+
+
+def device_of(camera: str) -> str:
+    """The device node that a serial number or a link such as ``/dev/v4l/by-id/...`` means now.
+
+    Raises
+    ------
+    InputError
+        If no camera has the serial number.
+    """
+    if camera.startswith(SERIAL):
+        wanted, there = camera.removeprefix(SERIAL), named_cameras()
+        for known in there:
+            if wanted and wanted == known.serial:
+                return known.device
+        others = ", ".join(f"{each.serial} ({each.name})" for each in there if each.serial)
+        raise InputError(
+            f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
+            "('tactograph cameras' lists them)"
+        )
+    path = Path(camera)
+    return str(path.resolve()) if camera.startswith("/dev/") and path.is_symlink() else camera
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""

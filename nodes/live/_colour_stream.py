@@ -1,0 +1,271 @@
+"""A one-shot sensor at work: its camera, and the stream of touches, one to a colour frame."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4, Height, Light
+from tactograph.nodes.live._camera import Camera, Shot
+from tactograph.nodes.live._fault_log import FaultLog
+from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
+from tactograph.nodes.live._led_in_frame import FAINTEST, MOST_SATURATED, OFF, Film, cells
+from tactograph.nodes.live._open_camera import (
+    Capture,
+    Library,
+    Plane,
+    View,
+    Wanted,
+    check_camera,
+    open_capture,
+)
+from tactograph.nodes.live._sensor import SIMULATED, START_S
+from tactograph.nodes.live._sensor_preset import SensorPreset
+from tactograph.nodes.live._simulated_camera import SimulatedCamera
+from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
+from tactograph.nodes.live._simulated_sensor import read_scene
+from tactograph.nodes.live._touch_stream import MOST_DIMMED, REOPEN_S
+
+Order = Literal["bgr", "rgb"]
+NAMES = {"b": "blue", "g": "green", "r": "red"}
+SAYS = {
+    "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
+    "covered": "a frame is dark: discarded; is the lens covered, or are the LEDs off?",
+    "doubled": "the camera delivered a frame twice: discarded",
+    "brightness": "{led} is not as bright as calibrated: followed, but look at the LEDs and the "
+    "camera's exposure",
+    "wrong size": "the camera delivers another size than the calibration's: opening it again",
+    "lost": "frames are missing",
+    "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
+    "camera lost": "the camera is gone: looking for it until it is back",
+}
+"""What every fault is, in one line."""
+
+
+@dataclass
+class ColourSensor:
+    """A camera over a film under three colours; `table` is the simulated one's film."""
+
+    camera: Camera
+    table: SimulatedColourSensor | None
+
+    def truth(self, end: float) -> Height | None:
+        """The true height of a frame whose exposure ended at `end`, where it is known."""
+        return None if self.table is None else self.table.truth(end)
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self.camera.close()
+
+
+def open_colour_sensor(
+    camera: int | str,
+    wanted: Wanted,
+    *,
+    preset: SensorPreset | None = None,
+    library: Library = "opencv",
+    queue: int = 8,
+    timeout: float = 0.5,
+) -> ColourSensor:
+    """Open a one-shot sensor's camera, real or simulated, and see that it delivers.
+
+    What `wanted` leaves open is the preset's, whose view is taken of a real camera's pictures;
+    a simulated one delivers frames as they are afterwards.
+
+    Raises
+    ------
+    InputError
+        If it cannot be opened, or delivers nothing, another size, or grey pictures; if the
+        preset's frames are of another size.
+    """
+    table: SimulatedColourSensor | None = None
+    once = False
+    if str(camera).partition("?")[0] == SIMULATED:
+        table = SimulatedColourSensor(read_scene(str(camera), ColourScene, _film_of(preset)))
+        wanted = replace(wanted, format=None, view=None)
+        connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
+    else:
+        once = check_camera(camera, library)
+        wanted = wanted if preset is None else _with_preset(wanted, preset)
+        connect = partial(open_capture, camera, library, colour=True)
+    source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
+    try:
+        source.check(START_S, camera)
+    except BaseException:
+        source.close()
+        raise
+    return ColourSensor(source, table)
+
+
+def _film_of(preset: SensorPreset | None) -> dict[str, float]:
+    """What a simulated sensor of this kind shows."""
+    if preset is None:
+        return {}
+    width, height = preset.size
+    return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
+
+
+def _with_preset(wanted: Wanted, preset: SensorPreset) -> Wanted:
+    """What the driver is asked for, and the view of its pictures.
+
+    Raises
+    ------
+    InputError
+        If frames of another size than the preset's are wanted.
+    """
+    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
+    if size != preset.size:
+        raise InputError(
+            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
+            f"{size[0]} x {size[1]}; calibrate with this sensor= or change its file"
+        )
+    asked = preset.camera
+    return replace(
+        wanted,
+        width=asked.width,
+        height=asked.height,
+        rate=asked.rate or wanted.rate,
+        format=asked.format,
+        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
+        gain=asked.gain if wanted.gain is None else wanted.gain,
+        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
+        view=View(preset.turn_deg, preset.crop, size),
+    )
+
+
+@dataclass
+class ColourStream:
+    """Turns a camera's colour frames into touches.
+
+    Parameters
+    ----------
+    sensor
+        Not closed here.
+    film
+        The film at rest; a colour is an LED.
+    order
+        The channels that are the lights, as the calibration counts them.
+    full
+        The camera's largest value; 0: that of the frame's type.
+    state
+        What is counted.
+    """
+
+    sensor: ColourSensor
+    film: Film
+    order: Order = "bgr"
+    full: float = 0.0
+    state: LiveState = field(default_factory=LiveState)
+
+    def __post_init__(self) -> None:
+        self._log = FaultLog(self.state, None, SAYS)
+        self._connected = self.sensor.camera.connections
+        self._before: Plane | None = None
+        self._reopened = 0.0
+
+    def touches(
+        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
+    ) -> Iterator[Touch]:
+        """Yield touches until the time, their number or a video file is at its end."""
+        end = None if seconds is None else time.monotonic() + seconds
+        camera = self.sensor.camera
+        while end is None or time.monotonic() < end:
+            shots = camera.shots(timeout)
+            self._supervise(len(shots) - 1)
+            usable = [shot for shot in shots if self._is_usable(shot)]
+            touch = self._touch(usable) if usable else None
+            self._log.tell(with_item=touch is not None)
+            if touch is not None:
+                yield touch
+            if items is not None and self.state.touches >= items:
+                return
+            if camera.ended and not shots:
+                return
+
+    def _supervise(self, passed_over: int) -> None:
+        """Count what the camera went through, and the frames that newer ones replace."""
+        camera = self.sensor.camera
+        camera.faults["dropped"] += max(passed_over, 0)
+        self._log.take(Counter(camera.faults))
+        self.state.dropped = camera.faults["dropped"]
+        for line in camera.refused:
+            self._log.add(line)
+        camera.refused = []
+        if camera.connections != self._connected:
+            self._connected = camera.connections
+            self._log.restart()
+
+    def _is_usable(self, shot: Shot) -> bool:
+        """Whether a frame shows the film; what else it shows is counted."""
+        self._log.count(shot)
+        fault = self._fault(shot.data)
+        if fault:
+            self._log.note(fault)
+        if fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
+            self._reopened = time.monotonic()
+            self.sensor.camera.reopen()
+        return not fault
+
+    def _fault(self, data: Plane) -> str:
+        if data.shape != (*self.film.size, len(self.film.patterns)):
+            return "wrong size"
+        # A few rows say as much of light from elsewhere as all do.
+        sample = data[::5].copy()
+        if (
+            np.count_nonzero(np.greater_equal(sample, self._top(data)))
+            > MOST_SATURATED * sample.size
+        ):
+            return "saturated"
+        before, self._before = self._before, sample
+        if before is not None and np.array_equal(sample, before):
+            return "doubled"
+        return self._judge_brightness(data)
+
+    def _judge_brightness(self, data: Plane) -> str:
+        """A dark frame is discarded; a colour that has changed is told, and followed."""
+        light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(self._top(data))
+        share = light / np.maximum(self.film.patterns, np.float32(FAINTEST))
+        gains = np.median(share.reshape(len(share), -1), axis=1)
+        if gains.max() < OFF:
+            return "covered"
+        for letter, gain in zip(self.order, gains, strict=True):
+            if abs(gain - 1) > MOST_DIMMED:
+                self._log.note("brightness", NAMES[letter])
+        return ""
+
+    def _touch(self, shots: list[Shot]) -> Touch:
+        """The newest frame's; all frames go along, for a recording."""
+        newest = shots[-1]
+        self.state.touches += 1
+        return Touch(
+            planes_of(newest.data, self.order, self._top(newest.data)),
+            f"{self.state.touches:06}",
+            newest.time,
+            [RawFrame(shot.number, ALL_LIT, shot.time, shot.data) for shot in shots],
+            replace(self.state, faults=Counter(self.state.faults)),
+            self.sensor.truth(newest.time),
+        )
+
+    def _top(self, data: Plane) -> float:
+        return self.full or float(np.iinfo(data.dtype).max)
+
+    def _ordered(self, data: Plane) -> Plane:
+        return data if self.order == "bgr" else data[..., ::-1]
+
+
+def planes_of(data: Plane | F4, order: Order, top: float = 1.0) -> Light:
+    """The lights of a colour frame, H x W x 3 as a driver gives it: 3 x H x W, 0 to 1."""
+    ordered = cv2.split(data) if order == "bgr" else cv2.split(data)[::-1]
+    scale = np.float32(1 / top)
+    image: F4 = np.empty((len(ordered), *data.shape[:2]), np.float32)
+    for plane, into in zip(ordered, image, strict=True):
+        np.multiply(plane, scale, out=into)
+    return image

@@ -1,0 +1,148 @@
+"""Count and report what goes wrong with a stream of frames."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Mapping
+
+from tactograph.graph import warn
+from tactograph.nodes.live._camera import Shot
+from tactograph.nodes.live._frames import LiveState
+
+LOG = logging.getLogger("tactograph")
+AGAIN_S = 2.0
+"""A fault that goes on is reported again after so many seconds."""
+SILENCE_S = 0.7
+"""Without a touch for so long, faults are reported at once instead of with the next touch."""
+PACE_S, MOST_OFF_PACE = 2.0, 0.05
+"""The camera's rate is measured over so many seconds, and may be off by this share."""
+
+SAYS = {
+    "mixed": "a frame shows LED {led} and another one, or LED {led} in some rows only: discarded",
+    "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
+    "covered": "a frame does not show the film: discarded; is the lens covered?",
+    "doubled": "the camera delivered a frame twice: discarded",
+    "dark": "a frame is dark: discarded",
+    "burnt out": "LED {led} stays dark: going on without it; look at its wires",
+    "swapped": "a frame shows LED {led} out of turn: discarded",
+    "late": "a frame of LED {led} came late: discarded",
+    "slipped": "camera and LED controller are out of step: matching them anew",
+    "shifted": "camera and LEDs overlap: the LEDs' cycle is shifted",
+    "changed": "the film looks otherwise than in the calibration; calibrate again",
+    "brightness": "LED {led} is not as bright as calibrated and heights are off: calibrate again",
+    "wrong size": "the camera delivers another size than the calibration's: opening it again",
+    "lost": "frames are missing",
+    "moved": "the light changes faster than the LEDs take turns: heights are smeared",
+    "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
+    "camera lost": "the camera is gone: looking for it until it is back",
+    "controller lost": "the LED controller is gone: looking for it until it is back",
+    "controller reset": "the LED controller was reset: its cycle is started again",
+}
+"""What every fault is, in one line."""
+
+
+class FaultLog:
+    """Counts frames and faults, and says each fault in one line.
+
+    Parameters
+    ----------
+    state
+        What is counted.
+    rate
+        Frames per second that the camera has to deliver, since LEDs change as often; None: any.
+    says
+        What every fault is, in one line.
+    """
+
+    def __init__(
+        self, state: LiveState, rate: float | None, says: Mapping[str, str] = SAYS
+    ) -> None:
+        self._state, self._rate, self._says = state, rate, says
+        self._counted: Counter[str] = Counter()
+        self._before: float | None = None
+        self._pace: Shot | None = None
+        self._teller = _Teller()
+
+    def take(self, counted: Counter[str]) -> None:
+        """Note what others have counted since the last time."""
+        for fault, times in (counted - self._counted).items():
+            self.note(fault, times=times)
+        self._counted = counted
+
+    def note(self, fault: str, about: object = 0, times: int = 1) -> None:
+        """Count a fault, and say it with the next touch."""
+        self._state.faults[fault] += times
+        says = self._says.get(fault, f"the LED controller: {fault}")
+        self._teller.add(says.format(led=about))
+
+    def add(self, line: str) -> None:
+        """Say something that is no fault of the stream."""
+        self._teller.add(line)
+
+    def tell(self, *, with_item: bool) -> None:
+        """Say what waits: with a touch, or at once if none comes."""
+        self._teller.tell(with_item=with_item)
+
+    def count(self, shot: Shot) -> None:
+        """Count a frame, and those that are missing before it."""
+        self._state.frames += 1
+        if self._rate is not None:
+            self._count_gap(shot.time, self._rate)
+            self._check_pace(shot, self._rate)
+
+    def restart(self) -> None:
+        """Forget when the last frame came: the camera was connected again."""
+        self._before = self._pace = None
+
+    def _count_gap(self, moment: float, rate: float) -> None:
+        if self._before is not None:
+            missing = round((moment - self._before) * rate) - 1
+            if missing > 0:
+                self.note("lost", times=missing)
+        self._before = moment
+
+    def _check_pace(self, shot: Shot, wanted: float) -> None:
+        """Compare the camera's rate with the LEDs' every few seconds."""
+        if self._pace is None:
+            self._pace = shot
+        since = shot.time - self._pace.time
+        if since < PACE_S:
+            return
+        rate = (shot.number - self._pace.number) / since
+        self._pace = shot
+        if abs(rate / wanted - 1) > MOST_OFF_PACE:
+            self._state.faults["wrong rate"] += 1
+            self._teller.add(
+                f"the camera delivers {rate:.1f} frames per second, "
+                f"but the LEDs change {wanted:g} times"
+            )
+
+
+class _Teller:
+    """Says each fault in one line: with the next touch, or at once if none comes."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, float] = {}
+        self._said: dict[str, float] = {}
+        self._item = time.monotonic()
+
+    def add(self, line: str) -> None:
+        now = time.monotonic()
+        if now - self._said.get(line, -AGAIN_S) >= AGAIN_S:
+            self._waiting.setdefault(line, now)
+
+    def tell(self, *, with_item: bool) -> None:
+        now = time.monotonic()
+        if with_item:
+            self._item = now
+        elif now - self._item < SILENCE_S:
+            return
+        for line in self._waiting:
+            self._said[line] = now
+            if with_item:
+                warn(line)
+            else:
+                LOG.warning("warning: %s", line)
+        self._waiting.clear()

@@ -1,0 +1,216 @@
+"""A camera read through the kernel (V4L2) by linuxpy, called like ``cv2.VideoCapture``.
+
+Frames have the kernel's time and number, so what is lost is known and not guessed, and grey
+cameras give all of their 10 to 16 bits.  linuxpy is GPL-3.0; nothing else here needs it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import struct
+from contextlib import suppress
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+
+BUFFERS = 4
+WAIT_S = 1.0
+"""Without a frame for so long, the camera counts as lost."""
+COLOUR = ("MJPG", "YUYV", "BGR3", "RGB3")
+GREY = ("Y16 ", "Y12 ", "Y10 ", "GREY", "YUYV", "MJPG")
+"""Pixel formats in the order in which they are taken, where none is asked for."""
+BITS = {"Y10 ": 10, "Y12 ": 12, "Y16 ": 16}
+CONTROLS = {
+    cv2.CAP_PROP_AUTO_EXPOSURE: 0x009A0901,
+    cv2.CAP_PROP_EXPOSURE: 0x009A0902,
+    cv2.CAP_PROP_AUTOFOCUS: 0x009A090C,
+    cv2.CAP_PROP_AUTO_WB: 0x0098090C,
+    cv2.CAP_PROP_GAIN: 0x00980913,
+    cv2.CAP_PROP_WB_TEMPERATURE: 0x0098091A,
+}
+"""OpenCV's properties and V4L2's controls."""
+
+
+def linuxpy() -> Any:
+    """linuxpy's module of video devices.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module("linuxpy.video.device")
+    except ImportError:
+        raise InputError(
+            "library=linuxpy needs linuxpy, which is not installed; pip install tactograph[linux]"
+        ) from None
+
+
+class LinuxCapture:
+    """What of ``cv2.VideoCapture`` is used, for ``/dev/videoN``.
+
+    Parameters
+    ----------
+    device
+        The device node.
+    colour
+        Whether pictures are wanted in colour.
+
+    Attributes
+    ----------
+    sequence
+        The kernel's number of the last frame: a gap is a frame that was lost.
+    """
+
+    def __init__(self, device: str, *, colour: bool) -> None:
+        video = linuxpy()
+        self._error: type[Exception] = video.V4L2Error
+        self._preferred = COLOUR if colour else GREY
+        self._asked: dict[int, float] = {}
+        self._streaming = False
+        self._picture: NDArray[Any] | None = None
+        self._moment = 0.0
+        self.sequence = -1
+        self._device = video.Device(device)
+        self._source = video.VideoCapture(self._device, size=BUFFERS)
+        try:
+            self._device.open()
+            self._formats = [_name(each.pixel_format) for each in self._source.formats()]
+        except OSError:
+            self._device.close()
+
+    def isOpened(self) -> bool:  # noqa: N802  (OpenCV's names)
+        """Whether frames can be expected."""
+        return not self._device.closed
+
+    def getBackendName(self) -> str:  # noqa: N802
+        """As OpenCV calls the kernel's interface; manual exposure is the same number."""
+        return "V4L2"
+
+    def release(self) -> None:
+        """End the stream and close."""
+        # What was unplugged cannot be closed in order.
+        with suppress(OSError):
+            self._source.close()
+        self._device.close()
+
+    def set(self, prop: int, value: float) -> bool:
+        """Ask for a size, a rate, a pixel format, or a control's value."""
+        if prop in CONTROLS:
+            return self._control(prop, value)
+        self._asked[prop] = value
+        return True
+
+    def get(self, prop: int) -> float:
+        """What was asked for, a control's value, or the last frame's time in ms."""
+        if prop == cv2.CAP_PROP_POS_MSEC:
+            return 1e3 * self._moment
+        if prop in CONTROLS:
+            try:
+                return float(self._device.controls[CONTROLS[prop]].value)
+            except (KeyError, OSError, TypeError):
+                return -1.0
+        return self._asked.get(prop, 0.0)
+
+    def grab(self) -> bool:
+        """Wait for the next frame that is whole; False if the camera is gone."""
+        try:
+            if not self._streaming:
+                self._start()
+            while True:
+                if not self._device.io.select.select((self._device,), (), (), WAIT_S)[0]:
+                    return False
+                frame = self._source.buffer.raw_read()
+                self.sequence, self._moment = frame.frame_nb, frame.timestamp
+                self._picture = self._decoded(frame.data)
+                if self._picture is not None:
+                    return True
+        except (OSError, ValueError, self._error):
+            return False
+
+    def retrieve(self) -> tuple[bool, NDArray[Any] | None]:
+        """The frame that `grab` took: H x W, 8 or 16 bit, or H x W x 3 in blue, green, red."""
+        return self._picture is not None, self._picture
+
+    def _control(self, prop: int, value: float) -> bool:
+        try:
+            self._device.controls[CONTROLS[prop]].value = round(value)
+        except (KeyError, OSError, AttributeError, ValueError):
+            return False
+        return True
+
+    def _start(self) -> None:
+        now = self._source.get_format()
+        width = int(self._asked.get(cv2.CAP_PROP_FRAME_WIDTH, now.width))
+        height = int(self._asked.get(cv2.CAP_PROP_FRAME_HEIGHT, now.height))
+        self._source.set_format(width, height, self._format())
+        rate = self._asked.get(cv2.CAP_PROP_FPS)
+        if rate:
+            # Some cameras have one rate only.
+            with suppress(OSError):
+                self._source.set_fps(rate)
+        self._source.open()
+        self._streaming = True
+
+    def _format(self) -> str:
+        """The pixel format that was asked for, else the best that the camera has."""
+        asked = self._asked.get(cv2.CAP_PROP_FOURCC)
+        if asked:
+            return struct.pack("<I", int(asked)).decode("ascii")
+        there = [each for each in self._preferred if each in self._formats]
+        if not there:
+            raise ValueError("no format that can be read")
+        return there[0]
+
+    def _decoded(self, data: bytes) -> NDArray[Any] | None:
+        """The picture of a frame's bytes; None if it is damaged."""
+        kind = self._source.buffer.format
+        return decode(data, _name(kind.pixel_format), kind.width, kind.height, kind.bytes_per_line)
+
+
+def decode(data: bytes, name: str, width: int, height: int, stride: int) -> NDArray[Any] | None:
+    """Turn a frame's bytes into a picture; None where they are no whole one.
+
+    Parameters
+    ----------
+    data
+        As the kernel gives them.
+    name
+        The pixel format's four letters.
+    width, height
+        Of the picture.
+    stride
+        Bytes of a row; what goes beyond its pixels is no picture.
+
+    Returns
+    -------
+    H x W x 3 (blue, green, red), H x W of 8 bit, or H x W of 16 bit, of which 10 or 12 are
+    spread over all 16, so that full scale is full scale.
+    """
+    raw = np.frombuffer(data, np.uint8)
+    if name in ("MJPG", "JPEG"):
+        return cv2.imdecode(raw, cv2.IMREAD_COLOR) if raw.size else None
+    size = {"GREY": 1, "YUYV": 2, "BGR3": 3, "RGB3": 3}.get(name, 2)
+    stride = max(stride, width * size)
+    if raw.size < height * stride:
+        return None
+    rows = np.ascontiguousarray(raw[: height * stride].reshape(height, stride)[:, : width * size])
+    if name in BITS:
+        values = rows.view("<u2").astype(np.uint16)
+        spare = 16 - BITS[name]
+        return (values << spare) | (values >> (BITS[name] - spare)) if spare else values
+    planes = rows.reshape(height, width, size)
+    if name == "GREY":
+        return planes[..., 0]
+    if name == "YUYV":
+        return cv2.cvtColor(planes, cv2.COLOR_YUV2BGR_YUY2)
+    return np.ascontiguousarray(planes[..., ::-1]) if name == "RGB3" else planes
+
+
+def _name(pixel_format: Any) -> str:
+    return struct.pack("<I", int(pixel_format)).decode("ascii", "replace")

@@ -1,0 +1,72 @@
+"""What is known of a kind of sensor: a small file, shipped or one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Interval, Len
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from tactograph.graph import InputError
+from tactograph.graph.files.strict_yaml import read_yaml
+
+FOLDER = Path(__file__).parent / "sensors"
+Side = Annotated[int, Interval(ge=8, le=16384)]
+Share = Annotated[float, Interval(ge=0, le=1)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DriverSettings(_Part):
+    """What the camera's driver is asked for; None leaves it as it is."""
+
+    width: Side | None = None
+    height: Side | None = None
+    rate: Annotated[float, Gt(0)] | None = None
+    format: Annotated[str, Len(4, 4)] | None = None
+    exposure: float | None = None
+    gain: float | None = None
+    white_balance: float | None = None
+
+
+class SensorPreset(_Part):
+    """A kind of sensor; ``sensors/gelsight_mini.yaml`` says what every value means."""
+
+    format: Literal[1]
+    title: str = ""
+    camera: DriverSettings = DriverSettings()
+    turn_deg: Literal[0, 90, 180, 270] = 0
+    crop: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)
+    size: tuple[Side, Side]
+    lights: Literal["bgr", "rgb"] = "bgr"
+    pixel_size_mm: Annotated[float, Gt(0)]
+    warm_up_s: Annotated[float, Ge(0)] = Field(default=0.0)
+
+
+def read_preset(sensor: str) -> SensorPreset:
+    """Read a preset by the name of one that ships, or by the path of one's own.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it says something that no preset says, with its place.
+    """
+    file = Path(sensor)
+    if file.suffix != ".yaml":
+        file = FOLDER / f"{sensor}.yaml"
+    if not file.is_file():
+        there = ", ".join(sorted(each.stem for each in FOLDER.glob("*.yaml")))
+        raise InputError(f"sensor={sensor}: is neither a file (.yaml) nor one of {there}")
+    document = read_yaml(file)
+    try:
+        preset = SensorPreset.model_validate(document.data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(f"{document.place(tuple(first['loc']))}: {first['msg'].lower()}") from None
+    left, top, right, bottom = preset.crop
+    if left >= right or top >= bottom:
+        raise InputError(f"{document.place(('crop',))}: nothing lies between {preset.crop}")
+    return preset

@@ -1,0 +1,61 @@
+"""List the cameras there are."""
+
+from __future__ import annotations
+
+import sys
+
+from rich.console import Console
+from rich.table import Table
+
+from tactograph.graph import InputError, node
+from tactograph.nodes.live._camera_names import named_cameras
+from tactograph.nodes.live._linux_camera import linuxpy
+
+
+@node
+def list_cameras() -> None:
+    """Print device, name and serial number of every camera, its formats, sizes and rates.
+
+    ``camera=serial:...`` names one of them whatever it is plugged into.  Formats, sizes and
+    rates need linuxpy (``pip install tactograph[linux]``).
+
+    Raises
+    ------
+    InputError
+        If the system is not Linux, which alone tells of cameras this way.
+    """
+    if sys.platform != "linux":
+        raise InputError("cameras are listed on Linux only; elsewhere try camera=0, camera=1, ...")
+    cameras = named_cameras()
+    table = Table(box=None, pad_edge=False)
+    for title in ("device", "name", "serial", "formats, sizes and frames per second"):
+        table.add_column(title, overflow="fold")
+    hint = ""
+    for camera in cameras:
+        try:
+            formats = "\n".join(_formats(camera.device))
+        except InputError as error:
+            formats, hint = "", str(error)
+        table.add_row(camera.device, camera.name, camera.serial or "-", formats)
+    if not cameras:
+        print("no camera is plugged in, or the kernel knows none")
+        return
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    if hint:
+        print(f"formats are not listed: {hint}")
+
+
+def _formats(device: str) -> list[str]:
+    """A line per pixel format: sizes, and the fastest rate of each."""
+    video = linuxpy()
+    lines: dict[str, list[str]] = {}
+    try:
+        with video.Device(device) as opened:
+            for kind in opened.info.frame_types:
+                size = f"{kind.width}x{kind.height}@{float(kind.max_fps):g}"
+                lines.setdefault(kind.pixel_format.name, [])
+                if size not in lines[kind.pixel_format.name]:
+                    lines[kind.pixel_format.name].append(size)
+    except OSError as error:
+        return [f"cannot be opened: {error.strerror or error}"]
+    return [f"{name}: {' '.join(sizes)}" for name, sizes in lines.items()]
