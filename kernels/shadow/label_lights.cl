@@ -3,7 +3,6 @@
 #include "near_light.clh"
 
 #define MOST 8
-#define STEPS 1
 #define LONGEST 0.3f
 #define AT_REST 0.999f
 #define ALIKE 0.02f
@@ -38,6 +37,10 @@ typedef struct {
 typedef struct {
     Vector normal, twin;
 } Normals;
+
+typedef struct {
+    Vector judged, normal;
+} Judged;
 
 // Along x and along y.
 typedef struct {
@@ -77,7 +80,7 @@ typedef struct {
 
 typedef struct {
     int pair, dark;
-    float floor_, price, one_sided, steepest;
+    float floor_, price, one_sided, steepest, uneven;
 } Rules;
 
 // a s + b t
@@ -197,13 +200,37 @@ static Vector step_from(const Equations *made, const Vector n)
     return unit(visible(gauss_newton(made->a, made->b, made->scale, n)));
 }
 
-// The unit normal from three LEDs or more.
-static Vector least_squares(const Pixels *pixels, const int used)
+// What an unknown brightness explains of a square along n.v.
+static floats share_of(const floats whole, const floats scale, const float uneven)
 {
-    const Equations made = normal_equations(pixels, used);
-    Vector normal = linear(&made);
-    for (int step = 0; step < STEPS; ++step) normal = step_from(&made, normal);
-    return normal;
+    const float square = uneven * uneven;
+    return square / (scale + square * whole);
+}
+
+// The normal equations near n, less what the film's brightness explains.
+static Equations at_any_brightness(const Equations *made, const Vector n, const float uneven)
+{
+    const Vector along = times_(made->a, n);
+    const Vector taken = scaled(along, share_of(dot_of(n, along), made->scale, uneven));
+    const floats nb = dot_of(n, made->b);
+    const Symmetric a = made->a;
+    const Vector b = made->b;
+    const Equations less = {
+        {a.xx - taken.x * along.x, a.xy - taken.x * along.y, a.xz - taken.x * along.z,
+         a.yy - taken.y * along.y, a.yz - taken.y * along.z, a.zz - taken.z * along.z},
+        {b.x - taken.x * nb, b.y - taken.y * nb, b.z - taken.z * nb},
+        made->scale};
+    return less;
+}
+
+// The unit normal that judges a set of three LEDs or more, and the one that it gives.
+static Judged least_squares(const Equations *made, const int count, const float uneven)
+{
+    const Vector start = linear(made);
+    const Equations free = at_any_brightness(made, start, uneven);
+    const Vector normal = step_from(&free, start);
+    const Judged found = {count > 3 ? normal : step_from(made, start), normal};
+    return found;
 }
 
 // The light that LEDs called dark would give; plenty for a normal the camera cannot see.
@@ -265,18 +292,31 @@ static Slope slope_of(const Vector n, const float steepest)
 }
 
 // Variance of p and q: (J' W J)^-1 of the tangent plane, carried to the slope.
-static Slope variance_of(const Pixels *pixels, const ints used, const Vector n, const Slope slope)
+static Slope variance_of(
+    const Pixels *pixels, const ints used, const Vector n, const Slope slope, const float uneven)
 {
-    const floats none = 0.0f, unknown = UNKNOWN;
-    floats h11 = 0.0f, h12 = 0.0f, h22 = 0.0f;
+    const floats none = 0.0f, one = 1.0f, unknown = UNKNOWN;
+    floats h11 = 0.0f, h12 = 0.0f, h22 = 0.0f, u1 = 0.0f, u2 = 0.0f, whole = 0.0f;
+    const ints one_more = 1, nothing = 0;
+    ints count = 0;
     for (int k = 0; k < pixels->K; ++k) {
         const Vector v = pixels->vector[k];
-        const floats w = (used & (1 << k)) != 0 ? pixels->weight[k] : none;
+        const ints lit = (used & (1 << k)) != 0;
+        const floats w = lit ? pixels->weight[k] : none;
+        const floats shown = dot_of(v, n), weighted = w * shown;
         const floats j1 = v.x * n.z - v.z * n.x, j2 = v.y * n.z - v.z * n.y;
         h11 += w * j1 * j1;
         h12 += w * j1 * j2;
         h22 += w * j2 * j2;
+        u1 += weighted * j1;
+        u2 += weighted * j2;
+        whole += weighted * shown;
+        count += lit ? one_more : nothing;
     }
+    const floats share = count > 2 ? share_of(whole, one, uneven) : none;
+    h11 -= share * u1 * u1;
+    h12 -= share * u1 * u2;
+    h22 -= share * u2 * u2;
     const floats determinant = h11 * h22 - h12 * h12;
     const ints known = determinant > SINGULAR * h11 * h22;
     const floats a = 1.0f + slope.p * slope.p, b = slope.p * slope.q;
@@ -300,15 +340,21 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     return dim;
 }
 
-// The sum of squares over the LEDs that are lit.
-static floats squares_of(const Pixels *pixels, const int lit, const Vector normal)
+// The sum of squares over the LEDs that are lit; of more than three at any brightness.
+static floats squares_of(
+    const Pixels *pixels, const int lit, const Vector normal, const float uneven)
 {
-    floats squares = 0.0f;
+    const floats one = 1.0f;
+    floats squares = 0.0f, along = 0.0f, whole = 0.0f;
     for (int k = 0; k < pixels->K; ++k)
         if (lit >> k & 1) {
-            const floats away = pixels->light[k] - dot_of(pixels->vector[k], normal);
+            const floats due = dot_of(pixels->vector[k], normal), away = pixels->light[k] - due;
+            const floats weighted = pixels->weight[k] * due;
             squares += pixels->weight[k] * away * away;
+            along += weighted * away;
+            whole += weighted * due;
         }
+    if (popcount(lit) > 3) squares -= share_of(whole, one, uneven) * along * along;
     return squares;
 }
 
@@ -423,7 +469,7 @@ static void put_choice(
         put(other.q, made->twin + size, first, count, at);
     }
     if (made->variance) {
-        const Slope spread = variance_of(here, best->used, normal, found);
+        const Slope spread = variance_of(here, best->used, normal, found, rules->uneven);
         put(spread.p, made->variance, first, count, at);
         put(spread.q, made->variance + size, first, count, at);
     }
@@ -448,21 +494,21 @@ static int all_lit(
     const int all = (1 << frame->K) - 1, vectors = (count + LANES - 1) / LANES;
     Pixels here[RUN];
     Equations equations[RUN];
-    Vector normal[RUN];
+    Judged found[RUN];
     floats squares[RUN];
     for (int r = 0; r < vectors; ++r) {
         const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
         load_run(&here[r], frame, rules, start + r * LANES, filled);
     }
     for (int r = 0; r < vectors; ++r) equations[r] = normal_equations(&here[r], all);
-    for (int r = 0; r < vectors; ++r) normal[r] = linear(&equations[r]);
-    for (int step = 0; step < STEPS; ++step)
-        for (int r = 0; r < vectors; ++r) normal[r] = step_from(&equations[r], normal[r]);
-    for (int r = 0; r < vectors; ++r) squares[r] = squares_of(&here[r], all, normal[r]);
+    for (int r = 0; r < vectors; ++r)
+        found[r] = least_squares(&equations[r], frame->K, rules->uneven);
+    for (int r = 0; r < vectors; ++r)
+        squares[r] = squares_of(&here[r], all, found[r].judged, rules->uneven);
     for (int r = 0; r < vectors; ++r) {
         const int at = start + r * LANES;
         const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
-        const Choice lit = {{normal[r], normal[r]}, all, squares[r], squares[r]};
+        const Choice lit = {{found[r].normal, found[r].normal}, all, squares[r], squares[r]};
         put_choice(made, frame, rules, &here[r], &lit, at, filled, 0);
         // Leaving an LED out costs its price at least.
         const ints doubt = (here[r].forced != 0) | !(squares[r] <= rules->price);
@@ -494,10 +540,18 @@ static void any_set(
             const int lit = all & ~out;
             const ints labels = lit;
             Normals tried;
-            if (number < K - 2) tried.normal = tried.twin = least_squares(&here, lit);
-            else tried = pair_of(&here, lit, rules->pair);
-            const floats squares = squares_of(&here, lit, tried.normal);
-            const floats excess = excess_of(&here, lit, tried.normal, rules->one_sided);
+            Vector judged;
+            if (number < K - 2) {
+                const Equations equations = normal_equations(&here, lit);
+                const Judged found = least_squares(&equations, K - number, rules->uneven);
+                judged = found.judged;
+                tried.normal = tried.twin = found.normal;
+            } else {
+                tried = pair_of(&here, lit, rules->pair);
+                judged = tried.normal;
+            }
+            const floats squares = squares_of(&here, lit, judged, rules->uneven);
+            const floats excess = excess_of(&here, lit, judged, rules->one_sided);
             const floats cost = squares + rules->price * number + excess;
             const ints better = open & (cost < best.cost);
             best.cost = better ? cost : best.cost;
@@ -531,14 +585,15 @@ LANED __kernel void label_lights(
     const float floor_,
     const float price,
     const float one_sided,
-    const float steepest)
+    const float steepest,
+    const float uneven)
 {
     // One work-item does what is its own and that of those after it.
     const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);
     if (item % SHARE) return;
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
     const Made made = {slope, twin, variance, misfit, used, shadow};
-    const Rules rules = {pair, dark, floor_, price, one_sided, steepest};
+    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, uneven};
     int doubtful[SHARE * LANES], number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)
         // That a run is whole is known to the compiler where it is.

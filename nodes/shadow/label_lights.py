@@ -26,8 +26,6 @@ from tactograph.nodes import (
 from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._near_light import FLATTEST, places, vectors_at
 
-STEPS = 1
-"""Gauss-Newton steps from the linear solution; more change nothing above the noise."""
 LONGEST = np.float32(0.3)
 """Longest Gauss-Newton step, in radians."""
 AT_REST = np.float32(0.999)
@@ -69,6 +67,7 @@ class _Rules(NamedTuple):
     price: np.float32
     one_sided: np.float32
     steepest: np.float32
+    uneven: np.float32
 
 
 class _Pixels(NamedTuple):
@@ -119,6 +118,7 @@ def label_lights(
     price: Annotated[float, Ge(0)] = 12.0,
     one_sided: float = 2.0,
     steepest: Annotated[float, Gt(0)] = 30.0,
+    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.03,
     wanted: Wanted = EVERYTHING,
 ) -> Labelled:
     """Return the slope and the LEDs that explain a pixel's light best.
@@ -132,8 +132,13 @@ def label_lights(
 
     wins: a shadow costs, and has to be dark, though none is quite black: spread_k is sigma_k
     and 1.5 % of the film's light.  Three LEDs or more give n by linear least
-    squares, scaled to |n| = 1, and Gauss-Newton steps in the tangent plane; two give the
+    squares, scaled to |n| = 1, and a Gauss-Newton step in the tangent plane; two give the
     two unit normals that fit exactly.
+
+    Film brightens where it is touched, unevenly, and for all LEDs alike.  So the light of
+    three LEDs or more has an unknown factor of the standard deviation ``uneven``: the normal
+    follows from how the LEDs compare.  More than three are judged so, too.  Three alone are
+    judged by |n| = 1, which is all that shows a shadow among them.
 
     Parameters
     ----------
@@ -162,6 +167,8 @@ def label_lights(
         Standard deviations by which a shadow is darker than the light predicted.
     steepest
         Largest slope returned, as 1 / n_z.
+    uneven
+        Standard deviation of the film's brightness, as a share.
 
     Returns
     -------
@@ -172,7 +179,7 @@ def label_lights(
         ``shadow`` where LED k does not light the pixel (not used, and less than half of
         what the slope predicts); the misfit, the choice's sum of squares.
     """
-    rules = _Rules(pair, dark, *map(np.float32, (floor, price, one_sided, steepest)))
+    rules = _Rules(pair, dark, *map(np.float32, (floor, price, one_sided, steepest, uneven)))
     images = tuple(image.reshape(*image.shape[:-2], -1) for image in (light, sigma, height, prior))
     x, y = _places(height.shape, pixel)
     sizes = {"H": 1, "W": height.size}
@@ -288,22 +295,41 @@ def _try(pixels: _Pixels, left_out: int, rules: _Rules) -> _Choice:
     count, size = pixels.light.shape
     used = [k for k in range(count) if not left_out >> k & 1]
     if len(used) > 2:
-        normal = twin = _least_squares(pixels, used)
+        judged, normal = _least_squares(pixels, used, rules.uneven)
+        twin = normal
     else:
         normal, twin = _pair(pixels, used, left_out, rules.pair)
-    misfit = np.zeros(size, np.float32)
-    for k in used:
-        away = pixels.light[k] - _dot(pixels.vectors[k], normal)
-        misfit += pixels.weight[k] * away * away
+        judged = normal
+    misfit = _squares(pixels, used, judged, rules.uneven)
     cost = misfit + rules.price * np.float32(left_out.bit_count())
     for k in set(range(count)) - set(used):
-        over = pixels.light[k] - np.maximum(_dot(pixels.vectors[k], normal), ZERO)
+        over = pixels.light[k] - np.maximum(_dot(pixels.vectors[k], judged), ZERO)
         spread = np.sqrt(pixels.sigma[k] * pixels.sigma[k] + STRAY * STRAY)
         bright = np.maximum(over / spread + rules.one_sided, ZERO)
         lit = pixels.light[k] * (ONE / SHADE)
         cost += np.where(pixels.below[k], ZERO, bright * bright + lit * lit)
     labels = np.full(size, ~left_out & (1 << count) - 1, np.uint8)
     return _Choice(normal, twin, labels, cost, misfit)
+
+
+def _squares(pixels: _Pixels, used: list[int], normal: F4, uneven: np.float32) -> F4:
+    """The sum of squares that a normal leaves; of more than three LEDs at any brightness."""
+    squares, along, whole = np.zeros((3, normal.shape[1]), np.float32)
+    for k in used:
+        expected = _dot(pixels.vectors[k], normal)
+        away, weighted = pixels.light[k] - expected, pixels.weight[k] * expected
+        squares += pixels.weight[k] * away * away
+        along += weighted * away
+        whole += weighted * expected
+    if len(used) > 3:
+        squares -= _share(whole, ONE, uneven) * along * along
+    return squares
+
+
+def _share(whole: F4, scale: F4 | np.float32, uneven: np.float32) -> F4:
+    """What an unknown brightness explains of a square along n.v (Woodbury's identity)."""
+    square = uneven * uneven
+    return np.asarray(square / (scale + square * whole), np.float32)
 
 
 def _keep_better(best: _Choice, tried: _Choice, where: NDArray[np.intp]) -> None:
@@ -326,13 +352,25 @@ def _visible(n: F4) -> F4:
     return n
 
 
-def _least_squares(pixels: _Pixels, used: list[int]) -> F4:
-    """The unit normal from three LEDs or more."""
+def _least_squares(pixels: _Pixels, used: list[int], uneven: np.float32) -> tuple[F4, F4]:
+    """The unit normal that judges a set of three LEDs or more, and the one that it gives."""
     a, b, scale = _normal_equations(pixels, used)
-    normal = _visible(_unit(_solve(a, b)))
-    for _ in range(STEPS):
-        normal = _unit(_visible(_gauss_newton(a, b, scale, normal)))
-    return normal
+    linear = _visible(_unit(_solve(a, b)))
+    free = _at_any_brightness(a, b, scale, linear, uneven)
+    normal = _unit(_visible(_gauss_newton(*free, scale, linear)))
+    if len(used) > 3:
+        return normal, normal
+    return _unit(_visible(_gauss_newton(a, b, scale, linear))), normal
+
+
+def _at_any_brightness(a: F4, b: F4, scale: F4, n: F4, uneven: np.float32) -> tuple[F4, F4]:
+    """The normal equations near n, less what the film's brightness explains."""
+    along = _times(a, n)
+    taken = along * _share(_dot(n, along), scale, uneven)
+    less = np.empty_like(a)
+    for row, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
+        np.subtract(a[row], taken[i] * along[j], out=less[row])
+    return less, b - taken * _dot(n, b)
 
 
 def _normal_equations(pixels: _Pixels, used: list[int]) -> tuple[F4, F4, F4]:
@@ -467,11 +505,15 @@ def _variance(pixels: _Pixels, best: _Choice, rules: _Rules) -> F4:
     d(p, q) = -((1 + p^2, p q), (p q, 1 + q^2)) d(a, b).
     """
     n = best.normal
-    h11, h12, h22 = np.zeros((3, n.shape[1]), np.float32)
+    h11, h12, h22, u1, u2, whole = np.zeros((6, n.shape[1]), np.float32)
     for k, v in enumerate(pixels.vectors):
         w = np.where(best.used >> k & 1, pixels.weight[k], ZERO)
         j1, j2 = v[0] * n[2] - v[2] * n[0], v[1] * n[2] - v[2] * n[1]
         h11, h12, h22 = h11 + w * j1 * j1, h12 + w * j1 * j2, h22 + w * j2 * j2
+        w = w * _dot(v, n)
+        u1, u2, whole = u1 + w * j1, u2 + w * j2, whole + w * _dot(v, n)
+    share = np.where(np.bitwise_count(best.used) > 2, _share(whole, ONE, rules.uneven), ZERO)
+    h11, h12, h22 = h11 - share * u1 * u1, h12 - share * u1 * u2, h22 - share * u2 * u2
     determinant = h11 * h22 - h12 * h12
     known = determinant > SINGULAR * h11 * h22
     determinant = np.where(known, determinant, ONE)

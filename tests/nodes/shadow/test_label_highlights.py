@@ -63,7 +63,7 @@ def test_the_slope_is_right_under_the_highlight() -> None:
     seen = (mirrored > 20 * SIGMA).any(axis=0)
     labelled = label_lights(light, found(light)[1], FAR, level, flat, PIXEL)
     assert not labelled.shadow[seen].any()
-    assert np.abs(labelled.slope - slope)[:, seen].mean() < 0.006
+    assert np.abs(labelled.slope - slope)[:, seen].mean() < 0.008
 
 
 def test_three_leds_leave_none_to_compare_with() -> None:
