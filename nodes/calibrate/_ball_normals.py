@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted
 from tactograph.nodes.light._film import turned
@@ -12,6 +13,8 @@ from tactograph.nodes.light._near_light import F8
 
 STEPS = 4
 """Of a normal, from the ball's own."""
+RINGS, SECTORS = 3, 8
+"""Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
 
 
 class BallNormals(NamedTuple):
@@ -32,3 +35,23 @@ def ball_normals(balls: Balls, fitted: Fitted) -> BallNormals:
     for _ in range(STEPS):
         n = turned(film, direct, n, place)
     return BallNormals(truth, n, direct, place)
+
+
+def normal_error(balls: Balls, fitted: Fitted) -> float:
+    """Return the root mean square angle in degrees by which light misleads of the normals.
+
+    Noise is averaged out over parts of each ball, since heights are sums of slopes.
+    """
+    truth, found, *_ = ball_normals(balls, fitted)
+    part = _parts(balls, truth)
+    number = np.maximum(np.bincount(part), 1)
+    mean = np.stack([np.bincount(part, e) / number for e in found - truth])
+    seen = np.bincount(part) > 0
+    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
+
+
+def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
+    """The number of the part of a ball in which each sample lies."""
+    ring = np.minimum((RINGS * (1 - normal[2] ** 2)).astype(int), RINGS - 1)
+    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
+    return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)

@@ -18,6 +18,14 @@ DARKEST = 1e-3
 """Fraction of full scale that the brightest hundredth of a flat frame has at least."""
 
 
+USERS = {
+    "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
+    "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
+    "camera": "lens=",
+}
+"""What takes each kind of file."""
+
+
 class Stored(NamedTuple):
     """An array of the file: its axes (sizes by letter or number), unit, type and range.
 
@@ -102,6 +110,15 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     return found
 
 
+def read_quality(file: Path) -> dict[str, float]:
+    """Return how good a calibration was when it was made; nothing where it does not say.
+
+    The file is one that `read_arrays` has read.
+    """
+    quality = json.loads(str(load_arrays(file)["about"])).get("quality", {})
+    return {name: float(value) for name, value in quality.items()}
+
+
 def is_of_kind(file: Path, kind: FileKind) -> bool:
     """Whether a file says that it is a calibration of this kind; it may be damaged all the same.
 
@@ -134,7 +151,11 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
     except (KeyError, ValueError, TypeError):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one") from None
     if name != f"tactograph {kind.name}":
-        raise InputError(f"{file}: is a {name}, not a {kind.name}; '{kind.maker}' makes one")
+        found = str(name).removeprefix("tactograph ")
+        users = f"; a {found} is for {USERS[found]}" if found in USERS else ""
+        raise InputError(
+            f"{file}: is a {found}, not a {kind.name}; '{kind.maker}' makes one{users}"
+        )
     if version != kind.format:
         raise InputError(
             f"{file}: {kind.name} format {version}, but this version reads {kind.format}; "

@@ -55,7 +55,7 @@ def find_balls(
     flat
         K x H x W; only its size is used.
     radius, known, names
-        As `read_balls` gives them.
+        As `read_balls` gives them; no names: there is no press, and no ball is found.
     pixel
         mm per px.
     pitch_mm
@@ -73,6 +73,11 @@ def find_balls(
     InputError
         If no press shows its ball.
     """
+    if not names:
+        none = np.zeros(len(radius), np.float32)
+        return FoundBalls(
+            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32)
+        )
     if pitch_mm is not None:
         return _grids(light, flat, radius, names, pixel, pitch_mm)
     balls: list[Ball | None] = []

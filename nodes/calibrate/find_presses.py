@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
@@ -34,7 +34,8 @@ def find_presses(
     pixel: PixelSize,
     known: Circles | None = None,
     *,
-    radius_mm: Annotated[float, Gt(0)],
+    radius_mm: Annotated[float, Gt(0)] | None = None,
+    fewest: Annotated[int, Ge(1)] = FEWEST,
 ) -> FoundPresses:
     """Return the contact circle of every press, as `find_ball` finds it.
 
@@ -46,13 +47,15 @@ def find_presses(
     image, flat
         P x K x H x W presses and the K x H x W film at rest.
     names
-        The presses' names, for messages.
+        The presses' names, for messages; none: there is no press, and no ball is found.
     pixel
         mm per px.
     known
         P x 3: circles that were found already, as `guide_colour_presses` does.
     radius_mm
         The ball's radius.
+    fewest
+        So many presses have to show a ball.
 
     Returns
     -------
@@ -63,8 +66,13 @@ def find_presses(
     Raises
     ------
     InputError
-        If fewer than 4 presses show a ball.
+        If fewer than `fewest` presses show a ball; if the radius is not given.
     """
+    if not names:
+        none = np.zeros(len(image), np.float32)
+        return FoundPresses(np.zeros((len(image), 3), np.float32), none)
+    if radius_mm is None:
+        raise InputError("the ball's radius is not known; give ball_radius_mm=...")
     if known is not None:
         return FoundPresses(known, (known[:, 2] > 0).astype(np.float32))
     circles, goodness = [], []
@@ -80,9 +88,9 @@ def find_presses(
             circles.append((*ball.center, ball.contact))
             goodness.append(ball.goodness)
     found = int(np.count_nonzero(goodness))
-    if found < FEWEST:
+    if found < fewest:
         raise InputError(
             f"a ball of radius {radius_mm:g} mm shows in {found} of {len(image)} presses, and "
-            f"{FEWEST} are needed; check ball_radius_mm and pixel_size_mm, or press more often"
+            f"{fewest} are needed; check ball_radius_mm and pixel_size_mm, or press more often"
         )
     return FoundPresses(np.asarray(circles, np.float32), np.asarray(goodness, np.float32))

@@ -26,9 +26,9 @@ from tactograph.nodes import (
     PixelSize,
     Vergence,
 )
-from tactograph.nodes.calibrate._ball_normals import ball_normals
+from tactograph.nodes.calibrate._ball_normals import normal_error
+from tactograph.nodes.calibrate._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate._film_fit import (
-    FAINT,
     PARTS,
     Balls,
     Fitted,
@@ -41,18 +41,11 @@ from tactograph.nodes.calibrate._film_fit import (
 from tactograph.nodes.calibrate._film_misfit import Held, misfit
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
-from tactograph.nodes.capture._sheet import SheetLight, cut
-from tactograph.nodes.light._near_light import F8, places
-from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.light.film_drift import drift_gain, film_drift
-from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.capture._sheet import SheetLight, SheetMask
+from tactograph.nodes.light._near_light import F8
 
-INNER = 0.95
-"""Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
-SAMPLES, ENOUGH, SURELY = 1500, 30, 15000
-"""Samples of all balls together, and of each ball at least; and where a misfit is measured."""
+SURELY = 15000
+"""Samples at which a misfit is measured."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
 BETTER, BENT, SURE = 0.97, 0.99, 0.7
@@ -61,20 +54,12 @@ harmonics by the second; and by the third all where a single ball holds nothing 
 places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
-USUAL_ALBEDO = 0.6
-"""Of a film that a bounce is computed for."""
 MANY, BAD = 8, 2.0
 """Of so many balls, those whose residual is so many times the median are left out."""
-NOISY = 1.5
-"""Times the camera's noise, up to which a departure is no more than that."""
 EXACT = 0.1
 """Degrees of held-out error below which no further part is tried."""
-SLICES = 16
-"""Of a ball; every fourth is held out where there is no other ball."""
 PARALLAX = 0.02
 """Height of a ball, relative to the film's width, from which it tells how high the pupil is."""
-RINGS, SECTORS = 3, 8
-"""Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
 DEGREES = {0: 2, 1: 4, 2: 10}
 """Balls that the harmonics need for each degree in the place."""
 
@@ -114,6 +99,7 @@ def fit_film(
     others: LightPlaces,
     noise: Noise,
     pixel: PixelSize,
+    bare: SheetMask | None = None,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
     steepest: Annotated[float, Gt(0)] = 3.0,
@@ -145,6 +131,8 @@ def fit_film(
         (shot, read), as `estimate_noise` gives it.
     pixel
         mm per px.
+    bare
+        S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
     camera_mm
         Height of the pupil above the film, where it is known.
     steepest, shift_px
@@ -163,7 +151,8 @@ def fit_film(
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
-    balls = _sample(light, flat, circle, radius, of, lights, noise, pixel, steepest)
+    given = light, flat, circle, radius, of, lights, noise, pixel, steepest
+    balls = sample_balls(*given, bare=bare)
     width = pixel * flat.shape[2]
     trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
     start = start_at(lights, strength, len(balls.centre))
@@ -186,11 +175,11 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    whole = _sample(light, flat, circle, radius, of, lights, noise, pixel, steepest, most=None)
+    whole = sample_balls(*given, most=None, bare=bare)
     typed["misfit"] = _misfit(
         trial, best, whole, bad, np.asarray(others - lights, np.float64), pixel
     )
-    typed["grain"] = _grain(balls, left, flat, noise)
+    typed["grain"] = grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
         **typed,
@@ -247,30 +236,10 @@ def _judge(
             found = add_harmonics(train, found, degree, trial.width_mm / 2, trial.shift_mm)
         if len(trial.balls.centre) > 1:
             found = place_balls(test, found, trial.shift_mm)
-        errors.append(_normal_error(test, found))
+        errors.append(normal_error(test, found))
         folds.append(found)
         weights.append(held.sum())
     return _Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
-
-
-def _normal_error(balls: Balls, fitted: Fitted) -> float:
-    """Root mean square angle in degrees by which light misleads of the balls' normals.
-
-    Noise is averaged out over parts of each ball, since heights are sums of slopes.
-    """
-    truth, found, *_ = ball_normals(balls, fitted)
-    part = _parts(balls, truth)
-    number = np.maximum(np.bincount(part), 1)
-    mean = np.stack([np.bincount(part, e) / number for e in found - truth])
-    seen = np.bincount(part) > 0
-    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
-
-
-def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
-    """The number of the part of a ball in which each sample lies."""
-    ring = np.minimum((RINGS * (1 - normal[2] ** 2)).astype(int), RINGS - 1)
-    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
-    return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)
 
 
 def _misfit(
@@ -308,7 +277,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metri
         wider = [best.parts | {part} for part in left]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # What explains the presses best is the one to be judged by what is held out.
-        first = int(np.argmin([_normal_error(trial.balls, found) for found in fitted]))
+        first = int(np.argmin([normal_error(trial.balls, found) for found in fitted]))
         better = _judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
         if not _pays(better.error, best.error, trial):
@@ -388,85 +357,3 @@ def _properties(best: _Model) -> Metrics:
     if film.camera > 0:
         said["camera_mm"] = 1 / film.camera
     return said | {"film_residual_percent": 100 * best.fitted.scale}
-
-
-def _grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
-    """What light departs from the model by, as a share of it, beyond the camera's noise."""
-    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
-    camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    whole = np.maximum(balls.light, FAINT)
-    found = np.median(np.square(left / whole)) / 0.455
-    alone = np.median(camera / whole**2)
-    return float(np.sqrt(found - alone)) if found > NOISY**2 * alone else 0.0
-
-
-def _sample(
-    light: F4,
-    flat: F4,
-    circle: F4,
-    radius: F4,
-    of: NDArray[np.int32],
-    lights: F4,
-    noise: F4,
-    pixel: float,
-    steepest: float,
-    most: int | None = SAMPLES,
-) -> Balls:
-    """Choose samples of the balls, evenly over each; all pixels if `most` is None."""
-    rows, columns = flat.shape[1:]
-    x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
-    each = None if most is None else max(ENOUGH, most // len(circle))
-    presses = cut(light, rows)
-    sigma = coarsen(light_noise(flat, flat, noise))
-    thrown = {
-        i: _unit_bounce(presses[i], sigma, circle[of == i], radius[of == i], lights, pixel)
-        for i in np.unique(of)
-    }
-    found: list[tuple[NDArray[Any], ...]] = []
-    for number, i in enumerate(of):
-        u0, v0, rim = circle[number].astype(np.float64)
-        reach = min(INNER * rim, radius[number] / pixel * np.sin(np.arctan(steepest)))
-        yy, xx = np.mgrid[
-            max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
-            max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
-        ].reshape(2, -1)
-        inside = np.flatnonzero(np.hypot(xx - u0, yy - v0) < reach)
-        # A stride that is no divisor of rows spreads the samples over all columns.
-        inside = inside[:: 1 if each is None else inside.size // each + 1]
-        yy, xx = yy[inside], xx[inside]
-        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
-        values, bounced = presses[i][:, yy, xx], thrown[i][:, yy, xx]
-        found.append((x[xx], y[yy], values, bounced, np.full(xx.size, number), sector))
-    u, v, values, bounced, ball, sector = (
-        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
-    )
-    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    return Balls(
-        u=u.astype(np.float64),
-        v=v.astype(np.float64),
-        light=values.astype(np.float64),
-        ball=ball,
-        centre=(circle[:, :2].astype(np.float64) - middle) * pixel,
-        rim=circle[:, 2].astype(np.float64) * pixel,
-        radius=radius.astype(np.float64),
-        bounced=bounced.astype(np.float64),
-        sector=sector,
-    )
-
-
-def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
-    """The light that balls in a film of albedo 1 throw on it and on the film around them.
-
-    Less what `level_touches` has taken for drift: they brighten the film at rest, too.
-    """
-    yy, xx = np.mgrid[: press.shape[1], : press.shape[2]]
-    height = np.zeros(press.shape[1:], np.float32)
-    for (x, y, contact), size in zip(circle, radius, strict=True):
-        square = ((xx - x) ** 2 + (yy - y) ** 2) * pixel**2
-        rim = float(contact) * pixel
-        depth = np.sqrt(np.maximum(size**2 - square, 0)) - np.sqrt(max(size**2 - rim**2, 0))
-        height = np.where(square < rim**2, depth, height).astype(np.float32)
-    thrown = film_bounce(press, height, lights, pixel, USUAL_ALBEDO)
-    drift = film_drift(coarsen(1 + thrown), sigma, degree=DEGREE, rough=ROUGH)
-    level = drift_gain(drift, height.shape) - 1
-    return (thrown - level * press) / np.float32(USUAL_ALBEDO)

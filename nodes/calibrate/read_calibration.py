@@ -20,6 +20,7 @@ from tactograph.nodes import (
     LutLight,
     LutLit,
     LutSlope,
+    Metrics,
     Misfit,
     Noise,
     NullVector,
@@ -28,7 +29,7 @@ from tactograph.nodes import (
     Spread,
     Vergence,
 )
-from tactograph.nodes.calibrate._calibration_file import read_arrays
+from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, NO_MISFIT
 from tactograph.nodes.light._film import matt_film
 
@@ -66,6 +67,7 @@ class Calibration(NamedTuple):
     grain: Grain
     lens: Lens
     misfit: Misfit
+    quality: Metrics
 
 
 @node
@@ -99,4 +101,6 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     # A file from before the film was described is that of a matt film.
     found.setdefault("lens", np.zeros(8, np.float32))
     found.setdefault("misfit", NO_MISFIT)
-    return Calibration(**{**matt_film(found["lights"])._asdict(), **found})
+    return Calibration(
+        **{**matt_film(found["lights"])._asdict(), **found}, quality=read_quality(file)
+    )

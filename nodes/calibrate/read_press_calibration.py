@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Dark, Light, PixelSize
-from tactograph.nodes.calibrate._calibration_file import read_arrays
+from tactograph.nodes import Dark, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.capture.read_presses import read_film
@@ -23,6 +23,7 @@ class PressCalibration(NamedTuple):
     dark: Dark
     pixel_size: PixelSize
     reflectance: ReflectanceMap
+    quality: Metrics
 
 
 @node
@@ -50,7 +51,9 @@ def read_press_calibration(
     found = read_arrays(file, PRESS_CALIBRATION)
     film = found["flat"] if flat is None else _fresh(flat, lights, found["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
-    return PressCalibration(film, dark, found["pixel_size"], found["reflectance"])
+    return PressCalibration(
+        film, dark, found["pixel_size"], found["reflectance"], read_quality(file)
+    )
 
 
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:

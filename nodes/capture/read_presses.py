@@ -29,7 +29,7 @@ class Presses(NamedTuple):
 @node
 def read_presses(
     *,
-    folder: Path,
+    folder: Path | None = None,
     flat: Path,
     lights: Literal["leds", "bgr", "rgb"] = "bgr",
     smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
@@ -40,7 +40,8 @@ def read_presses(
     ----------
     folder
         Holds a folder per press, each with one colour image, whatever its name
-        (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED.
+        (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED; or is such a
+        folder.  None: there is no press; the film at rest stands in for one, without a name.
     flat
         The untouched film: one colour image, or a folder like that of a press.
     lights
@@ -58,8 +59,10 @@ def read_presses(
     InputError
         As `read_capture`; if a press is of another size than the flat image.
     """
-    captures = list(read_capture(folder=folder, lights=lights))
     film = read_film(flat, lights, smooth_px)
+    if folder is None:
+        return Presses(film[None], film, [])
+    captures = list(read_capture(folder=folder, lights=lights))
     for capture in captures:
         if capture.image.shape != film.shape:
             raise InputError(

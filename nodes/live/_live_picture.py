@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.nodes import F4, Height, Labels, Light
+from tactograph.nodes import F4, U1, Height, Labels, Light
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
 from tactograph.nodes.capture._image_files import Lights
+from tactograph.nodes.marker._arrows import draw_arrows
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -51,6 +52,7 @@ def draw_touch(
     top: float,
     footer: str,
     lights: Lights = "leds",
+    moved: tuple[F4, F4, U1] | None = None,
 ) -> Picture:
     """Draw height, camera image and shadow labels side by side.
 
@@ -68,6 +70,9 @@ def draw_touch(
         The height in mm at which the colours end.
     footer
         One line of text.
+    moved
+        Markers M x 3 in px, their shifts M x 2 and whether they are seen, M: drawn as arrows
+        over the camera image.
     lights
         "bgr" or "rgb" where the lights are the colours of one picture.
     """
@@ -80,6 +85,10 @@ def draw_touch(
     canvas[:] = GROUND
     mean = _grey(image, small, half)
     first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
+    if moved is not None:
+        markers, shift, seen = moved
+        first = np.ascontiguousarray(first)
+        draw_arrows(first, markers[:, :2], shift, seen, small / columns)
     upper, lower = GAP + TITLE_PX, GAP + 2 * TITLE_PX + half + GAP
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP, upper)
     _place(canvas, _ramp(HEIGHT_PX), GAP + width + GAP, upper)

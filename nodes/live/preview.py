@@ -18,6 +18,8 @@ from tactograph.nodes import Height, Labels, Light, PixelSize
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._frames import LiveState
 from tactograph.nodes.live._live_picture import Picture, draw_touch, round_up
+from tactograph.nodes.marker.find_markers import Markers
+from tactograph.nodes.marker.track_markers import Seen, Shifts
 
 RATES_OVER_S = 2.0
 OLDEST_LATENCY_S = 10.0
@@ -35,6 +37,9 @@ def preview(
     name: str,
     time: Annotated[float, Port(unit="s")] | None = None,
     state: LiveState | None = None,
+    markers: Markers | None = None,
+    shift: Shifts | None = None,
+    seen: Seen | None = None,
     *,
     lights: Lights = "leds",
     where: Where = "auto",
@@ -66,6 +71,9 @@ def preview(
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
     state
         What the camera counts.
+    markers, shift, seen
+        Markers M x 3, as `find_markers` gives them, their shifts M x 2 and whether each is seen,
+        as `track_markers` does: arrows over the camera's image.
     lights
         "bgr" or "rgb" where the lights are the colours of one picture, see `read_camera`.
     where
@@ -89,8 +97,11 @@ def preview(
     shown.count(time, state)
     if shown.is_due():
         top = top_mm or shown.top_of(height)
+        moved = None
+        if markers is not None and shift is not None and seen is not None:
+            moved = markers, shift, seen
         footer = shown.footer(state)
-        shown.show(draw_touch(height, shadow, image, pixel, top, footer, lights), name)
+        shown.show(draw_touch(height, shadow, image, pixel, top, footer, lights, moved), name)
 
 
 class _Window:

@@ -1,4 +1,7 @@
-"""Show and record a stream of touches with Rerun: images, labels, surface, error band, times."""
+"""Show and record a stream of touches with Rerun: images, labels, surface, error band, times.
+
+Long because all that is shown of a touch goes into one recording.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ from tactograph.graph import InputError, Port, Provenance, Session, node, warn
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._live_picture import NAMES, colour_height, round_up
+from tactograph.nodes.marker.find_markers import Markers
+from tactograph.nodes.marker.track_markers import Shifts
 
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
@@ -44,6 +49,8 @@ def view_rerun(
     error: HeightError | None = None,
     metrics: Metrics | None = None,
     time: Annotated[float, Port(unit="s")] | None = None,
+    markers: Markers | None = None,
+    shift: Shifts | None = None,
     *,
     lights: Lights = "leds",
     viewer: Viewer = "spawn",
@@ -81,6 +88,8 @@ def view_rerun(
         Figures to plot over time.
     time
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
+    markers, shift
+        M x 3 and M x 2 in px, as `track_markers` has them: arrows over the image of LED 1.
     lights
         "bgr" or "rgb" where the lights are the colours of one picture, which is sent as one.
     viewer
@@ -119,6 +128,7 @@ def view_rerun(
     age = now - time if time is not None else None
     stream.begin(age)
     stream.images(image[:, ::image_step, ::image_step], shadow, image_step, lights)
+    stream.arrows(markers, shift, image_step)
     stream.surface(height, pixel, surface_step)
     stream.section(height, error, pixel)
     if error is not None:
@@ -305,6 +315,11 @@ class _Stream:
             self.log("shadow", rr.AnnotationContext(_classes(image.shape[0], lights)), static=True)
             self._colours_sent = True
         self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
+
+    def arrows(self, markers: Markers | None, shift: Shifts | None, step: int) -> None:
+        if markers is not None and shift is not None:
+            moved = {"origins": (markers[:, :2] + 0.5) / step, "vectors": shift / step}
+            self.log("camera/led1/markers", rerun().Arrows2D(**moved))
 
     def surface(self, height: Height, pixel: float, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""

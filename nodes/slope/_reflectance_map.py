@@ -63,12 +63,14 @@ def shades(slope: F8, height: F8) -> F8:
     return np.asarray(np.concatenate([bent[1:], height[None]]))
 
 
-def ball_pixels(light: F4, flat: F4, circle: F8, share: float = INNER) -> Pixels:
+def ball_pixels(
+    light: F4, flat: F4, circle: F8, share: float = INNER, most: int = SUBSAMPLE
+) -> Pixels:
     """Return pixels evenly spread over the inner `share` of a contact circle (x, y, radius)."""
     y, x = np.indices(flat.shape[1:])
     inside = np.flatnonzero(np.hypot(x - circle[0], y - circle[1]) < share * circle[2])
     # A stride that is no divisor of rows spreads the pixels over all columns.
-    inside = inside[:: inside.size // SUBSAMPLE + 1]
+    inside = inside[:: inside.size // most + 1]
     return Pixels(
         x.flat[inside].astype(np.float64),
         y.flat[inside].astype(np.float64),

@@ -16,6 +16,37 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parity import SHAPES, cases, compare
 
 MUTANTS = {
+    "marker_darkness": {
+        "opened instead of closed": (
+            "highest ? fmax(found, value)",
+            "!highest ? fmax(found, value)",
+        ),
+        "rows twice": ("const int at = in_row ? x : y", "const int at = x"),
+        "the darkest LED": ("found = fmin(found, 1.0f", "found = fmax(-found, 1.0f"),
+        "black divided by": ("fmax(closed[i], darkest)", "closed[i]"),
+    },
+    "bare_variance": {
+        "markers trusted": ("bare[i] ? film : marker", "bare[i] ? film : film"),
+        "q forgotten": ("out[H * W + i] = bare[i]", "bare[i]"),
+    },
+    "bare_film": {
+        "markers and film swapped": ("bare = 0;", "bare = 2;"),
+        "not grown": ("darkness[j * W + i] > dark", "darkness[y * W + x] > dark"),
+        "a threshold of its own": ("> dark)", "> 0.5f * dark)"),
+    },
+    "fill_masked": {
+        "mask inverted": ("if (!mask[pixel])", "if (mask[pixel])"),
+        "masked pixels count": ("if (!mask[j * W + i]) continue;", ""),
+        "no plane": ("value = middle - p * mx - q * my", "value = middle"),
+        "columns weigh alike": ("* taps[j - y + radius]", ""),
+    },
+    "print_markers": {
+        "the film stays": ("u = x - drag_x_mm * near", "u = x"),
+        "dragged along x alone": ("v = y - drag_y_mm * near", "v = y"),
+        "no dash": ("fabs(u) - 0.5f * dash_mm", "fabs(u)"),
+        "a hard edge": ("/ pixel + 0.5f", "* 1e6f + 0.5f"),
+        "the drag's centre ignored": ("dx = x - center_x_mm", "dx = x"),
+    },
     "flat_field": {
         "dark not subtracted": ("count) - level", "count)"),
         "floor ignored": ("MORE_OF(rest, low)", "rest"),

@@ -184,6 +184,18 @@ def test_the_picture_shows_where_leds_are_dark_and_how_fast_touches_come() -> No
     assert np.nonzero((plain != footed).any(axis=-1))[0].min() > rows.max()
 
 
+def test_markers_that_moved_are_arrows_over_the_cameras_image() -> None:
+    plain = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "")
+    rows, columns = HEIGHT.shape
+    place = np.array([[columns / 2, rows / 2, 3.0]], np.float32)
+    moved = place, np.array([[columns / 4, 0.0]], np.float32), np.ones(1, np.uint8)
+    drawn = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "", moved=moved)
+    y, x = np.nonzero((plain != drawn).any(axis=-1))
+    assert x.max() - x.min() > 2 * (y.max() - y.min())
+    red, _, blue = drawn[y, x].mean(axis=0)
+    assert red > blue + 50
+
+
 def test_rates_drops_and_faults_are_in_the_footer(tmp_path: Path) -> None:
     from tactograph.nodes.live.preview import _Files, _Preview
 

@@ -105,6 +105,16 @@ def test_a_stream_without_a_viewer_is_a_file_that_rerun_verifies(tmp_path: Path)
     assert "SegmentationImage" in printed
 
 
+def test_markers_are_arrows_over_the_first_image(tmp_path: Path) -> None:
+    file, session = tmp_path / "live.rrd", Session()
+    markers, shift = np.full((3, 3), 10, np.float32), np.ones((3, 2), np.float32)
+    view(session, viewer="none", file=file, markers=markers, shift=shift)
+    session.close()
+    printed = rerun_program("rrd", "print", "-v", file)
+    assert "/camera/led1/markers" in printed
+    assert "Arrows2D" in printed
+
+
 def test_touches_beyond_the_rate_are_left_out(tmp_path: Path) -> None:
     sent = []
     for rate in (1e9, 1e-3):

@@ -1,0 +1,60 @@
+"""Carry the light of a calibration's tables over to another film."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Film, LutLight, LutLit, LutSlope
+from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope
+from tactograph.nodes.light._film import predict
+
+DARKEST = 0.05
+"""Light by the old film from which the ratio of both films is believed."""
+
+
+class TablePixels(NamedTuple):
+    """The pixels of the tables as a sheet of one row."""
+
+    light: SheetLight
+    slope: SheetSlope
+    mask: SheetMask
+    lit: SheetLabels
+
+
+@node
+def carry_tables(
+    lut_light: LutLight, lut_slope: LutSlope, lut_lit: LutLit, old: Film, new: Film
+) -> TablePixels:
+    """Return the table's pixels with the light that their slopes have on the new film.
+
+    The light of each pixel is multiplied by what both films' models (`light/_film`, equation
+    F1) give for its slope, in the middle of the film: what the old model leaves out stays.
+
+    Parameters
+    ----------
+    lut_light, lut_slope, lut_lit
+        N x K, N x 2 and N: the tables of the old calibration.
+    old, new
+        The films; without a change of the film the light stays to the bit.
+
+    Returns
+    -------
+    TablePixels
+        Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
+    """
+    p, q = lut_slope.T.astype(np.float64)
+    normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    none = np.zeros_like(p)
+    height = np.full_like(p, old.contact)
+    then, now = (predict(film, normal, none, none, height) for film in (old, new))
+    ratio = np.where(then > DARKEST, now / np.maximum(then, DARKEST), 1)
+    light = (lut_light.T * ratio).astype(np.float32)
+    return TablePixels(
+        light[:, None],
+        np.ascontiguousarray(lut_slope.T)[:, None],
+        np.ones((1, len(lut_slope)), np.uint8),
+        lut_lit[None],
+    )

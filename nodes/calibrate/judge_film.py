@@ -1,0 +1,197 @@
+"""Say whether a calibration is still right, cause by cause, from the untouched film of today."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, Height, Metrics, PixelSize
+
+WEAKER = 0.1
+"""Share of its light that an LED may have lost against the others, or all together."""
+AMBIENT = 0.004
+"""Light that no LED sends, as a fraction of full scale: one step of 8 bit."""
+MOVED = 0.5
+"""Pixels by which the image may have moved."""
+CERTAIN = 6.0
+"""Robust standard deviations of a map, from which a departure is no noise."""
+LOWEST, FLATTEST = 0.003, 0.01
+"""mm and slope from which the film is dented."""
+TOUCHED = 0.15
+"""mm from which it is more likely that something touches the film."""
+FAINTEST = 0.015
+"""Change of albedo from which it is a mark."""
+SHARP = 1 / 8
+"""Gradient per px of a mark, relative to its depth, from which it lies in the film: what lies on
+the lens is out of focus."""
+
+
+class Verdicts(NamedTuple):
+    """A sentence for each cause, and the figures."""
+
+    leds: str
+    film: str
+    lens: str
+    ambient: str
+    camera: str
+    quality: Metrics
+
+
+@node
+def judge_film(
+    strength: Annotated[F4, Port("K", "1")],
+    ambient: Annotated[float, Port(unit="1")],
+    shift: Annotated[F4, Port("2", "px")],
+    albedo: Annotated[F4, Port("H W", "1")],
+    dent: Height,
+    pixel: PixelSize,
+) -> Verdicts:
+    """Return a verdict on the LEDs, the film, the lens, ambient light and the camera.
+
+    Parameters
+    ----------
+    strength, ambient, shift, albedo, dent
+        As `film_change` gives them, between the calibration's flat frame and today's.
+    pixel
+        mm per px.
+
+    Returns
+    -------
+    Verdicts
+        Five sentences that begin with "right" where nothing is wrong; ``light_percent/...`` of
+        each LED, ``ambient_percent`` of full scale, ``shift_px``, ``dent_um``, and the depth in
+        per cent of the strongest mark in the film and on the lens; ``wrong``, the number of
+        causes found.
+    """
+    scratch, dirt = _marks(albedo)
+    deepest, where = _dent(dent, pixel)
+    moved = float(np.hypot(*shift))
+    verdicts = (
+        _of_leds(strength),
+        _of_film(deepest, where, scratch),
+        _of_lens(dirt),
+        _of_ambient(ambient),
+        _of_camera(shift, moved),
+    )
+    figures = {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
+    figures |= {
+        "ambient_percent": 100 * ambient,
+        "shift_px": moved,
+        "dent_um": 1e3 * deepest,
+        "film_mark_percent": 100 * abs(scratch.depth),
+        "lens_mark_percent": 100 * abs(dirt.depth),
+        "wrong": float(sum(not verdict.startswith("right") for verdict in verdicts)),
+    }
+    return Verdicts(*verdicts, figures)
+
+
+class _Mark(NamedTuple):
+    """The strongest of the marks of a kind: change of albedo, place in px, and how many."""
+
+    depth: float
+    x: int
+    y: int
+    number: int
+
+
+def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
+    """The marks in the film, which are sharp, and those on the lens, which are not."""
+    spread = 1.4826 * float(np.median(np.abs(albedo)))
+    standing = (np.abs(albedo) > max(CERTAIN * spread, FAINTEST)).astype(np.uint8)
+    count, labels = cv2.connectedComponents(standing, connectivity=8)
+    by_y, by_x = np.gradient(albedo)
+    steepness = np.hypot(by_x, by_y)
+    found: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
+    for number in range(1, count):
+        inside: NDArray[np.intp] = np.flatnonzero(labels == number)
+        deepest = inside[np.abs(albedo.flat[inside]).argmax()]
+        depth = float(albedo.flat[deepest])
+        y, x = divmod(int(deepest), albedo.shape[1])
+        sharp = bool(steepness.flat[inside].max() > SHARP * abs(depth))
+        found[sharp].append((depth, x, y))
+    return _strongest(found[True]), _strongest(found[False])
+
+
+def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
+    if not marks:
+        return _Mark(0.0, 0, 0, 0)
+    return _Mark(*max(marks, key=lambda mark: abs(mark[0])), len(marks))
+
+
+def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
+    """Height in mm of what stands out most, and its place in px; 0 if nothing does."""
+    spread = 1.4826 * float(np.median(np.abs(dent)))
+    by_y, by_x = np.gradient(dent, pixel)
+    y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
+    highest, steepest = float(dent[y, x]), float(np.hypot(by_x, by_y).max())
+    if abs(highest) < max(CERTAIN * spread, LOWEST) or steepest < FLATTEST:
+        return 0.0, (0, 0)
+    return highest, (int(x), int(y))
+
+
+def _of_leds(strength: F4) -> str:
+    usual = float(np.median(strength))
+    k = int(np.abs(strength / usual - 1).argmax())
+    own = 100 * float(strength[k]) / usual
+    if abs(own - 100) > 100 * WEAKER:
+        return (
+            f"LED {k + 1} has {own:.0f} % of the light that the others have: check it and its "
+            "wire, then recalibrate"
+        )
+    if abs(usual - 1) > WEAKER:
+        return (
+            f"all LEDs have {100 * usual:.0f} % of their light: check exposure, gain and supply; "
+            "heights stay right as long as nothing is dark or saturated"
+        )
+    low, high = 100 * float(strength.min()), 100 * float(strength.max())
+    return f"right: {low:.1f} to {high:.1f} % of their light"
+
+
+def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
+    if abs(deepest) > TOUCHED:
+        return (
+            f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
+            f"{1e3 * deepest:.0f} um: take the capture of the untouched film again"
+        )
+    said = []
+    if deepest:
+        said.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
+    if scratch.number:
+        said.append(
+            f"{scratch.number} marks or scratches, the strongest of {100 * scratch.depth:+.0f} % "
+            f"at {scratch.x},{scratch.y} px"
+        )
+    if said:
+        return (
+            " and ".join(said) + ": wipe the film; if it stays, recalibrate with a new flat frame"
+        )
+    return "right: no dents, no scratches"
+
+
+def _of_lens(dirt: _Mark) -> str:
+    if dirt.number:
+        return (
+            f"a blurred spot of {100 * dirt.depth:+.0f} % at {dirt.x},{dirt.y} px: clean the lens, "
+            "or recalibrate with a new flat frame"
+        )
+    return "right: clean"
+
+
+def _of_ambient(ambient: float) -> str:
+    if abs(ambient) > AMBIENT:
+        return (
+            f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
+            "take an image with all LEDs off (dark=) and recalibrate"
+        )
+    return "right: none"
+
+
+def _of_camera(shift: F4, moved: float) -> str:
+    if moved > MOVED:
+        x, y = shift
+        return f"the image has moved by {x:+.1f},{y:+.1f} px: fix the camera and calibrate again"
+    return f"right: moved by {moved:.1f} px"

@@ -1,0 +1,22 @@
+"""Leave markers out of what is known of a calibration's presses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes.capture._sheet import SheetMask
+
+
+@node(neutral="mask")
+def leave_out_markers(mask: SheetMask, bare: SheetMask) -> SheetMask:
+    """Return the pixels that are known and on bare film.
+
+    Parameters
+    ----------
+    mask
+        S x W, 1 where slope and height are known.
+    bare
+        S x W, 1 where no marker covers the film.
+    """
+    return np.asarray(mask * (bare > 0), np.uint8)

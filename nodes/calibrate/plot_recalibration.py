@@ -1,0 +1,89 @@
+"""Show what a new film has changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from tactograph.graph import Port, node
+from tactograph.graph.files.whole_files import whole_file
+from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate._film_pictures import draw_light, draw_map
+from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
+from tactograph.nodes.capture._sheet import SheetLight, cut
+
+ORANGE = "#ffb000"
+TOGETHER = 5
+"""Figures in a line of the title."""
+
+
+@node
+def plot_recalibration(
+    then: Light,
+    now: Light,
+    albedo: Annotated[F4, Port("H W", "1")],
+    dent: Height,
+    pixel: PixelSize,
+    image: SheetLight,
+    circle: BallCircles,
+    of: BallPress,
+    quality: Metrics,
+    advice: str,
+    *,
+    file: Path,
+) -> None:
+    """Draw both films at rest, the check press, and maps of albedo and dents.
+
+    Parameters
+    ----------
+    then, now
+        K x H x W, the old and the new film at rest.
+    albedo, dent
+        As `film_change` gives them.
+    pixel
+        mm per px.
+    image, circle, of
+        The presses on a sheet, and where their balls were found; a contact of 0: there is none.
+    quality, advice
+        For the title.
+    file
+        The picture goes beside it: ``new.npz`` gives ``new.png``.
+    """
+    figure = Figure(figsize=(15, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 3)
+    top = float(max(then.mean(axis=0).max(), now.mean(axis=0).max()))
+    for place, frame, name in ((axes[0, 0], then, "old"), (axes[0, 1], now, "new")):
+        place.imshow(frame.mean(axis=0), cmap="gray", vmin=0, vmax=top)
+        place.set_title(f"{name} film at rest, mean light")
+    _draw_press(axes[0, 2], cut(image, now.shape[1])[0], circle[of == 0])
+    draw_map(figure, axes[1, 0], 100 * albedo, "albedo, new against old / %")
+    draw_map(figure, axes[1, 1], 1e3 * dent, "height, new against old / um")
+    light = [v for name, v in quality.items() if name.startswith("light_percent/")]
+    draw_light(axes[1, 2], np.asarray(light, np.float32), "light, new against old / %")
+    figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
+    with whole_file(file.with_suffix(".png")) as target:
+        figure.savefig(target, dpi=100)
+
+
+def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
+    axes.imshow(press.mean(axis=0), cmap="gray")
+    for x, y, radius in circles[circles[:, 2] > 0]:
+        axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
+    found = (circles[:, 2] > 0).any()
+    axes.set_title("check press" if found else "no check press")
+
+
+def _title(quality: Metrics) -> str:
+    figures = [
+        f"{name} {value:.4g}"
+        for name, value in quality.items()
+        if not name.startswith("light_percent")
+    ]
+    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))

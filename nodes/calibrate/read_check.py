@@ -1,0 +1,66 @@
+"""Read the presses of a ball that check a film, if there are any."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Light
+from tactograph.nodes.capture._image_files import Crop, Leds, Lights
+from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
+
+ANY_BALL = 1e3
+"""Radius in mm that stands for no ball: it limits nothing."""
+
+
+@node
+def read_check(
+    flat: Light,
+    *,
+    folder: Path | None = None,
+    radius_mm: Millimetres | None = None,
+    center_px: tuple[float, float] | None = None,
+    contact_px: Millimetres | None = None,
+    lights: Lights | None = None,
+    leds: Leds | None = None,
+    files: str = "led{}",
+    crop: Crop | None = None,
+) -> BallPresses:
+    """Return what `read_balls` reads; without a folder the film at rest, and no names.
+
+    Parameters
+    ----------
+    flat
+        K x H x W, the film at rest, which every press has to fit.
+    folder
+        A capture, or a folder of captures; None: there is no check press.
+    radius_mm, center_px, contact_px, lights, leds, files, crop
+        As for `read_balls`.
+
+    Raises
+    ------
+    InputError
+        As `read_balls`; if presses and flat frame differ in size.
+    """
+    if folder is None:
+        radius, known = np.full(1, ANY_BALL, np.float32), np.zeros((1, 3), np.float32)
+        return BallPresses(flat, flat, radius, known, [])
+    taken = read_balls(
+        folder=folder,
+        radius_mm=radius_mm,
+        center_px=center_px,
+        contact_px=contact_px,
+        lights=lights,
+        leds=leds,
+        files=files,
+        crop=crop,
+    )
+    if taken.first.shape != flat.shape:
+        k, rows, columns = taken.first.shape
+        raise InputError(
+            f"{folder}: is {k} lights of {columns} x {rows} pixels, but the calibration is for "
+            f"{flat.shape[0]} lights of {flat.shape[2]} x {flat.shape[1]}"
+        )
+    return taken

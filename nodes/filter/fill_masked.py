@@ -1,0 +1,89 @@
+"""Fill what a mask leaves out from what lies around."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Light, Mask
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+LEAST = np.float32(1e-3)
+"""Share of the weights that has to be known."""
+HELD = 0.02
+"""How firmly the plane is held level where little is known: a share of the weights' variance."""
+
+
+@node(neutral="light", tolerance=Close(1e-4, 1e-4, why="sums of many terms in another order"))
+def fill_masked(
+    light: Light, mask: Mask, *, radius_px: Annotated[int, Interval(ge=1, le=30)] = 10
+) -> Light:
+    """Return the images, where the mask is 0 with a plane through what is known around.
+
+    Normalised convolution of the first order (Knutsson and Westin, 1993), its Gaussian's
+    standard deviation half of the radius: light that changes evenly goes on across a hole.
+
+    Parameters
+    ----------
+    light
+        K x H x W.
+    mask
+        H x W; pixels of any value but 0 stay.
+    radius_px
+        How far around; pixels that see nothing known stay, too.
+    """
+    away, taps = _taps(radius_px)
+    known = (mask > 0).astype(np.float32)
+    total = _spread(known, taps, taps)
+    empty = (mask == 0) & (total > LEAST)
+    near = np.maximum(total, LEAST)
+
+    def mean(plane: F4, in_x: F4, in_y: F4) -> F4:
+        found = _spread(plane * known, taps * in_x, taps * in_y)
+        return np.asarray(found / near, np.float32)
+
+    one, square = np.ones_like(away), away * away
+    plain = np.ones_like(known)
+    x, y = mean(plain, away, one), mean(plain, one, away)
+    held = np.float32(HELD * (radius_px / 2) ** 2)
+    xx = mean(plain, square, one) - x * x + held
+    yy = mean(plain, one, square) - y * y + held
+    xy = mean(plain, away, away) - x * y
+    inverse = np.float32(1) / (xx * yy - xy * xy)
+    filled = light.copy()
+    for plane, out in zip(light, filled, strict=True):
+        middle = mean(plane, one, one)
+        by_x, by_y = mean(plane, away, one) - middle * x, mean(plane, one, away) - middle * y
+        p, q = (by_x * yy - by_y * xy) * inverse, (by_y * xx - by_x * xy) * inverse
+        out[empty] = (middle - p * x - q * y)[empty]
+    return filled
+
+
+def _taps(radius: int) -> tuple[F4, F4]:
+    """Places along an axis, and their weights."""
+    away = np.arange(-radius, radius + 1, dtype=np.float32)
+    taps = np.exp(-np.square(away / np.float32(radius / 2)) / 2)
+    return away, np.asarray(taps / taps.sum(), np.float32)
+
+
+def _spread(plane: F4, in_x: F4, in_y: F4) -> F4:
+    found = cv2.sepFilter2D(plane, cv2.CV_32F, in_x, in_y, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(found, np.float32)
+
+
+@fill_masked.opencl()
+def _launch(run: Launch) -> None:
+    """A work-item for each pixel; only those that are masked look around."""
+    radius = int(run.settings["radius_px"])
+    _, weights = _taps(radius)
+    taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
+    sizes = tuple(run.sizes[symbol] for symbol in "KHW")
+    planes = run.inputs["light"], run.inputs["mask"], taps, run.outputs["fill_masked"]
+    held = HELD * (radius / 2) ** 2
+    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(LEAST), held)

@@ -1,0 +1,40 @@
+"""Markers' shifts as arrows."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, U1
+
+FOLLOWED, GUESSED = (255, 176, 0), (154, 154, 154)
+"""Colours (red, green, blue) of markers that are seen and of those that are not."""
+BITS = 4
+"""OpenCV draws in sixteenths of a pixel."""
+
+
+def draw_arrows(
+    picture: NDArray[np.uint8], place: F4, shift: F4, seen: U1, scale: float
+) -> NDArray[np.uint8]:
+    """Draw an arrow from where each marker was to where it is.
+
+    Parameters
+    ----------
+    picture
+        H x W x 3 of 8 bit, red first; it is drawn into and returned.
+    place, shift, seen
+        M x 2 and M x 2 in px of the image, and M.
+    scale
+        Pixels of the picture per pixel of the image.
+    """
+    unit = scale * (1 << BITS)
+    for begin, by, visible in zip(place, shift, seen, strict=True):
+        start, end = (
+            (int(x), int(y))
+            for x, y in np.round(((begin + 0.5) + np.stack([0 * by, by])) * unit - (1 << BITS) / 2)
+        )
+        colour = FOLLOWED if visible else GUESSED
+        cv2.circle(picture, start, 1 << BITS, colour, -1, cv2.LINE_AA, BITS)
+        cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, BITS, 0.3)
+    return picture

@@ -1,0 +1,62 @@
+"""Find the markers that are printed on a film."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Interval
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4
+from tactograph.nodes.marker.marker_darkness import Darkness
+
+Markers = Annotated[F4, Port("M 3", "px")]
+"""x, y and the radius of a disk of the same area, a row for each marker."""
+
+
+@node
+def find_markers(
+    darkness: Darkness,
+    *,
+    dark: Annotated[float, Interval(ge=0.01, le=1)] = 0.15,
+    smallest_px: Annotated[int, Ge(1)] = 4,
+    largest_px: Annotated[int, Ge(1)] = 1000,
+) -> Markers:
+    """Return every dark spot's centroid, weighted by its darkness, and its size.
+
+    Spots on the border of the frame are left out: part of them is not seen.
+
+    Parameters
+    ----------
+    darkness
+        H x W, as `marker_darkness` gives it.
+    dark
+        Darkness that a spot has throughout.
+    smallest_px, largest_px
+        Areas of spots that are markers.
+
+    Returns
+    -------
+    ndarray
+        M x 3: x, y, radius in px; rows from the top of the frame down.
+    """
+    rows, columns = darkness.shape
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        (darkness > dark).astype(np.uint8), connectivity=8
+    )
+    left, top, wide, high, area = stats[:, :5].T
+    inside = (left > 0) & (top > 0) & (left + wide < columns) & (top + high < rows)
+    kept = inside & (area >= smallest_px) & (area <= largest_px)
+    kept[0] = False
+    # The skirt of a spot counts, too: cut off at the threshold, a centroid jumps by pixels.
+    grown = np.asarray(cv2.dilate(labels.astype(np.uint16), np.ones((3, 3), np.uint8)), np.intp)
+    y, x = np.indices(darkness.shape)
+    weight = darkness.ravel().astype(np.float64)
+    total, at_x, at_y = (
+        np.bincount(grown.ravel(), weight * by.ravel(), count) for by in (np.ones_like(x), x, y)
+    )
+    total = np.maximum(total, 1e-9)
+    found = np.column_stack([at_x / total, at_y / total, np.sqrt(area / np.pi)])[kept]
+    return np.asarray(found, np.float32)

@@ -1,0 +1,60 @@
+"""By how much the film is darker than what lies around: printed markers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Close, Port, node
+from tactograph.nodes import F4, Light
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+DARKEST = np.float32(0.01)
+"""Light that is divided by at least."""
+
+Darkness = Annotated[F4, Port("H W", "1", high=1)]
+"""0 on bare film, 1 on a marker that reflects nothing."""
+
+
+@node(tolerance=Close(1e-6, 1e-6, why="a division"))
+def marker_darkness(
+    light: Light, *, width_px: Annotated[int, Interval(ge=3, le=61)] = 11
+) -> Darkness:
+    """Return 1 - I / closing(I), the least over the LEDs.
+
+    A closing with a square (the highest value within it, and of that the lowest) takes out what
+    is dark and narrower than the square, which is the markers; light on a slope changes more
+    slowly, and a shadow is one LED's alone.
+
+    Parameters
+    ----------
+    light
+        K x H x W, as captured or relative to the film at rest.
+    width_px
+        Side of the square; a little more than a marker is wide.
+    """
+    element = np.ones((width_px | 1, width_px | 1), np.uint8)
+    darkness = []
+    for plane in light:
+        closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, element)
+        darkness.append(np.float32(1) - plane / np.maximum(closed, DARKEST))
+    return np.asarray(np.maximum(np.min(darkness, axis=0), np.float32(0)), np.float32)
+
+
+@marker_darkness.opencl()
+def _launch(run: Launch) -> None:
+    """Highest along rows and columns, then lowest, then the ratio."""
+    sizes = tuple(run.sizes[symbol] for symbol in "KHW")
+    light, radius = run.inputs["light"], (int(run.settings["width_px"]) | 1) // 2
+    here, there = run.scratch(sizes), run.scratch(sizes)
+    run.kernel("extreme_along", sizes, light, here, *sizes, radius, 1, 1)
+    run.kernel("extreme_along", sizes, here, there, *sizes, radius, 0, 1)
+    run.kernel("extreme_along", sizes, there, here, *sizes, radius, 1, 0)
+    run.kernel("extreme_along", sizes, here, there, *sizes, radius, 0, 0)
+    out = run.outputs["marker_darkness"]
+    run.kernel("darkness", sizes[1:], light, there, out, *sizes, float(DARKEST))

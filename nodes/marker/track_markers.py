@@ -1,0 +1,160 @@
+"""Follow the markers of a film under a touch."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, U1, Metrics, PixelSize
+from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.marker.find_markers import Markers, find_markers
+from tactograph.nodes.marker.marker_darkness import Darkness
+
+NEIGHBOURS = 1.6
+"""Pitches within which markers move alike."""
+SEED, RING = 0.25, 1.5
+"""Pitches by which a marker near the rim of the grid may have moved, and how near."""
+FEWEST = 3
+"""Neighbours that a linear prediction needs besides its own place."""
+
+Shifts = Annotated[F4, Port("M 2", "px")]
+"""By what each marker has moved, x and y."""
+
+
+Seen = Annotated[U1, Port("M", "flag", high=1)]
+"""0: a marker is not seen; its shift is what its neighbours' say."""
+
+
+class Tracks(NamedTuple):
+    """Where each marker has gone, and the figures."""
+
+    shift: Shifts
+    seen: Seen
+    quality: Metrics
+
+
+@node
+def track_markers(
+    darkness: Darkness,
+    markers: Markers,
+    pixel: PixelSize,
+    before: Shifts | None = None,
+    *,
+    dark: Annotated[float, Interval(ge=0.01, le=1)] = 0.15,
+    farthest: Annotated[float, Gt(0)] = 0.45,
+) -> Tracks:
+    """Return by what each marker of the untouched film has moved.
+
+    The markers under the touch are found as `find_markers` finds them.  A grid looks the same
+    after one pitch, so a nearest neighbour is no proof: the film at the rim of the grid is
+    taken to have moved little, and from there on each marker is looked for where the shifts of
+    its neighbours that are known say, those with most of them first.  In a stream the shifts
+    before say where all of them begin.
+
+    Parameters
+    ----------
+    darkness
+        H x W of the touch, as `marker_darkness` gives it.
+    markers
+        M x 3 in px, of the untouched film.
+    pixel
+        mm per px.
+    before
+        M x 2 in px, the shifts of the item before.
+    dark
+        As for `find_markers`.
+    farthest
+        From where it is expected to where a marker is found, in pitches.
+
+    Returns
+    -------
+    Tracks
+        Shifts M x 2 in px; which markers are seen; ``markers``, how many there are,
+        ``markers_seen_percent``, ``marker_shift_mm``, the longest and ``marker_shift_mean_mm``.
+    """
+    found = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
+    places = markers[:, :2].astype(np.float64)
+    if len(places) < 2 or not len(found):
+        nothing = np.zeros((len(places), 2), np.float32)
+        return Tracks(
+            nothing, np.zeros(len(places), np.uint8), _figures(nothing, nothing[:, 0], pixel)
+        )
+    away = np.asarray(cKDTree(places).query(places, 2)[0])
+    pitch = float(np.median(away[:, 1]))
+    start = None if before is None or before.shape != (len(places), 2) else before.astype(float)
+    shift, seen = _follow(places, found, pitch, farthest * pitch, start)
+    return Tracks(shift.astype(np.float32), seen, _figures(shift, seen, pixel))
+
+
+def _figures(shift: F8 | F4, seen: NDArray[np.generic], pixel: float) -> Metrics:
+    length = np.hypot(shift[:, 0], shift[:, 1])[np.asarray(seen) > 0] * pixel
+    return {
+        "markers": float(len(shift)),
+        "markers_seen_percent": 100 * float(np.mean(np.asarray(seen) > 0)) if len(shift) else 0.0,
+        "marker_shift_mm": float(length.max()) if length.size else 0.0,
+        "marker_shift_mean_mm": float(length.mean()) if length.size else 0.0,
+    }
+
+
+def _follow(
+    places: F8, found: F8, pitch: float, farthest: float, before: F8 | None
+) -> tuple[F8, U1]:
+    """Match markers with spots, from those that are sure to their neighbours."""
+    spots, taken = cKDTree(found), np.zeros(len(found), bool)
+    pairs = cKDTree(places).query_pairs(NEIGHBOURS * pitch, output_type="ndarray")
+    near = np.zeros((len(places), len(places)), bool)
+    near[pairs[:, 0], pairs[:, 1]] = near[pairs[:, 1], pairs[:, 0]] = True
+    shift, known = np.zeros_like(places), np.zeros(len(places), bool)
+    seen = np.zeros(len(places), np.uint8)
+
+    def settle(i: int, expected: F8, most: float) -> None:
+        away, spot = spots.query(places[i] + expected)
+        seen[i] = away < most and not taken[spot]
+        shift[i] = found[spot] - places[i] if seen[i] else expected
+        taken[spot] |= bool(seen[i])
+
+    start = _rim(places, RING * pitch) if before is None else np.ones(len(places), bool)
+    for i in np.flatnonzero(start).tolist():
+        if before is None:
+            settle(i, np.zeros(2), SEED * pitch)
+            known[i] = seen[i]
+        else:
+            settle(i, before[i], farthest)
+            known[i] = True
+    if not known.any():
+        # All of the film has moved: nothing to begin with but the nearest spots.
+        for i in range(len(places)):
+            settle(i, np.zeros(2), farthest)
+            known[i] = True
+    sure = near[:, known].sum(axis=1)
+    while not known.all():
+        i = int(np.where(known, -1, sure).argmax())
+        settle(i, _expected(places, shift, i, np.flatnonzero(near[i] & known)), farthest)
+        known[i] = True
+        sure += near[i]
+    return shift, seen
+
+
+def _rim(places: F8, width: float) -> NDArray[np.bool_]:
+    """The markers near the rim of the grid."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    return np.asarray(((places - low < width) | (high - places < width)).any(axis=1))
+
+
+def _expected(places: F8, shift: F8, i: int, sure: NDArray[np.intp]) -> F8:
+    """A plane through the neighbours' shifts, or their mean where they are few."""
+    if not len(sure):
+        return np.zeros(2)
+    if len(sure) <= FEWEST:
+        return np.asarray(shift[sure].mean(axis=0))
+    away = places[sure] - places[i]
+    scale = float(np.abs(away).max())
+    design = np.column_stack([np.ones(len(sure)), away / scale])
+    held = np.diag([0.0, 0.3, 0.3])
+    found = np.linalg.solve(design.T @ design + held, design.T @ shift[sure])
+    return np.asarray(found[0])

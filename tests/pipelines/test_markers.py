@@ -1,0 +1,58 @@
+"""A film with markers is calibrated and measured as one without, and its markers are followed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.conftest import MadeOnce
+from tests.pipelines.test_accuracy import run
+
+PIXEL_MM = 1 / 7
+SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM, "seed": 1}
+PRINT = {"pitch_mm": 2.0, "marker_mm": 0.25}
+TOUCH = {"radius_mm": 5.0, "rise_mm": 1.5}
+DRAG_MM = 1.0
+
+
+@pytest.fixture
+def sensor(made_once: MadeOnce) -> Path:
+    """Captures and a calibration of a film without markers, and of one with them."""
+
+    def make(folder: Path) -> None:
+        plain, printed = folder / "plain", folder / "printed"
+        run("simulate_flat", plain / "flat", **SIZE)
+        run("simulate_press", plain / "ball", radius_mm=7.0, **SIZE)
+        run("simulate_press", plain / "touch", **TOUCH, **SIZE)
+        run("simulate_markers_flat", printed / "flat", **PRINT, **SIZE)
+        run("simulate_markers", printed / "ball", radius_mm=7.0, **PRINT, **SIZE)
+        run("simulate_markers", printed / "touch", drag_x_mm=DRAG_MM, **TOUCH, **PRINT, **SIZE)
+        for film, graph in ((plain, "calibrate"), (printed, "calibrate_markers")):
+            given = {"capture": film / "ball", "flat": film / "flat", "ball_radius_mm": 7.0}
+            run(graph, film / "cal.npz", pixel_size_mm=PIXEL_MM, **given)
+
+    return made_once("marker_sensor", make)
+
+
+def test_markers_cost_little_height_and_move_with_the_film(sensor: Path, tmp_path: Path) -> None:
+    error, out = {}, tmp_path / "markers"
+    for film, graph in (("plain", "reconstruct"), ("printed", "reconstruct_markers")):
+        captured = {"capture": sensor / film / "touch", "calibration": sensor / film / "cal.npz"}
+        found = run(graph, out, **captured)
+        error[film] = found["metrics"]["rmse_px"]
+    assert error["printed"] <= 1.3 * error["plain"]
+    table = np.genfromtxt(out / "markers.csv", delimiter=",", names=True)
+    assert table["seen"].mean() >= 0.95
+    assert table["dx_mm"].max() == pytest.approx(DRAG_MM, abs=0.05)
+    assert np.abs(table["dy_mm"]).max() < 0.05
+    assert cv2.imread(str(out / "markers.png")).shape[:2] == (480, 640)
+
+
+def test_without_being_told_of_them_markers_spoil_the_height(sensor: Path, tmp_path: Path) -> None:
+    film = {"capture": sensor / "printed/touch", "calibration": sensor / "printed/cal.npz"}
+    told = run("reconstruct_markers", tmp_path / "told", **film)["metrics"]["rmse_px"]
+    untold = run("reconstruct", tmp_path / "untold", **film)["metrics"]["rmse_px"]
+    assert untold > 3 * told
