@@ -510,8 +510,8 @@ def _variance(pixels: _Pixels, best: _Choice, rules: _Rules) -> F4:
         w = np.where(best.used >> k & 1, pixels.weight[k], ZERO)
         j1, j2 = v[0] * n[2] - v[2] * n[0], v[1] * n[2] - v[2] * n[1]
         h11, h12, h22 = h11 + w * j1 * j1, h12 + w * j1 * j2, h22 + w * j2 * j2
-        w = w * _dot(v, n)
-        u1, u2, whole = u1 + w * j1, u2 + w * j2, whole + w * _dot(v, n)
+        shown = _dot(v, n)
+        u1, u2, whole = u1 + w * shown * j1, u2 + w * shown * j2, whole + w * shown * shown
     share = np.where(np.bitwise_count(best.used) > 2, _share(whole, ONE, rules.uneven), ZERO)
     h11, h12, h22 = h11 - share * u1 * u1, h12 - share * u1 * u2, h22 - share * u2 * u2
     determinant = h11 * h22 - h12 * h12
