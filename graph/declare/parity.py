@@ -69,7 +69,7 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     found += [
         Case(_sizes(node, middle, setting), "random", name, setting)
         for name, setting in settings.items()
-        if name != "default"
+        if name != "default" and _fits(node, middle, setting)
     ]
     sizes = _sizes(node, middle, default)
     found += [
@@ -257,6 +257,15 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
     for symbol, parts in node.derived.items():
         sizes[symbol] = parts.size(sizes[parts.of], settings)
     return sizes
+
+
+def _fits(node: Node, shape: tuple[int, ...], setting: dict[str, Any]) -> bool:
+    """Whether a setting is one for images of this shape: a window may be larger than they are."""
+    try:
+        _sizes(node, shape, setting)
+    except InputError:
+        return False
+    return True
 
 
 def _settings(node: Node) -> Iterator[tuple[str, dict[str, Any]]]:

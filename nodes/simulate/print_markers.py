@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Light, PixelSize
@@ -18,15 +18,15 @@ def print_markers(
     light: Light,
     pixel: PixelSize,
     *,
-    pitch_mm: Annotated[float, Gt(0.1)] = 1.5,
-    radius_mm: Annotated[float, Gt(0.01)] = 0.3,
+    pitch_mm: Annotated[float, Ge(0.1)] = 1.5,
+    radius_mm: Annotated[float, Ge(0.01)] = 0.3,
     dash_mm: Annotated[float, Ge(0)] = 0.0,
     contrast: Annotated[float, Interval(ge=0, le=1)] = 0.7,
     drag_x_mm: Annotated[float, Interval(ge=-5, le=5)] = 0.5,
     drag_y_mm: Annotated[float, Interval(ge=-5, le=5)] = 0.0,
     center_x_mm: Annotated[float, Interval(ge=-10, le=10)] = 0.0,
     center_y_mm: Annotated[float, Interval(ge=-10, le=10)] = 0.0,
-    reach_mm: Annotated[float, Gt(0.1)] = 4.0,
+    reach_mm: Annotated[float, Ge(0.1)] = 4.0,
 ) -> Light:
     """Return the light of a film with a square grid of dark dots, or dashes, on it.
 

@@ -61,17 +61,18 @@ def solve_reflectance_map(
     limit
         Longest step, as the angle in radians by which it turns the normal.
     still
-        A pixel whose step is no longer than this takes no other.
+        A pixel whose step is no longer than this, or than half of the limit, takes no other.
     """
     maps = _maps(reflectance, light.shape[1:])
     rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]
     p: F4 = np.zeros(light.shape[1:], np.float32)
     q = p
     moving = np.ones(p.shape, bool)
+    least = np.float32(min(still, limit / 2))
     for _ in range(steps):
         square, dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
         p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
-        moving &= np.hypot(dp, dq) > np.float32(still) * square
+        moving &= np.hypot(dp, dq) > least * square
         if not moving.any():
             break
     return np.asarray(np.stack([p, q]), np.float32)
@@ -139,7 +140,8 @@ def _launch(run: Launch) -> None:
     run.kernel("polynomials_of_rows", work, run.inputs["reflectance"], lines, count, rows, columns)
     planes = (run.inputs[name] for name in ("light", "flat", "height"))
     out = run.outputs["solve_reflectance_map"]
-    settings = (run.settings[name] for name in ("steps", "prior", "limit", "still"))
+    steps, prior, limit = (run.settings[name] for name in ("steps", "prior", "limit"))
+    settings = steps, prior, limit, min(run.settings["still"], limit / 2)
     grid = run.in_row_lanes(rows, columns)
     run.kernel("solve", grid, *planes, lines, out, count, rows, columns, *settings)
 

@@ -185,7 +185,7 @@ def _run(text: str, where: str, folder: Path, environment: dict[str, str]) -> No
     """
     lines = [line for line in text.splitlines() if line]
     plain = [line.startswith("tactograph ") and not SHELL.search(line) for line in lines]
-    if not any(plain) or "<<" in text:
+    if not any(plain) or "<<" in text or '="' in text:
         _run_shell(text, where, folder, environment)
         return
     for line, is_plain in zip(lines, plain, strict=True):

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._calibration_file import write_arrays
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
@@ -82,11 +84,13 @@ def test_a_calibration_is_right_for_its_own_film_and_not_for_another(
 ) -> None:
     old, out = gels / "old" / "cal.npz", tmp_path / "check.png"
     seen = {
-        gel: run("check_calibration", out, calibration=old, capture=gels / gel / "flat")
+        gel: run("check_calibration", calibration=old, capture=gels / gel / "flat")
         for gel in ("old", "new")
     }
     assert seen["old"]["quality"]["wrong"] == 0
     assert "dent" in seen["new"]["film"]
+    given = {"calibration": str(old), "capture": str(gels / "new" / "flat"), "out": str(out)}
+    list(open_pipeline(read_graph("check_calibration"), given).items())
     assert out.is_file()
 
 
