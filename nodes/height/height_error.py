@@ -114,7 +114,7 @@ def height_error(
     kink: Annotated[float, Ge(0)] = 0.45,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
-    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.1,
+    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.03,
 ) -> HeightError:
     """Return the standard deviation of the height: errors sent through the solver.
 

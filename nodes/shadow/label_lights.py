@@ -118,7 +118,7 @@ def label_lights(
     price: Annotated[float, Ge(0)] = 12.0,
     one_sided: float = 2.0,
     steepest: Annotated[float, Gt(0)] = 30.0,
-    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.1,
+    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.03,
     wanted: Wanted = EVERYTHING,
 ) -> Labelled:
     """Return the slope and the LEDs that explain a pixel's light best.
