@@ -259,7 +259,7 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
     return sizes
 
 
-def _fits(node: Node, shape: tuple[int, ...], setting: dict[str, Any]) -> bool:
+def _fits(node: Node, shape: tuple[int, int], setting: dict[str, Any]) -> bool:
     """Whether a setting is one for images of this shape: a window may be larger than they are."""
     try:
         _sizes(node, shape, setting)
