@@ -83,8 +83,7 @@ __kernel void respond(
         leds += lit ? one_more : nothing;
     }
     // Of three LEDs or more, less what the film's brightness explains.
-    const floats doubt = leds > 2 ? one * (uneven * uneven) : none;
-    const floats share = doubt / (1.0f + doubt * whole);
+    const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
     floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
     for (int k = 0; k < K; ++k) {
         const floats a = told_a[k], b = told_b[k];

@@ -200,18 +200,11 @@ static Vector step_from(const Equations *made, const Vector n)
     return unit(visible(gauss_newton(made->a, made->b, made->scale, n)));
 }
 
-// What an unknown brightness explains of a square along n.v.
-static floats share_of(const floats whole, const floats scale, const float uneven)
-{
-    const float square = uneven * uneven;
-    return square / (scale + square * whole);
-}
-
 // The normal equations near n, less what the film's brightness explains.
 static Equations at_any_brightness(const Equations *made, const Vector n, const float uneven)
 {
     const Vector along = times_(made->a, n);
-    const Vector taken = scaled(along, share_of(dot_of(n, along), made->scale, uneven));
+    const Vector taken = scaled(along, brightness_share(dot_of(n, along), made->scale, uneven));
     const floats nb = dot_of(n, made->b);
     const Symmetric a = made->a;
     const Vector b = made->b;
@@ -313,7 +306,7 @@ static Slope variance_of(
         whole += weighted * shown;
         count += lit ? one_more : nothing;
     }
-    const floats share = count > 2 ? share_of(whole, one, uneven) : none;
+    const floats share = count > 2 ? brightness_share(whole, one, uneven) : none;
     h11 -= share * u1 * u1;
     h12 -= share * u1 * u2;
     h22 -= share * u2 * u2;
@@ -354,7 +347,7 @@ static floats squares_of(
             along += weighted * away;
             whole += weighted * due;
         }
-    if (popcount(lit) > 3) squares -= share_of(whole, one, uneven) * along * along;
+    if (popcount(lit) > 3) squares -= brightness_share(whole, one, uneven) * along * along;
     return squares;
 }
 

@@ -39,7 +39,12 @@ from tactograph.nodes.height._height_system import (
     height_system,
 )
 from tactograph.nodes.height._springs import conjugate_gradients, hierarchy
-from tactograph.nodes.light._near_light import expected_light, places, vectors_at
+from tactograph.nodes.light._near_light import (
+    brightness_share,
+    expected_light,
+    places,
+    vectors_at,
+)
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -349,9 +354,9 @@ def _response(
     counts = np.ascontiguousarray(used[window.rows, window.columns]) >> numbers & 1
     noise = window.of(sigma)
     weight = counts / np.maximum(noise * noise, np.float32(1e-10))
-    square = np.where(counts.sum(axis=0) > 2, uneven * uneven, np.float32(0))
     weighted = weight * shown
-    share = square / (np.float32(1) + square * (weighted * shown).sum(axis=0))
+    share = brightness_share((weighted * shown).sum(axis=0), np.float32(1), uneven)
+    share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
     told_a, told_b = (
         weight * (along - share * (weighted * along).sum(axis=0) * shown)
         for along in (along_a, along_b)

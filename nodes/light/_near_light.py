@@ -57,6 +57,16 @@ def expected_light(vectors: F4, slope: F4) -> F4:
     return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
 
 
+def brightness_share(whole: F4, scale: F4 | np.float32, uneven: np.float32) -> F4:
+    """Return what an unknown brightness explains of a square along n.v (Woodbury's identity).
+
+    `whole` is the sum of the squares of n.v over their variances, times `scale`; `uneven` the
+    standard deviation of the brightness.
+    """
+    square = uneven * uneven
+    return np.asarray(square / (scale + square * whole), np.float32)
+
+
 def vectors_at(lights: F4, x: F4, y: F4, z: F4) -> F4:
     """Return v of equation N1 at places in mm from the middle of the image, K x 3 x ..."""
     vectors = np.empty((len(lights), 3, *z.shape), np.float32)

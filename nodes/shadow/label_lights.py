@@ -24,7 +24,7 @@ from tactograph.nodes import (
     SlopeVariance,
 )
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import FLATTEST, places, vectors_at
+from tactograph.nodes.light._near_light import FLATTEST, brightness_share, places, vectors_at
 
 LONGEST = np.float32(0.3)
 """Longest Gauss-Newton step, in radians."""
@@ -322,14 +322,8 @@ def _squares(pixels: _Pixels, used: list[int], normal: F4, uneven: np.float32) -
         along += weighted * away
         whole += weighted * expected
     if len(used) > 3:
-        squares -= _share(whole, ONE, uneven) * along * along
+        squares -= brightness_share(whole, ONE, uneven) * along * along
     return squares
-
-
-def _share(whole: F4, scale: F4 | np.float32, uneven: np.float32) -> F4:
-    """What an unknown brightness explains of a square along n.v (Woodbury's identity)."""
-    square = uneven * uneven
-    return np.asarray(square / (scale + square * whole), np.float32)
 
 
 def _keep_better(best: _Choice, tried: _Choice, where: NDArray[np.intp]) -> None:
@@ -366,7 +360,7 @@ def _least_squares(pixels: _Pixels, used: list[int], uneven: np.float32) -> tupl
 def _at_any_brightness(a: F4, b: F4, scale: F4, n: F4, uneven: np.float32) -> tuple[F4, F4]:
     """The normal equations near n, less what the film's brightness explains."""
     along = _times(a, n)
-    taken = along * _share(_dot(n, along), scale, uneven)
+    taken = along * brightness_share(_dot(n, along), scale, uneven)
     less = np.empty_like(a)
     for row, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
         np.subtract(a[row], taken[i] * along[j], out=less[row])
@@ -512,7 +506,9 @@ def _variance(pixels: _Pixels, best: _Choice, rules: _Rules) -> F4:
         h11, h12, h22 = h11 + w * j1 * j1, h12 + w * j1 * j2, h22 + w * j2 * j2
         shown = _dot(v, n)
         u1, u2, whole = u1 + w * shown * j1, u2 + w * shown * j2, whole + w * shown * shown
-    share = np.where(np.bitwise_count(best.used) > 2, _share(whole, ONE, rules.uneven), ZERO)
+    share = np.where(
+        np.bitwise_count(best.used) > 2, brightness_share(whole, ONE, rules.uneven), ZERO
+    )
     h11, h12, h22 = h11 - share * u1 * u1, h12 - share * u1 * u2, h22 - share * u2 * u2
     determinant = h11 * h22 - h12 * h12
     known = determinant > SINGULAR * h11 * h22

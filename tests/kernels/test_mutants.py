@@ -335,7 +335,7 @@ MUTANTS = {
         "tilts that are right": ("(float)leaning * misfit[4]", "0.0f"),
         "a bounce that has settled": ("(float)settling * changed", "0.0f"),
         "all LEDs used": ("lit = (used & (1 << k)) != 0", "lit = (used & (1 << k)) != 999"),
-        "brightness known for certain": ("one * (uneven * uneven)", "0.0f * one"),
+        "brightness known for certain": ("square = uneven * uneven", "square = 0.0f * uneven"),
         "kinks squared": ("bend * bend * bend", "bend * bend"),
         "kinks downhill": ("? -1.0f : 0.0f;", "? 1.0f : 0.0f;"),
         "steps at the border as inside": ("if (x == 0) return fabs", "if (0) return fabs"),
