@@ -20,7 +20,7 @@ def to_dot(plan: Plan) -> str:
     ]
     drawn: dict[str, list[str]] = {}
     for step in plan.steps:
-        drawn.setdefault(_use(step), []).append(
+        drawn.setdefault(use_of(step), []).append(
             f'"{step.name}" [label="{_label(plan, step, chr(92) + "n")}", '
             f'shape={_SHAPES[step.kind]}, fillcolor="{COLOURS[step.backend]}"];'
         )
@@ -41,7 +41,7 @@ def to_mermaid(plan: Plan) -> str:
     drawn: dict[str, list[str]] = {}
     for step in plan.steps:
         left, right = ("([", "])") if step.kind in ("upload", "download") else ("[", "]")
-        drawn.setdefault(_use(step), []).append(
+        drawn.setdefault(use_of(step), []).append(
             f'{ids[step.name]}{left}"{_label(plan, step, "<br/>")}"{right}:::{step.backend}'
         )
     lines += _in_clusters(drawn, 'subgraph use_{id}["{use}"]', "end")
@@ -51,7 +51,7 @@ def to_mermaid(plan: Plan) -> str:
     return "\n".join([*lines, ""])
 
 
-def _use(step: Step) -> str:
+def use_of(step: Step) -> str:
     """The use of a group that a step is in: what stands before the last dot of its node."""
     node = step.name if step.kind in ("run", "fill") else step.reads[0].node
     return node.rpartition(".")[0]

@@ -1,12 +1,17 @@
-"""Draw a plan as SVG: columns from sources to sinks, a box a step, a curve an edge."""
+"""Draw a plan as SVG: columns from sources to sinks, a box a step, a curve an edge.
+
+Steps of a group's use stand together in a frame.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
+from typing import NamedTuple
 
 from tactograph.graph.plan.draft import Task
-from tactograph.graph.plan.draw import COLOURS, edges, recalls
+from tactograph.graph.plan.draw import COLOURS, edges, recalls, use_of
 from tactograph.graph.plan.plan import Plan, Step
 
 WIDTH, HEIGHT = 150, 34
@@ -14,6 +19,8 @@ WIDTH, HEIGHT = 150, 34
 COLUMN, ROW = 210, 52
 """From one box to the next."""
 EDGE = 20
+HEAD, PAD = 18, 6
+"""Of a frame around the steps of a use: above them for its name, and around them."""
 
 
 def to_svg(plan: Plan, times: Mapping[str, float] | None = None, *, transfers: bool = True) -> str:
@@ -24,9 +31,11 @@ def to_svg(plan: Plan, times: Mapping[str, float] | None = None, *, transfers: b
     times = times or {}
     joined = edges(plan, transfers=transfers)
     steps = [step for step in plan.steps if transfers or step.name in plan.tasks]
-    at = _places(steps, joined)
+    column = _columns(steps, joined)
+    whole = _lay_out("", column, {step.name: use_of(step) for step in steps}, joined)
+    at = {n: (EDGE + COLUMN * column[n], EDGE + y) for n, y in whole.steps.items()}
     right = max((x for x, _ in at.values()), default=0) + WIDTH + EDGE
-    bottom = max((y for _, y in at.values()), default=0) + HEIGHT + 0.08 * right + EDGE
+    bottom = whole.height + 0.08 * right + 2 * EDGE
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right} {bottom}" '
         f'width="{right}" height="{bottom}" font-family="sans-serif" font-size="11">',
@@ -35,6 +44,7 @@ def to_svg(plan: Plan, times: Mapping[str, float] | None = None, *, transfers: b
         'markerHeight="7" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
         f'<rect width="{right}" height="{bottom}" fill="white"/>',
     ]
+    lines += [_drawn_frame(use, frame) for use, frame in whole.frames.items()]
     lines += [_edge(at[a], at[b], port, "") for a, b, port in joined]
     dashed = ' stroke-dasharray="4 3"'
     lines += [_edge(at[a], at[b], f"previous {port}", dashed) for a, b, port in recalls(plan)]
@@ -58,26 +68,96 @@ def _words(step: Step, task: Task | None, times: Mapping[str, float]) -> str:
     return f"{what}, {times[step.name]:.2g} ms" if times.get(step.name) else what
 
 
-def _places(
-    steps: Sequence[Step], joined: Iterable[tuple[str, str, str]]
-) -> dict[str, tuple[int, int]]:
-    """The upper left corner of each step's box.
+class _Frame(NamedTuple):
+    """Around a use: from one column to another, and so many frames within one another."""
 
-    A step stands one column behind the last that it reads, and in its column in the order of
-    the mean row of those that it reads, so that few edges cross.
-    """
-    before: dict[str, list[str]] = {step.name: [] for step in steps}
-    for a, b, _ in joined:
-        before[b].append(a)
+    first: int
+    last: int
+    top: int
+    height: int
+    deep: int
+
+
+@dataclass
+class _Area:
+    """What a use holds: the tops of its steps and frames, from its own."""
+
+    steps: dict[str, int] = field(default_factory=dict)
+    frames: dict[str, _Frame] = field(default_factory=dict)
+    height: int = 0
+
+
+def _columns(steps: Sequence[Step], joined: Iterable[tuple[str, str, str]]) -> dict[str, int]:
+    """The column of each step: one behind the last that it reads."""
+    before = _before(joined)
     column: dict[str, int] = {}
     for step in steps:  # in order: what a step reads comes before it
-        column[step.name] = 1 + max((column[a] for a in before[step.name]), default=-1)
-    row: dict[str, int] = {}
-    for number in sorted(set(column.values())):
-        names = [name for name, its in column.items() if its == number]
-        names.sort(key=lambda n: sum(row[a] for a in before[n]) / max(len(before[n]), 1))
-        row.update({name: index for index, name in enumerate(names)})
-    return {n: (EDGE + COLUMN * column[n], EDGE + ROW * row[n]) for n in column}
+        column[step.name] = 1 + max((column[a] for a in before.get(step.name, ())), default=-1)
+    return column
+
+
+def _before(joined: Iterable[tuple[str, str, str]]) -> dict[str, list[str]]:
+    """What each step reads."""
+    before: dict[str, list[str]] = {}
+    for a, b, _ in joined:
+        before.setdefault(b, []).append(a)
+    return before
+
+
+def _lay_out(
+    around: str,
+    column: Mapping[str, int],
+    uses: Mapping[str, str],
+    joined: Sequence[tuple[str, str, str]],
+) -> _Area:
+    """Stack the steps of a use, and below them the uses inside it.
+
+    Steps of a column stand in the order of the mean place of those that they read, so that few
+    edges cross.
+    """
+    before, area = _before(joined), _Area()
+    filled: dict[int, int] = {}  # down to where, by column
+
+    def place_read(name: str) -> float:
+        places = [area.steps[a] for a in before.get(name, ()) if a in area.steps]
+        return sum(places) / max(len(places), 1)
+
+    own = [name for name, use in uses.items() if use == around]
+    for number in sorted({column[name] for name in own}):
+        for name in sorted([n for n in own if column[n] == number], key=place_read):
+            area.steps[name] = filled.get(number, 0)
+            filled[number] = area.steps[name] + ROW
+    for use in _inside(around, uses.values()):
+        inner = _lay_out(use, column, uses, joined)
+        columns = [column[name] for name in inner.steps]
+        spanned = range(min(columns), max(columns) + 1)
+        top = max(filled.get(number, 0) for number in spanned)
+        height = HEAD + inner.height + PAD
+        deep = 1 + max((frame.deep for frame in inner.frames.values()), default=0)
+        area.frames[use] = _Frame(min(columns), max(columns), top, height, deep)
+        for name, frame in inner.frames.items():
+            area.frames[name] = frame._replace(top=frame.top + top + HEAD)
+        area.steps |= {name: y + top + HEAD for name, y in inner.steps.items()}
+        filled |= dict.fromkeys(spanned, top + height + ROW - HEIGHT)
+    area.height = max(filled.values(), default=0) - (ROW - HEIGHT)
+    return area
+
+
+def _inside(around: str, uses: Iterable[str]) -> list[str]:
+    """The uses that stand directly in another, or in none."""
+    prefix = f"{around}." if around else ""
+    deeper = [use[len(prefix) :] for use in uses if use.startswith(prefix)]
+    names = dict.fromkeys(use.partition(".")[0] for use in deeper if use)
+    return [prefix + name for name in names]
+
+
+def _drawn_frame(use: str, frame: _Frame) -> str:
+    x, y = EDGE + COLUMN * frame.first - PAD * frame.deep, EDGE + frame.top
+    width = COLUMN * (frame.last - frame.first) + WIDTH + 2 * PAD * frame.deep
+    return (
+        f'<rect x="{x}" y="{y}" width="{width}" height="{frame.height}" rx="5" fill="#f6f6f6" '
+        f'stroke="#999"/><text x="{x + PAD}" y="{y + 13}" fill="#555">{escape(use)}</text>'
+    )
 
 
 def _edge(start: tuple[int, int], end: tuple[int, int], port: str, more: str) -> str:

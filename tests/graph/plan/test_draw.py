@@ -6,13 +6,14 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tactograph.graph.plan.draw import edges, to_dot, to_mermaid
+from tactograph.graph.plan.draw import edges, to_dot, to_mermaid, use_of
 from tactograph.graph.plan.draw_svg import to_svg
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
@@ -35,7 +36,8 @@ def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -
     assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
 
 
-def test_the_nodes_of_a_use_are_drawn_together(device: OpenCL) -> None:
+def grouped() -> Plan:
+    """A use of a group whose own node reads one of a use inside it."""
     noted = {"op": "rest_at_border", "in": {"height": "height"}}
     groups = {
         "one": {"inputs": {"height": {}}, "nodes": {"n": noted}, "outputs": {"height": "n"}},
@@ -52,7 +54,11 @@ def test_the_nodes_of_a_use_are_drawn_together(device: OpenCL) -> None:
     ball = {"op": "shape_ball", "with": {"width_px": 32, "height_px": 24}}
     graph = {"format": 1, "groups": groups, "outputs": {"height": "use.height"}}
     nodes = {"shape": ball, "ball": {**noted, "in": {"height": "shape.height"}}, "use": use}
-    plan = make_plan(read_graph({**graph, "nodes": nodes}), {}, device=None)
+    return make_plan(read_graph({**graph, "nodes": nodes}), {}, device=None)
+
+
+def test_the_nodes_of_a_use_are_drawn_together() -> None:
+    plan = grouped()
     assert [line.split(" [")[0].strip() for line in to_dot(plan).splitlines()[3:12]] == [
         '"shape"',
         '"ball"',
@@ -119,6 +125,61 @@ def test_boxes_of_the_svg_stand_apart_and_every_edge_goes_right(name: str, devic
     solid = re.findall(r'<path d="M(\d+) \S+C.* (\d+) \S+" fill="none" stroke="#777" m', svg)
     assert len(solid) == len(edges(plan))
     assert all(int(start) < int(end) for start, end in solid)
+
+
+class Box(NamedTuple):
+    """A rectangle of an SVG."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    @property
+    def right(self) -> float:
+        return self.x + self.width
+
+    @property
+    def bottom(self) -> float:
+        return self.y + self.height
+
+    def holds(self, other: Box) -> bool:
+        across = self.x <= other.x and other.right <= self.right
+        return across and self.y <= other.y and other.bottom <= self.bottom
+
+    def meets(self, other: Box) -> bool:
+        across = self.x < other.right and other.x < self.right
+        return across and self.y < other.bottom and other.y < self.bottom
+
+
+def drawn(svg: str) -> tuple[dict[str, Box], dict[str, Box]]:
+    """The boxes of the steps, and the frames of the uses, by name."""
+    rect = r'<rect x="(-?\d+)" y="(\d+)" width="(\d+)" height="(\d+)"'
+    boxes = re.findall(r'<g data-node="([^"]+)">\s*' + rect, svg)
+    frames = re.findall(rect + r"[^>]*/><text[^>]*>([^<]+)</text>$", svg, re.MULTILINE)
+    return (
+        {name: Box(*map(float, rest)) for name, *rest in boxes},
+        {name: Box(*map(float, rest)) for *rest, name in frames},
+    )
+
+
+@pytest.mark.parametrize("name", ["precise", "reconstruct", ""])
+def test_a_frame_of_the_svg_holds_the_steps_of_a_use_and_no_other(
+    name: str, device: OpenCL
+) -> None:
+    plan = planned(name, device) if name else grouped()
+    boxes, frames = drawn(to_svg(plan))
+    assert set(frames) == set(plan.graph.uses)
+    of = {step.name: use_of(step) for step in plan.steps}
+    for use, frame in frames.items():
+        for step, box in boxes.items():
+            inside = of[step] == use or of[step].startswith(f"{use}.")
+            assert frame.holds(box) if inside else not frame.meets(box), (use, step)
+        for other, second in frames.items():
+            if other.startswith(f"{use}."):
+                assert frame.holds(second)
+            elif other != use and not use.startswith(f"{other}."):
+                assert not frame.meets(second)
 
 
 def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
