@@ -1,26 +1,60 @@
-"""Parts of the pictures that compare two films."""
+"""The pictures that compare two films."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Height, Light
 
 BLUE = "#3c8fe6"
 
 
-def draw_map(figure: Figure, axes: Axes, values: F4, title: str) -> None:
+def draw_films(
+    films: dict[str, Light], albedo: F4, dent: Height, words: str, *, width: float
+) -> tuple[Figure, tuple[Axes, Axes]]:
+    """Draw two films at rest, and maps of how they differ.
+
+    Parameters
+    ----------
+    films
+        K x H x W, by title.
+    albedo, dent
+        As `film_change` gives them.
+    words
+        Which film is compared with which.
+    width
+        Of the figure, in inches.
+
+    Returns
+    -------
+    The figure, and the axes on the right, above and below, with nothing in them yet.
+    """
+    figure = Figure(figsize=(width, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 3)
+    means = {title: film.mean(axis=0) for title, film in films.items()}
+    top = max(float(mean.max()) for mean in means.values())
+    for place, (title, mean) in zip(axes[0], means.items(), strict=False):
+        place.imshow(mean, cmap="gray", vmin=0, vmax=top)
+        place.set_title(f"{title}, mean light")
+    _draw_map(figure, axes[1, 0], 100 * albedo, f"albedo, {words} / %")
+    _draw_map(figure, axes[1, 1], 1e3 * dent, f"height, {words} / um")
+    return figure, (axes[0, 2], axes[1, 2])
+
+
+def draw_light(axes: Axes, percent: F4, words: str) -> None:
+    """Draw how bright each LED is."""
+    axes.bar([f"LED {k}" for k in range(1, len(percent) + 1)], percent, color=BLUE)
+    axes.axhline(100, color="black", linewidth=0.5)
+    axes.set_title(f"light of the LEDs, {words} / %")
+
+
+def _draw_map(figure: Figure, axes: Axes, values: F4, title: str) -> None:
     """Draw a signed map; a few strongest pixels do not set its scale."""
     most = float(np.percentile(np.abs(values), 99.8)) or 1.0
     drawn = axes.imshow(values, cmap="RdBu_r", vmin=-most, vmax=most)
     figure.colorbar(drawn, ax=axes)
-    axes.set_title(title)
-
-
-def draw_light(axes: Axes, percent: F4, title: str) -> None:
-    """Draw a bar for each LED."""
-    axes.bar([f"LED {k}" for k in range(1, len(percent) + 1)], percent, color=BLUE)
-    axes.axhline(100, color="black", linewidth=0.5)
     axes.set_title(title)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import F4, Height, Light
-from tactograph.nodes.calibrate._film_pictures import draw_light, draw_map
+from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
 
 
 @node
@@ -42,20 +39,14 @@ def plot_check(
     file
         Where to.
     """
-    figure = Figure(figsize=(13, 8), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(2, 3)
-    top = float(max(then.mean(axis=0).max(), now.mean(axis=0).max()))
-    for place, frame, name in ((axes[0, 0], then, "at the calibration"), (axes[0, 1], now, "now")):
-        place.imshow(frame.mean(axis=0), cmap="gray", vmin=0, vmax=top)
-        place.set_title(f"untouched film {name}, mean light")
-    draw_light(axes[0, 2], 100 * strength, "light of the LEDs, now against then / %")
-    draw_map(figure, axes[1, 0], 100 * albedo, "albedo, now against then / %")
-    draw_map(figure, axes[1, 1], 1e3 * dent, "height, now against then / um")
-    axes[1, 2].axis("off")
+    films = {"untouched film at the calibration": then, "untouched film now": now}
+    words = "now against then"
+    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=13)
+    draw_light(upper, 100 * strength, words)
+    lower.axis("off")
     verdicts = {"LEDs": leds, "film": film, "lens": lens, "ambient light": ambient}
     lines = [f"{name}: {verdict}" for name, verdict in (verdicts | {"camera": camera}).items()]
-    text = axes[1, 2].text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
+    text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
     text.set_parse_math(False)
     with whole_file(file) as target:
         figure.savefig(target, dpi=100, format="png")

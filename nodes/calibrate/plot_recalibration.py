@@ -7,14 +7,12 @@ from typing import Annotated
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate._film_pictures import draw_light, draw_map
+from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.capture._sheet import SheetLight, cut
 
@@ -55,18 +53,12 @@ def plot_recalibration(
     file
         The picture goes beside it: ``new.npz`` gives ``new.png``.
     """
-    figure = Figure(figsize=(15, 8), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(2, 3)
-    top = float(max(then.mean(axis=0).max(), now.mean(axis=0).max()))
-    for place, frame, name in ((axes[0, 0], then, "old"), (axes[0, 1], now, "new")):
-        place.imshow(frame.mean(axis=0), cmap="gray", vmin=0, vmax=top)
-        place.set_title(f"{name} film at rest, mean light")
-    _draw_press(axes[0, 2], cut(image, now.shape[1])[0], circle[of == 0])
-    draw_map(figure, axes[1, 0], 100 * albedo, "albedo, new against old / %")
-    draw_map(figure, axes[1, 1], 1e3 * dent, "height, new against old / um")
+    films = {"old film at rest": then, "new film at rest": now}
+    words = "new against old"
+    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=15)
+    _draw_press(upper, cut(image, now.shape[1])[0], circle[of == 0])
     light = [v for name, v in quality.items() if name.startswith("light_percent/")]
-    draw_light(axes[1, 2], np.asarray(light, np.float32), "light, new against old / %")
+    draw_light(lower, np.asarray(light, np.float32), words)
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
         figure.savefig(target, dpi=100)
