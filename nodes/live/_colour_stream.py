@@ -32,7 +32,7 @@ from tactograph.nodes.live._sensor_preset import SensorPreset
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
-from tactograph.nodes.live._touch_stream import MOST_DIMMED, REOPEN_S
+from tactograph.nodes.live._touch_stream import MOST_DIMMED, REOPEN_S, each_touch
 
 Order = Literal["bgr", "rgb"]
 NAMES = {"b": "blue", "g": "green", "r": "red"}
@@ -175,20 +175,13 @@ class ColourStream:
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
     ) -> Iterator[Touch]:
         """Yield touches until the time, their number or a video file is at its end."""
-        end = None if seconds is None else time.monotonic() + seconds
         camera = self.sensor.camera
-        while end is None or time.monotonic() < end:
-            shots = camera.shots(timeout)
-            self._supervise(len(shots) - 1)
-            usable = [shot for shot in shots if self._is_usable(shot)]
-            touch = self._touch(usable) if usable else None
-            self._log.tell(with_item=touch is not None)
-            if touch is not None:
-                yield touch
-            if items is not None and self.state.touches >= items:
-                return
-            if camera.ended and not shots:
-                return
+        return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
+
+    def _touch_with(self, shots: list[Shot]) -> Touch | None:
+        self._supervise(len(shots) - 1)
+        usable = [shot for shot in shots if self._is_usable(shot)]
+        return self._touch(usable) if usable else None
 
     def _supervise(self, passed_over: int) -> None:
         """Count what the camera went through, and the frames that newer ones replace."""

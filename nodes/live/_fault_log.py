@@ -59,7 +59,7 @@ class FaultLog:
     def __init__(
         self, state: LiveState, rate: float | None, says: Mapping[str, str] = SAYS
     ) -> None:
-        self._state, self._rate, self._says = state, rate, says
+        self.state, self._rate, self._says = state, rate, says
         self._counted: Counter[str] = Counter()
         self._before: float | None = None
         self._pace: Shot | None = None
@@ -73,7 +73,7 @@ class FaultLog:
 
     def note(self, fault: str, about: object = 0, times: int = 1) -> None:
         """Count a fault, and say it with the next touch."""
-        self._state.faults[fault] += times
+        self.state.faults[fault] += times
         says = self._says.get(fault, f"the LED controller: {fault}")
         self._teller.add(says.format(led=about))
 
@@ -87,7 +87,7 @@ class FaultLog:
 
     def count(self, shot: Shot) -> None:
         """Count a frame, and those that are missing before it."""
-        self._state.frames += 1
+        self.state.frames += 1
         if self._rate is not None:
             self._count_gap(shot.time, self._rate)
             self._check_pace(shot, self._rate)
@@ -113,7 +113,7 @@ class FaultLog:
         rate = (shot.number - self._pace.number) / since
         self._pace = shot
         if abs(rate / wanted - 1) > MOST_OFF_PACE:
-            self._state.faults["wrong rate"] += 1
+            self.state.faults["wrong rate"] += 1
             self._teller.add(
                 f"the camera delivers {rate:.1f} frames per second, "
                 f"but the LEDs change {wanted:g} times"

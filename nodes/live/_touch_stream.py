@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from tactograph.nodes.live._assemble import Assembler, Refresh
-from tactograph.nodes.live._camera import Shot
+from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
 from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
 from tactograph.nodes.live._match_frames import Matcher, Verdict
@@ -78,21 +78,14 @@ class Stream:
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
     ) -> Iterator[Touch]:
         """Yield touches until the time, their number or a video file is at its end."""
-        end = None if seconds is None else time.monotonic() + seconds
         camera = self.sensor.camera
-        while end is None or time.monotonic() < end:
-            shots = camera.shots(timeout)
-            self._supervise()
-            for shot in shots:
-                self._take(shot)
-            touch = self._touch()
-            self._log.tell(with_item=touch is not None)
-            if touch is not None:
-                yield touch
-            if items is not None and self.state.touches >= items:
-                return
-            if camera.ended and not shots:
-                return
+        return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
+
+    def _touch_with(self, shots: list[Shot]) -> Touch | None:
+        self._supervise()
+        for shot in shots:
+            self._take(shot)
+        return self._touch()
 
     def _supervise(self) -> None:
         """Count what camera and controller went through; forget frames from before it."""
@@ -192,3 +185,33 @@ class Stream:
         state = replace(self.state, faults=Counter(self.state.faults))
         truth = self.sensor.truth(newest.time)
         return Touch(image, f"{self.state.touches:06}", newest.time, new, state, truth)
+
+
+def each_touch(
+    camera: Camera,
+    log: FaultLog,
+    touch_with: Callable[[list[Shot]], Touch | None],
+    timeout: float,
+    seconds: float | None,
+    items: int | None,
+) -> Iterator[Touch]:
+    """Yield touches until the time, their number or a video file is at its end.
+
+    Parameters
+    ----------
+    touch_with
+        The touch that is due with new frames, of which there may be none.
+    timeout
+        Seconds to wait for a frame before faults are told.
+    """
+    end = None if seconds is None else time.monotonic() + seconds
+    while end is None or time.monotonic() < end:
+        shots = camera.shots(timeout)
+        touch = touch_with(shots)
+        log.tell(with_item=touch is not None)
+        if touch is not None:
+            yield touch
+        if items is not None and log.state.touches >= items:
+            return
+        if camera.ended and not shots:
+            return

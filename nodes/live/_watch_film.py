@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from typing import Literal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -39,11 +41,26 @@ HARMLESS = ("lost", "dropped", "moved")
 """Faults that mean nothing where a press is held still, and calibrated while nobody looks."""
 
 State = Literal["untouched", "pressed", "between"]
+Found = TypeVar("Found")
 
 
 def tell(line: str) -> None:
     """Say something to the person at the sensor, at once."""
     print(line, file=sys.stderr, flush=True)
+
+
+def new_folder(calibration: Path) -> Path:
+    """Where the presses for a calibration are kept: ``cal_presses`` for ``cal.npz``.
+
+    Raises
+    ------
+    InputError
+        If there are presses already.
+    """
+    folder = calibration.with_name(f"{calibration.stem}_presses")
+    if folder.exists():
+        raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
+    return folder
 
 
 def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, Dark]:
@@ -175,8 +192,26 @@ class Guide:
         self._told = {SAYS[fault] for fault in HARMLESS}
         self._ready = False
 
-    def next_press(self) -> Touch | None:
-        """The next press, held still, after the film was left alone; None if there is none."""
+    def presses(self, ball_in: Callable[[Touch], Found]) -> Iterator[tuple[Touch, Found]]:
+        """Ask for presses until none comes any more; yield each with the ball in it.
+
+        Each is held still, after the film was left alone.
+
+        Parameters
+        ----------
+        ball_in
+            Finds the ball, or raises an `InputError`: then the person is told why, and asked
+            for another press.
+        """
+        while (press := self._next_press()) is not None:
+            try:
+                found = ball_in(press)
+            except InputError as error:
+                tell(f"{error}: let go, and press again.")
+                continue
+            yield press, found
+
+    def _next_press(self) -> Touch | None:
         if self._await("untouched", "Let go: the film has to come to rest.") is None:
             return None
         line = "Press the ball into the film, and hold it still."

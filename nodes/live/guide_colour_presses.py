@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
@@ -23,10 +25,11 @@ from tactograph.nodes.calibrate.rate_presses import advise, presses_per_cell, ri
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
+from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._open_camera import Library, Plane, Wanted
 from tactograph.nodes.live._sensor_preset import read_preset
-from tactograph.nodes.live._watch_film import Guide, colours_at_rest, tell
+from tactograph.nodes.live._watch_film import Guide, colours_at_rest, new_folder, tell
 
 SMOOTH_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
@@ -113,9 +116,7 @@ def guide_colour_presses(
         if the film does not come to rest, or is not pressed 4 times; if there are presses
         already.
     """
-    folder = file.with_name(f"{file.stem}_presses")
-    if folder.exists():
-        raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
+    folder = new_folder(file)
     preset = None if sensor is None else read_preset(sensor)
     pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
     wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
@@ -138,12 +139,8 @@ def guide_colour_presses(
         images: list[F4] = []
         circles: list[F4] = []
         fitted = 0
-        while len(images) < presses_at_most and (press := guide.next_press()) is not None:
-            try:
-                circle = _circle(press.image, flat, pixel, ball_radius_mm)
-            except InputError:
-                tell(f"no ball of radius {ball_radius_mm:g} mm is seen: let go, and press again.")
-                continue
+        ball_in = partial(_circle, flat=flat, pixel=pixel, radius_mm=ball_radius_mm)
+        for press, circle in islice(guide.presses(ball_in), presses_at_most):
             images.append(press.image)
             circles.append(circle)
             _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
@@ -164,10 +161,14 @@ def guide_colour_presses(
         source.close()
 
 
-def _circle(image: Light, flat: Light, pixel: float, radius_mm: float) -> F4:
+def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
     """x, y and contact radius in px; an error where there is no ball."""
-    (level,) = level_presses(image[None], flat)
-    ball = find_ball(level / np.maximum(flat, np.float32(0.02)), pixel, radius_mm=radius_mm)
+    (level,) = level_presses(press.image[None], flat)
+    share = level / np.maximum(flat, np.float32(0.02))
+    try:
+        ball = find_ball(share, pixel, radius_mm=radius_mm)
+    except InputError:
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
     return np.array([*ball.center, ball.contact], np.float32)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -18,12 +19,13 @@ from tactograph.nodes.calibrate.find_ball import Ball, find_ball
 from tactograph.nodes.capture._sheet import SheetLight
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
 from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
-from tactograph.nodes.capture.read_flat import read_flat
+from tactograph.nodes.capture.read_flat import Flat, read_flat
 from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._open_camera import Library, Plane, Wanted
 from tactograph.nodes.live._sensor import open_rig
 from tactograph.nodes.live._touch_stream import Stream
-from tactograph.nodes.live._watch_film import Guide, film_at_rest, tell
+from tactograph.nodes.live._watch_film import Guide, film_at_rest, new_folder, tell
 
 FULL, MOST_FULL = 0.998, 0.01
 """Light that counts as saturated, and the share of pixels that may be."""
@@ -104,9 +106,7 @@ def guide_presses(
         If the camera or the controller cannot be opened; if an LED stays dark; if the film
         does not come to rest, or is never pressed; if there are presses already.
     """
-    folder = file.with_name(f"{file.stem}_presses")
-    if folder.exists():
-        raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
+    folder = new_folder(file)
     wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance)
     rig = open_rig(camera, port, wanted, leds=leds, library=library, timeout=timeout_s)
     try:
@@ -119,13 +119,8 @@ def guide_presses(
         sensor = rig.with_film(*film)
         guide = Guide(sensor.film, Stream(sensor, "cycle", full), still_s, patience_s)
         taken = 0
-        while (press := guide.next_press()) is not None:
-            try:
-                ball = _ball(press.image, film.flat, film.dark, pixel_size_mm, ball_radius_mm)
-            except InputError as error:
-                tell(f"{error}: let go, and press again.")
-                continue
-            taken += 1
+        ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=ball_radius_mm)
+        for taken, (press, ball) in enumerate(guide.presses(ball_in), start=1):
             frames = {frame.led: frame.data for frame in press.new}
             about = _about(ball_radius_mm, ball, bits)
             _save_press(folder / "pressed" / f"{taken:02}", frames, about)
@@ -141,13 +136,13 @@ def guide_presses(
         rig.close()
 
 
-def _ball(image: Light, flat: Light, dark: Dark, pixel: float, radius_mm: float) -> Ball:
+def _ball(press: Touch, film: Flat, pixel: float, radius_mm: float) -> Ball:
     """Where the ball touches; an error if the press is of no use."""
-    full = float((image >= FULL).mean())
+    full = float((press.image >= FULL).mean())
     if full > MOST_FULL:
         raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
     try:
-        ball = find_ball(flat_field(image, flat, dark), pixel, radius_mm=radius_mm)
+        ball = find_ball(flat_field(press.image, film.flat, film.dark), pixel, radius_mm=radius_mm)
     except InputError:
         raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
     if ball.contact < SMALLEST_PX:

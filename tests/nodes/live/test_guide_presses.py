@@ -106,7 +106,7 @@ def test_a_wrong_ball_is_told_and_not_taken(
         if line.endswith("press again."):
             raise KeyboardInterrupt(line)
 
-    monkeypatch.setattr("tactograph.nodes.live.guide_presses.tell", stop)
+    monkeypatch.setattr("tactograph.nodes.live._watch_film.tell", stop)
     given = GIVEN | {"ball_radius_mm": 0.5}
     with pytest.raises(KeyboardInterrupt, match=r"no ball of radius 0\.5 mm is seen: let go"):
         next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
