@@ -7,7 +7,6 @@ over.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -137,11 +136,11 @@ def _run_probe(handle: cl.Device) -> str | None:
     """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
-    context = cl.Context([handle])
+    from tactograph.graph.backends.programs import build, context_of
+
+    context = context_of(handle)
     queue = cl.CommandQueue(context)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        kernel = cl.Kernel(cl.Program(context, _PROBE).build(), "probe")
+    kernel = cl.Kernel(build(context, _PROBE, ()), "probe")
     a = np.arange(128, dtype=np.float32)
     flags = cl.mem_flags
     source = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=a)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pyopencl as cl
 import pytest
+from pyopencl.characterize import has_src_build_cache
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.programs import build, context_of
 from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.files import kept_files
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
@@ -27,3 +32,68 @@ def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
     for queue, prepared, marked in ((device, low, 1), (another, high, 0), (device, low, 1)):
         (mask,) = prepared.launch({"light": queue.upload(light)})[0].values()
         assert (queue.download(mask) == marked).all()
+
+
+SEVEN = """
+__kernel void seven(__global int *out) { out[get_global_id(0)] = NUMBER; }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What is built is kept here, and nothing that was built before is known."""
+    found, _ = choose_device()
+    assert found is not None
+    if not has_src_build_cache(found.handle):
+        pytest.skip("pyopencl keeps what this driver builds")
+    monkeypatch.setenv(kept_files.FOLDER, str(tmp_path / "cache"))
+    build.cache_clear()
+    return tmp_path / "cache"
+
+
+def seven(device: OpenCL, number: int = 7) -> int:
+    """What a kernel writes that is built as if in a process of its own."""
+    build.cache_clear()
+    (handle,) = device.context.devices
+    program = build(context_of(handle), SEVEN, (f"-DNUMBER={number}",))
+    out = device.upload(np.zeros(1, np.int32))
+    cl.Kernel(program, "seven")(device.queue, (1,), None, out.buffer)
+    return int(device.download(out)[0])
+
+
+def test_a_program_that_was_built_is_not_compiled_by_the_next_process(
+    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert seven(device) == 7
+    monkeypatch.setattr(cl._cl, "_Program", only_binaries(cl._cl._Program))
+    assert seven(device) == 7
+    with pytest.raises(AssertionError, match="compiled"):
+        seven(device, 8)
+
+
+def only_binaries(program: type) -> object:
+    def made(*given: object) -> object:
+        assert len(given) == 3, "compiled from its source"
+        return program(*given)
+
+    return made
+
+
+def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
+    folder: Path, device: OpenCL
+) -> None:
+    assert seven(device) == 7
+    (file,) = folder.iterdir()
+    for body in (b"damaged", b"tactograph kept 1\n00000000\n"):
+        file.write_bytes(body)
+        assert seven(device) == 7
+    kept_files.write_kept(file, b"no program")
+    assert seven(device) == 7
+
+
+def test_nothing_is_kept_where_that_is_not_wanted(
+    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(kept_files.FOLDER, "off")
+    assert seven(device) == 7
+    assert not folder.exists()

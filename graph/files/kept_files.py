@@ -1,0 +1,86 @@
+"""Files that are kept from start to start, and may go at any time.
+
+A file is written beside its place and moved there, so two writers and a kill leave whole files;
+its content is checked when it is read.  The files that were read longest ago go when all
+together are too large.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+import zlib
+from contextlib import suppress
+from pathlib import Path
+
+import platformdirs
+
+FOLDER = "TACTOGRAPH_CACHE"
+"""The environment variable that names another folder, or is ``off``."""
+MOST_BYTES = 10**9
+"""Of all files together."""
+SUFFIX = ".kept"
+_MAGIC = b"tactograph kept 1\n"
+_ABANDONED_S = 3600.0
+
+
+def kept_folder() -> Path | None:
+    """Where files are kept; None if nothing is to be."""
+    told = os.environ.get(FOLDER, "")
+    if told == "off":
+        return None
+    return Path(told or platformdirs.user_cache_dir("tactograph", appauthor=False))
+
+
+def read_kept(file: Path) -> bytes | None:
+    """What a file holds; None if it is absent, damaged or somebody else's."""
+    try:
+        if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
+            return None
+        with file.open("rb") as stream:
+            if stream.readline() != _MAGIC:
+                return None
+            check, body = stream.readline().strip(), stream.read()
+        if f"{zlib.crc32(body):08x}".encode() != check:
+            return None
+        os.utime(file)
+    except OSError:
+        return None
+    return body
+
+
+def write_kept(file: Path, body: bytes) -> None:
+    """Keep something; a full disk or a read-only one is no reason to fail."""
+    if len(body) > MOST_BYTES // 4:
+        return
+    stage: Path | None = None
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        number, name = tempfile.mkstemp(prefix=".writing-", dir=file.parent)
+        stage = Path(name)
+        with os.fdopen(number, "wb") as stream:
+            check = f"{zlib.crc32(body):08x}"
+            stream.write(_MAGIC + check.encode() + b"\n" + body)
+        stage.replace(file)
+        _make_room(file)
+    if stage is not None:
+        with suppress(OSError):
+            stage.unlink(missing_ok=True)
+
+
+def _make_room(new: Path) -> None:
+    """Delete what was read longest ago, and what a killed writer left."""
+    stats = []
+    for file in new.parent.iterdir():
+        with suppress(OSError):
+            stats.append((file.stat().st_mtime, file.stat().st_size, file))
+    total = 0
+    for changed, size, file in sorted(stats, reverse=True):
+        if file.name.startswith(".writing-"):
+            if time.time() - changed > _ABANDONED_S:
+                file.unlink(missing_ok=True)
+        elif file.suffix == SUFFIX:
+            total += size
+            if total > MOST_BYTES and file != new:
+                file.unlink(missing_ok=True)
