@@ -6,7 +6,7 @@ import json
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -14,11 +14,8 @@ from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, Height, Lens
+from tactograph.nodes import F4, I4, Height, Lens
 from tactograph.nodes.write._film_places import film_places
-
-if TYPE_CHECKING:
-    import trimesh
 
 Format = Literal["npy", "tiff", "png", "tmd", "ply", "stl", "obj"]
 
@@ -35,18 +32,36 @@ TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 
 
-def surface_mesh(
+PLY_HEADER = """\
+ply
+format binary_little_endian 1.0
+comment heights in mm
+element vertex {vertices}
+property float x
+property float y
+property float z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
+
+
+class Surface(NamedTuple):
+    """A triangle mesh: V x 3 in mm, and F x 3, the vertices' numbers."""
+
+    vertices: F4
+    faces: I4
+
+
+def surface_of(
     height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
-) -> trimesh.Trimesh:
-    """Return the height map as a triangle mesh in mm, two triangles between four pixels.
+) -> Surface:
+    """Return the height map as a mesh, two triangles between four pixels.
 
     Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
     camera.  Points lie where they are on the film (`film_places`).  What is not known, NaN, is
     left out.
     """
-    # It loads longer than a touch takes to compute.
-    import trimesh
-
     rows, columns = height.shape
     x, y = film_places(height, lens, camera)
     vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
@@ -56,10 +71,10 @@ def surface_mesh(
         [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
     )
     known = np.isfinite(vertices[:, 2])
-    if known.all():
-        return trimesh.Trimesh(vertices, faces, process=False)
-    number = np.cumsum(known) - 1
-    return trimesh.Trimesh(vertices[known], number[faces[known[faces].all(axis=1)]], process=False)
+    if not known.all():
+        number = np.cumsum(known) - 1
+        vertices, faces = vertices[known], number[faces[known[faces].all(axis=1)]]
+    return Surface(vertices.astype(np.float32), faces.astype(np.int32))
 
 
 def write_npy(file: Path, height: Height, pixel: float) -> None:
@@ -106,8 +121,22 @@ def write_tmd(file: Path, height: Height, pixel: float) -> None:
 def write_mesh(
     file: Path, height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
 ) -> None:
-    """PLY, STL (binary) or OBJ by the file's suffix."""
-    surface_mesh(height, pixel, lens, camera).export(file)
+    """PLY (binary), STL (binary) or OBJ by the file's suffix."""
+    surface = surface_of(height, pixel, lens, camera)
+    if file.suffix == ".ply":
+        _write_ply(file, surface)
+        return
+    # It loads longer than a touch takes to compute.
+    import trimesh
+
+    trimesh.Trimesh(*surface, process=False).export(file)
+
+
+def _write_ply(file: Path, surface: Surface) -> None:
+    header = PLY_HEADER.format(vertices=len(surface.vertices), faces=len(surface.faces))
+    faces = np.empty(len(surface.faces), [("count", "u1"), ("vertices", "<i4", 3)])
+    faces["count"], faces["vertices"] = 3, surface.faces
+    file.write_bytes(header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
 MESHES = ("ply", "stl", "obj")
