@@ -18,7 +18,7 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
-# Tests must neither see nor leave what is kept from start to start.
+# Tests must neither see nor leave what is kept from start to start; see `once`.
 os.environ["TACTOGRAPH_CACHE"] = "off"
 MadeOnce = Callable[[str, Callable[[Path], object]], Path]
 Calibration = Callable[[str], str]
@@ -71,16 +71,27 @@ def groove() -> Path:
     return real_data("groove_6led")
 
 
-@pytest.fixture(scope="session")
-def made_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> MadeOnce:
-    """Make a file, or a folder, by its name once for all tests of all workers."""
+@pytest.fixture(scope="session", autouse=True)
+def once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """A folder for what all tests of all workers share.
+
+    What the engine keeps from start to start is kept there for this session: programs, and what
+    is slow and the same in several tests.
+    """
     own = tmp_path_factory.getbasetemp()
     folder = own / "once" if worker_id == "master" else own.parent / "once"
     folder.mkdir(exist_ok=True)
+    os.environ["TACTOGRAPH_CACHE"] = str(folder / "kept")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def made_once(once: Path) -> MadeOnce:
+    """Make a file, or a folder, by its name once for all tests of all workers."""
 
     def make(name: str, maker: Callable[[Path], object]) -> Path:
-        path = folder / name
-        with (folder / f"{name}.lock").open("w") as lock:
+        path = once / name
+        with (once / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not path.exists():
                 maker(path)

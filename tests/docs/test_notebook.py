@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
-import pytest
 from nbclient import NotebookClient
 from nbformat import v4
 
-from tests.conftest import ROOT, MadeOnce
+from tests.conftest import ROOT
 
 
 def printed(notebook: Any) -> list[str]:
@@ -22,11 +21,7 @@ def printed(notebook: Any) -> list[str]:
     ]
 
 
-def test_the_notebook_runs_and_prints_what_it_shows(
-    tmp_path: Path, made_once: MadeOnce, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # The sensor of the pages: its calibration is kept for all.
-    monkeypatch.setenv("TACTOGRAPH_CACHE", str(made_once("kept", Path.mkdir)))
+def test_the_notebook_runs_and_prints_what_it_shows(tmp_path: Path) -> None:
     shown = nbformat.read(ROOT / "docs" / "notebook.ipynb", as_version=4)
     run = nbformat.read(ROOT / "docs" / "notebook.ipynb", as_version=4)
     where = {"metadata": {"path": str(tmp_path)}}

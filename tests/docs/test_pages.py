@@ -146,8 +146,6 @@ def test_a_page_does_what_it_says(
     request: pytest.FixtureRequest,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    # Pages calibrate the same sensor; what is kept from one start to the next serves all.
-    monkeypatch.setenv("TACTOGRAPH_CACHE", str(made_once("kept", Path.mkdir)))
     environment = dict(os.environ)
     python, run = Path(sys.executable), _run
     if page.name == "index.md":
