@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.nodes import F4, Height, Light
@@ -32,8 +31,7 @@ def draw_films(
     -------
     The figure, and the axes on the right, above and below, with nothing in them yet.
     """
-    figure = Figure(figsize=(width, 8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(width, 8), dpi=100, layout="constrained")
     axes = figure.subplots(2, 3)
     means = {title: film.mean(axis=0) for title, film in films.items()}
     top = max(float(mean.max()) for mean in means.values())

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
 from tactograph.nodes import F4, Height, Light
@@ -49,4 +51,4 @@ def plot_check(
     text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
     text.set_parse_math(False)
     with whole_file(file) as target:
-        figure.savefig(target, dpi=100, format="png")
+        FigureCanvasAgg(figure).print_png(target)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
@@ -61,7 +62,7 @@ def plot_recalibration(
     draw_light(lower, np.asarray(light, np.float32), words)
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
     with whole_file(file.with_suffix(".png")) as target:
-        figure.savefig(target, dpi=100)
+        FigureCanvasAgg(figure).print_png(target)
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:

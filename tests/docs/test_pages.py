@@ -17,6 +17,7 @@ import venv
 import zipfile
 from collections.abc import Iterator
 from contextlib import chdir
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -230,12 +231,16 @@ def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
     script = next(word for word in words if word.endswith(".py"))
     assert (ROOT / script).is_file(), f"{where}: {line}"
     if words[0].startswith("benchmarks/") and any(word.startswith("--") for word in words):
-        shown = subprocess.run(
-            [sys.executable, str(ROOT / script), "--help"],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert shown.returncode == 0, f"{where}: {shown.stderr}"
-        _check_options(where, shown.stdout, words)
+        _check_options(where, help_of(script), words)
+
+
+@cache
+def help_of(script: str) -> str:
+    """What a script says of its options."""
+    command = [sys.executable, str(ROOT / script), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def _check_options(where: str, help_text: str, words: list[str]) -> None:
