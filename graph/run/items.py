@@ -61,6 +61,7 @@ class Items:
         self._of_source: list[str] = []
         self._nothing: Known = {}
         self._only: Collection[str] | None = None
+        self._is_first = True
         self.trace: Trace | None = None
 
     def keep(self, cache: Cache) -> None:
@@ -96,7 +97,10 @@ class Items:
         """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`."""
         assert self._known is not None
         if self._incremental is not None:
-            self._remember()
+            # Not before: until then the last item can be run again.
+            if not self._is_first:
+                self._remember()
+            self._is_first = False
             self._incremental.begin(again=False)
             self._of_source = list(self.notes)
             return self._incremental_item(self._incremental, given, repeats)
@@ -151,6 +155,7 @@ class Items:
             self._device.forget()
         if self._incremental is not None:
             self._incremental.forget()
+        self._is_first = True
 
     def settings_changed(self, nodes: Iterable[str]) -> None:
         """Work out sizes and launches of nodes anew: they may follow from settings."""
@@ -164,8 +169,10 @@ class Items:
                 self._known = None
 
     def end(self) -> None:
-        """Close what the nodes keep; a node outside the stream that kept something runs again."""
-        self.forget()
+        """Close what the nodes keep; a node outside the stream that kept something runs again.
+
+        What the last item recalled stays for whoever looks at it, until a next stream begins.
+        """
         if any(not self._plan.tasks[name].stream for name in self.host.sessions):
             self._known = None
         self.host.close()

@@ -122,6 +122,7 @@ class Pipeline:
             mine = self._running = object()
         try:
             with self._turn:
+                self._items.forget()
                 self._items.prepare()
             if self._source is None:
                 with self._turn:

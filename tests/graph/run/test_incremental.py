@@ -97,6 +97,30 @@ def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(
 
 
 @BACKENDS
+def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    pipeline = load(write(CHAIN), {"count": 3}, backend=backend, cache=Cache())
+    results = list(pipeline.items())
+    assert pipeline.inspect("sum").max() == pipeline.again()["sum"].max() == 12
+    assert pipeline.inspect("frames.name") == "touch3"
+    again = list(pipeline.items())
+    for one, other in zip(results, again, strict=True):
+        np.testing.assert_array_equal(one["sum"], other["sum"])
+
+
+@BACKENDS
+def test_a_stream_that_was_left_can_be_looked_at(
+    toys: list[str], write: Write, backend: str
+) -> None:
+    pipeline = load(write(CHAIN), {"count": 3}, backend=backend, cache=Cache())
+    stream = pipeline.items()
+    results = [next(stream), next(stream)]
+    stream.close()
+    np.testing.assert_array_equal(pipeline.inspect("sum"), results[1]["sum"])
+
+
+@BACKENDS
 def test_a_cache_too_small_for_anything_changes_no_result(
     toys: list[str], write: Write, backend: str
 ) -> None:
