@@ -11,7 +11,7 @@ from threadpoolctl import ThreadpoolController
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend
-from tactograph.graph.errors import DeviceError, EndOfStream, collect_warnings, warn
+from tactograph.graph.errors import DeviceError, EndOfStream, InputError, collect_warnings, warn
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known, Shapes, Sized
@@ -169,10 +169,7 @@ class Items:
                 self._known = None
 
     def end(self) -> None:
-        """Close what the nodes keep; a node outside the stream that kept something runs again.
-
-        What the last item recalled stays for whoever looks at it, until a next stream begins.
-        """
+        """Close what the nodes keep; a node outside the stream that kept something runs again."""
         if any(not self._plan.tasks[name].stream for name in self.host.sessions):
             self._known = None
         self.host.close()
@@ -354,6 +351,11 @@ class Items:
                 shapes = device.launch(task, step, sized.sizes)
             elif task.id in given:
                 shapes = self.host.enter(task, step, given[task.id])
+            elif task.node.stream:
+                raise InputError(
+                    f"{self._plan.graph.name}: '{task.id}' has other settings than when its last "
+                    "item came; go through items() for a new one"
+                )
             else:
                 keywords = {}
                 if task.node.provenance is not None:

@@ -120,6 +120,23 @@ def test_a_stream_that_was_left_can_be_looked_at(
     np.testing.assert_array_equal(pipeline.inspect("sum"), results[1]["sum"])
 
 
+@pytest.mark.parametrize("how", ["set", "aim"])
+def test_an_item_of_a_source_with_other_settings_is_not_there(
+    toys: list[str], write: Write, how: str
+) -> None:
+    pipeline = load(write(CHAIN), {"count": 3}, backend="numpy", cache=Cache())
+    list(pipeline.items())
+    if how == "set":
+        pipeline.set("frames", rows=4)
+    else:
+        pipeline.aim(count=2)
+    for look in (pipeline.again, lambda: pipeline.inspect("twice")):
+        with pytest.raises(InputError, match=r"'frames' has other settings .* items\(\)"):
+            look()
+    last = list(pipeline.items())[-1]["seen"]
+    np.testing.assert_array_equal(pipeline.inspect("twice"), last)
+
+
 @BACKENDS
 def test_a_cache_too_small_for_anything_changes_no_result(
     toys: list[str], write: Write, backend: str
