@@ -250,7 +250,7 @@ def _of_use(graph: Graph, path: str, rest: str, where: str) -> str:
         raise GraphError(f"{where}: '{path}' uses the group '{name}'; say which output: {outputs}")
     if first in body.outputs:
         inner = _joined(body.outputs[first], port)
-    elif first in body.nodes or first in body.uses or f"{path}.{first}" in graph.nodes:
+    elif first in {*body.nodes, *body.uses} or f"{path}.{first}" in {*graph.nodes, *graph.uses}:
         inner = rest
     else:
         hint = did_you_mean(first, [*body.outputs, *body.nodes, *body.uses])

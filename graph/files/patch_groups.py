@@ -58,8 +58,6 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
     place, verb = places[""], verb_of(change)
     group = graph.groups[name]
     body = group.body
-    if "group" in change:
-        raise GraphError(f"{place}: {verb}: no group can be put into the group '{name}'")
     if node in body.uses:
         inside = body.uses[node].group
         raise GraphError(f"{place}: {verb}: '{node}' uses the group '{inside}'; change that one")
@@ -75,7 +73,8 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
             f"{place}: insert: after: '{after}' is an input of the group '{name}'; "
             "replace the nodes that read it"
         )
-    body = VERBS[verb](body, node, change, places)
+    change_body = _put_into_body if "group" in change else VERBS[verb]
+    body = change_body(body, node, change, places)
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
     for use in uses_of(graph, name):
         flat = f"{use}.{node}"
@@ -84,8 +83,21 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
         elif flat not in graph.nodes:
             continue
         here = {key: replace(at, use=graph.uses[use].place("")) for key, at in places.items()}
-        graph = VERBS[verb](graph, flat, flat_change(graph, change, places, use), here)
+        change_flat = put_use if "group" in change else VERBS[verb]
+        graph = change_flat(graph, flat, flat_change(graph, change, places, use), here)
     return graph
+
+
+def _put_into_body(body: Graph, node: str, change: Change, places: Places) -> Graph:
+    """Use a group in another: as a new node of its definition, or in place of one."""
+    inputs: Mapping[str, str] = {}
+    if node in body.nodes:
+        inputs = body.nodes[node].inputs
+        body = VERBS["remove"](body, node, change, places)
+    elif change.get("after") is not None:
+        body = redirect(body, change["after"], node, places[""])
+    use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
+    return replace(body, uses={**body.uses, node: use})
 
 
 def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Graph:

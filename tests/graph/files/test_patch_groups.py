@@ -124,6 +124,55 @@ def test_a_node_inserted_into_a_group_is_read_in_its_place(write: Write) -> None
     assert patched(write, change, more).nodes["last"].inputs == {"image": "pass_1.rest"}
 
 
+CALM = """
+groups:
+  calm:
+    inputs: {height: {}}
+    params: {margin: {default: 2}}
+    nodes: {n: {op: rest_at_border, in: {height: height}, with: {margin: $margin}}}
+    outputs: {height: n}
+  calmer:
+    inputs: {height: {}}
+    params: {margin: {default: 3}}
+    nodes:
+      first: {group: calm, in: {height: height}, with: {margin: $margin}}
+      last:  {op: rest_at_border, in: {height: first}}
+    outputs: {height: last}
+"""
+
+
+def test_a_group_that_uses_another_is_put_into_a_group(write: Write) -> None:
+    change = "{insert: pass.calm, group: calmer, in: {height: raw}, after: raw}"
+    set_, read = "{set: pass_2.calm, with: {margin: 5}}", "{insert: x, op: noted, in: {image: p}}"
+    use = "{insert: p, group: pass, in: {height: start}}"
+    graph = patched(write, change, set_, use, read, more=CALM)
+    for path in ("pass_1", "pass_2", "both.one", "both.two", "p"):
+        assert graph.nodes[f"{path}.calm.first.n"].inputs == {"height": f"{path}.raw"}
+        assert graph.nodes[f"{path}.calm.last"].inputs == {"height": f"{path}.calm.first.n"}
+    assert graph.nodes["pass_2.slope"].inputs["height"] == "pass_1.calm.last"
+    assert graph.nodes["pass_2.raw"].inputs["before"] == "previous.pass_2.calm.last"
+    assert graph.nodes["x"].inputs == {"image": "p.calm.last"}
+    assert graph.nodes["pass_1.calm.first.n"].settings == {"margin": 3}
+    assert graph.nodes["pass_2.calm.first.n"].settings == {"margin": 5}
+
+
+def test_a_group_takes_the_place_of_a_node_of_a_group(write: Write) -> None:
+    graph = patched(
+        write, "{replace: pass.raw, op: rest_at_border, in: {height: slope}}",
+        "{replace: pass.slope, group: calmer, in: {height: height}}", more=CALM,
+    )  # fmt: skip
+    assert graph.nodes["both.two.slope.first.n"].inputs == {"height": "both.one.raw"}
+    assert graph.nodes["both.two.raw"].inputs == {"height": "both.two.slope.last"}
+
+
+def test_a_group_is_put_into_one_use(write: Write) -> None:
+    change = "{insert: pass_1.calm, group: calmer, in: {height: pass_1.raw}, after: pass_1.raw}"
+    graph = patched(write, change, more=CALM)
+    assert graph.nodes["pass_1.calm.first.n"].inputs == {"height": "pass_1.raw"}
+    assert graph.nodes["pass_2.slope"].inputs["height"] == "pass_1.calm.last"
+    assert "pass_2.calm" not in graph.uses
+
+
 def test_params_of_a_use_reach_the_nodes_that_take_them(write: Write) -> None:
     graph = patched(write, "{set: pass_1, with: {steepest: 9.0}}")
     assert steepest(graph) == AS_WRITTEN | {"pass_1": 9.0}
@@ -215,7 +264,12 @@ def test_a_param_that_reaches_no_node_any_more_is_refused(write: Write) -> None:
         ("{insert: pass_3.sum, op: sum}", "there is no group, and no use of one, 'pass_3'"),
         ("{insert: pass.raw, op: sum}", "insert: the group 'pass' has 'raw' already"),
         ("{insert: pass.pixel, op: sum}", "insert: the group 'pass' has 'pixel' already"),
-        ("{insert: pass.p, group: pair}", "no group can be put into the group 'pass'"),
+        ("{insert: pass.p, group: pair}", "the group 'pair' needs the input 'height'"),
+        (
+            "{insert: pass.p, group: pair, in: {height: raw}}",
+            "group: a group cannot use itself: pair -> pass -> pair",
+        ),
+        ("{insert: pass.p, group: pas}", "there is no group 'pas'; did you mean 'pass'?"),
         ("{set: pair.one, with: {steepest: 1}}", "'one' uses the group 'pass'; change that one"),
         ("{insert: pass.n, op: sum, after: height}", "'height' is an input of the group 'pass'"),
         ("{insert: p, group: pass}", "the group 'pass' needs the input 'height'"),
