@@ -12,6 +12,7 @@ import os
 import warnings
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 import pyopencl as cl
 from pyopencl.characterize import has_src_build_cache
@@ -46,7 +47,8 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
             pass  # the driver does not take it any more
     program = _built(cl.Program(context, source), options)
     if file is not None:
-        write_kept(file, program.get_info(cl.program_info.BINARIES)[0])
+        binaries: Any = program.get_info(cl.program_info.BINARIES)
+        write_kept(file, binaries[0])
     return program
 
 
