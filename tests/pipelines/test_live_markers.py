@@ -1,0 +1,110 @@
+"""Films with markers under a simulated camera, from calibration to heights and shifts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.result import Result
+from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
+from tactograph.nodes.live._simulated_sensor import read_scene
+from tests.conftest import MadeOnce
+from tests.pipelines.test_accuracy import run
+
+PIXEL_MM = 1 / 7
+SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM}
+RIG = {"slant_deg": 33, "distance_mm": 60}
+PRINT = {"pitch_mm": 2.0, "marker_mm": 0.25}
+DRAG_MM = 0.8
+SCENE = {
+    **SIZE, **RIG, "marker_pitch_mm": 2.0, "marker_mm": 0.25, "drag_mm": DRAG_MM,
+    "depth_mm": 0.8, "path_mm": 1, "press_s": 4,
+}  # fmt: skip
+CAMERA = "simulated?" + "&".join(f"{name}={value}" for name, value in SCENE.items())
+
+
+@pytest.fixture(scope="module")
+def printed(made_once: MadeOnce) -> Path:
+    """The calibration of a simulated sensor whose film has markers."""
+
+    def make(folder: Path) -> None:
+        run("simulate_markers_flat", folder / "flat", seed=2, **PRINT, **SIZE, **RIG)
+        run("simulate_markers", folder / "ball", radius_mm=5.0, seed=1, **PRINT, **SIZE, **RIG)
+        known = {"ball_radius_mm": 5.0, "pixel_size_mm": PIXEL_MM}
+        taken = {"capture": folder / "ball", "flat": folder / "flat"}
+        run("calibrate_markers", folder / "cal.npz", **taken, **known)
+
+    return made_once("live_markers", make) / "cal.npz"
+
+
+def truth_of(result: Result) -> np.ndarray:
+    return next(made for value, made in result.item.items() if value.port == "truth")
+
+
+@pytest.mark.realtime
+def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
+    printed: Path, tmp_path: Path
+) -> None:
+    given = {"calibration": str(printed), "camera": CAMERA, "port": "none", "seconds": 12}
+    given |= {"out": str(tmp_path), "pictures": str(tmp_path / "pictures")}
+    errors, depths, shifts, seen = [], [], [], []
+    with open_pipeline(read_graph("live_markers"), given) as pipeline:
+        for result in pipeline.items():
+            truth = truth_of(result)
+            errors.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
+            depths.append(float(truth.max()))
+            shifts.append(float(np.abs(result["marker_shift"][:, 0]).max()) * PIXEL_MM)
+            seen.append(float(result["marker_seen"].mean()))
+    assert len(errors) > 10
+    assert np.median(errors) < 0.012
+    assert np.median(seen) > 0.95
+    # The markers go with the ball, and come back with it.
+    assert max(shifts) == pytest.approx(DRAG_MM, abs=0.15)
+    assert np.corrcoef(depths, shifts)[0, 1] > 0.9
+    shown = cv2.imread(str(tmp_path / "pictures" / "latest.png"))
+    assert shown is not None
+
+
+COLOUR = "simulated?width_px=120&height_px=90&pixel_size_mm=0.16&radius_mm=3&depth_mm=0.8"
+COLOUR += "&full_well=150000&by_hand=true&path_mm=8&press_s=0.8&rest_s=4"
+BY_HAND = f"{COLOUR}&marker_pitch_mm=2&marker_mm=0.25&drag_mm=0.5"
+
+
+def press_by_press(camera: str, out: Path, presses: int) -> list[np.ndarray]:
+    """Keep the untouched film and presses as a user would; the true heights of the presses."""
+    sensor = SimulatedColourSensor(read_scene(camera, ColourScene), start=0.0)
+    scene = sensor.scene
+    film = np.mean([sensor.picture(0.0, n) for n in range(8)], axis=0)
+    out.mkdir()
+    cv2.imwrite(str(out / "background.png"), np.rint(film).astype(np.uint8))
+    truths = []
+    for i in range(presses):
+        held = scene.rest_s + (i + 0.3) * scene.press_s
+        (out / "presses" / f"{i:02}").mkdir(parents=True)
+        cv2.imwrite(str(out / "presses" / f"{i:02}" / "image.png"), sensor.picture(held, i))
+        truths.append(sensor.true_height(held))
+    return truths
+
+
+def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(tmp_path: Path) -> None:
+    errors = {}
+    for name, camera, end in (("plain", COLOUR, ""), ("printed", BY_HAND, "_markers")):
+        folder = tmp_path / name
+        truths = press_by_press(camera, folder, 14)
+        known = {"ball_radius_mm": 3.0, "pixel_size_mm": 0.16, "flat": folder / "background.png"}
+        taken = {"captures": folder / "presses", **known}
+        run(f"calibrate_presses{end}", folder / "cal.npz", **taken)
+        errors[name] = []
+        for i in (1, 4, 7):
+            touch = folder / "presses" / f"{i:02}"
+            found = run(f"gelsight_mini{end}", capture=touch, calibration=folder / "cal.npz")
+            errors[name].append(float(np.sqrt(np.mean((found["height"] - truths[i]) ** 2))))
+            if end:
+                assert found["markers"]["markers_seen_percent"] > 90
+                assert found["markers"]["marker_shift_mm"] == pytest.approx(0.5, abs=0.15)
+    assert np.mean(errors["printed"]) < 1.5 * np.mean(errors["plain"])
