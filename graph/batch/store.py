@@ -244,9 +244,9 @@ class Store:
         )
         for axis, size in zip(axes, kind.shape, strict=True):
             if kind.pixel is not None and axis in AXES.values() and axis not in self._group:
-                self._add_places(axis, (np.arange(size) - (size - 1) / 2) * kind.pixel)
+                self._add_places(axis, kind.pixel * np.arange(0.5 - size / 2, size / 2))
 
-    def _add_places(self, axis: str, places: NDArray[np.float64]) -> None:
+    def _add_places(self, axis: str, places: NDArray[Any]) -> None:
         """Where an axis' pixels lie, in mm from the middle of the image."""
         direction = "right" if axis == "x" else "down"
         array = self._group.create_array(

@@ -58,9 +58,10 @@ def read_camera(
     Parameters
     ----------
     camera
-        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``), device
-        (``/dev/v4l/by-id/...``), URL or video file; ``simulated`` for a simulated sensor, with
-        its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
+        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``; of an industrial
+        camera ``genicam:28F5K4RR``), device (``/dev/v4l/by-id/...``), URL or video file;
+        ``simulated`` for a simulated sensor, with its scene behind a question mark:
+        ``simulated?radius_mm=3&depth_mm=0.5``.
     sensor
         A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of one's own: what its
         camera is asked for, how its pictures are turned, cut and shrunk, in which order its
