@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 
 from tactograph.graph.batch.captures import is_url
+from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
 
 FORMAT = 1
@@ -37,8 +38,6 @@ MOST_CHUNK = 4096
 MOST_PIXELS = 2**25
 """More than a batch can have: what a store's own description may make a reader allocate."""
 _WORDS = ("capture", "reason", "figures", "warnings")
-AXES = {"H": "y", "W": "x"}
-"""An image's dimensions, and what they are called outside: y runs down, x to the right."""
 
 
 @dataclass(frozen=True)
@@ -74,20 +73,6 @@ class Job:
             "versions", "computes_on",
         )  # fmt: skip
         return {name: value for name, value in asdict(self).items() if name in same}
-
-
-@dataclass(frozen=True)
-class MapType:
-    """Shape, element type and unit of one of the graph's outputs.
-
-    `pixel` is the mm from pixel to pixel, where the graph says.
-    """
-
-    shape: tuple[int, ...]
-    dtype: str
-    unit: str
-    dims: tuple[str, ...]
-    pixel: float | None = None
 
 
 @dataclass
@@ -224,7 +209,7 @@ class Store:
     def add_maps(self, types: Mapping[str, MapType]) -> None:
         """Make the arrays for the maps, once their types are known."""
         with self._refusing():
-            axes = _axes_of(types)
+            axes = axes_of(types)
             for name in self.job.maps:
                 if name not in self._group:
                     self._add_map(name, types[name], axes[name])
@@ -244,23 +229,7 @@ class Store:
         )
         for axis, size in zip(axes, kind.shape, strict=True):
             if kind.pixel is not None and axis in AXES.values() and axis not in self._group:
-                self._add_places(axis, kind.pixel * np.arange(0.5 - size / 2, size / 2))
-
-    def _add_places(self, axis: str, places: NDArray[Any]) -> None:
-        """Where an axis' pixels lie, in mm from the middle of the image."""
-        direction = "right" if axis == "x" else "down"
-        array = self._group.create_array(
-            axis,
-            shape=places.shape,
-            dtype="float64",
-            dimension_names=(axis,),
-            attributes={
-                "unit": "mm",
-                "units": "mm",
-                "long_name": f"{axis} ({direction}, from the middle of the image)",
-            },
-        )
-        array[:] = places
+                add_places(self._group, axis, size, kind.pixel)
 
     def write(self, entries: Mapping[int, Entry]) -> None:
         """Write captures of one chunk; their status last, so that only whole ones are done.
@@ -346,20 +315,6 @@ class Store:
         if not isinstance(array, zarr.Array):
             raise self._damage(f"'{name}' is missing")
         return array
-
-
-def _axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
-    """The names of each map's dimensions: one name is one size in all the store."""
-    sizes: dict[str, int] = {}
-    found: dict[str, list[str]] = {}
-    for name, kind in types.items():
-        found[name] = []
-        for dim, size in zip(kind.dims, kind.shape, strict=True):
-            axis = AXES.get(dim, dim)
-            if sizes.setdefault(axis, size) != size or axis in types:
-                axis = f"{name}_{axis}"
-            found[name].append(axis)
-    return found
 
 
 def _undecodable() -> tuple[type[Exception], ...]:
