@@ -15,6 +15,7 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
+from tactograph.nodes.capture._image_files import MOST_PIXELS
 from tactograph.nodes.contact._areal_surface import UM, areal_surface, surfalize
 from tactograph.nodes.write._film_places import film_places
 
@@ -32,6 +33,8 @@ PNG_TEXT = "Tactograph height"
 TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
 TMD_COMMENT = b"Height map in mm     \r\n\0"
 """24 bytes: some readers take the comment to be as long as TrueMap's own."""
+SUR_SIZES_AT, SUR_SIZES = 108, struct.Struct("<2i")
+"""Where a .sur file says its columns and rows."""
 TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 
@@ -186,6 +189,13 @@ def read_tmd(file: Path) -> F4:
 def read_sur(file: Path) -> F4:
     """Digital Surf's format; what was not measured is NaN."""
     load = surfalize().Surface.load
+    with file.open("rb") as opened:
+        header = opened.read(SUR_SIZES_AT + SUR_SIZES.size)
+    if len(header) < SUR_SIZES_AT + SUR_SIZES.size:
+        raise InputError(f"{file}: ends within its header")
+    columns, rows = SUR_SIZES.unpack_from(header, SUR_SIZES_AT)
+    if not (0 < columns and 0 < rows and columns * rows <= MOST_PIXELS):
+        raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
     try:
         surface = load(str(file))
     # A file that is damaged fails in whichever way its bytes make it fail.

@@ -181,6 +181,14 @@ def test_a_damaged_sur_is_refused_wherever_it_ends(exported: Path, end: int) -> 
         read_height(file=exported / "cut.sur")
 
 
+def test_a_sur_that_asks_for_more_heights_than_a_sensor_has_is_refused(exported: Path) -> None:
+    content = bytearray((exported / "height.sur").read_bytes())
+    content[108:116] = b"\xff\xff\xff\x7f" * 2
+    (exported / "huge.sur").write_bytes(content)
+    with pytest.raises(InputError, match="which no sensor has"):
+        read_height(file=exported / "huge.sur")
+
+
 def test_a_png_without_a_scale_is_no_height_map(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "grey.png"), np.zeros((4, 5), np.uint16))
     with pytest.raises(InputError, match="states no scale"):
