@@ -194,7 +194,7 @@ def read_sur(file: Path) -> F4:
     if len(header) < SUR_SIZES_AT + SUR_SIZES.size:
         raise InputError(f"{file}: ends within its header")
     columns, rows = SUR_SIZES.unpack_from(header, SUR_SIZES_AT)
-    if not (0 < columns and 0 < rows and columns * rows <= MOST_PIXELS):
+    if min(columns, rows) < 1 or columns * rows > MOST_PIXELS:
         raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
     try:
         surface = load(str(file))
