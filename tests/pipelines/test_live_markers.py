@@ -91,20 +91,56 @@ def press_by_press(camera: str, out: Path, presses: int) -> list[np.ndarray]:
     return truths
 
 
-def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(tmp_path: Path) -> None:
+KNOWN = {"ball_radius_mm": 3.0, "pixel_size_mm": 0.16}
+
+
+@pytest.fixture(scope="module")
+def one_shot(made_once: MadeOnce) -> Path:
+    """Presses into a film without markers and into one with, and calibrations from them."""
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        for name, camera, graph in (
+            ("plain", COLOUR, "calibrate_presses"),
+            ("printed", BY_HAND, "calibrate_presses_markers"),
+        ):
+            film = folder / name
+            np.save(folder / f"{name}.npy", press_by_press(camera, film, 14))
+            taken = {"captures": film / "presses", "flat": film / "background.png"}
+            run(graph, film / "cal.npz", **taken, **KNOWN)
+
+    return made_once("one_shot_markers", make)
+
+
+def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(one_shot: Path) -> None:
     errors = {}
-    for name, camera, end in (("plain", COLOUR, ""), ("printed", BY_HAND, "_markers")):
-        folder = tmp_path / name
-        truths = press_by_press(camera, folder, 14)
-        known = {"ball_radius_mm": 3.0, "pixel_size_mm": 0.16, "flat": folder / "background.png"}
-        taken = {"captures": folder / "presses", **known}
-        run(f"calibrate_presses{end}", folder / "cal.npz", **taken)
-        errors[name] = []
+    for name, graph in (("plain", "gelsight_mini"), ("printed", "gelsight_mini_markers")):
+        truths, errors[name] = np.load(one_shot / f"{name}.npy"), []
         for i in (1, 4, 7):
-            touch = folder / "presses" / f"{i:02}"
-            found = run(f"gelsight_mini{end}", capture=touch, calibration=folder / "cal.npz")
+            touch = one_shot / name / "presses" / f"{i:02}"
+            found = run(graph, capture=touch, calibration=one_shot / name / "cal.npz")
             errors[name].append(float(np.sqrt(np.mean((found["height"] - truths[i]) ** 2))))
-            if end:
+            if name == "printed":
                 assert found["markers"]["markers_seen_percent"] > 90
                 assert found["markers"]["marker_shift_mm"] == pytest.approx(0.5, abs=0.15)
     assert np.mean(errors["printed"]) < 1.5 * np.mean(errors["plain"])
+
+
+@pytest.mark.realtime
+def test_a_one_shot_sensors_markers_are_followed_live(one_shot: Path, tmp_path: Path) -> None:
+    camera = BY_HAND.replace("&by_hand=true&path_mm=8&press_s=0.8&rest_s=4", "&path_mm=1&press_s=4")
+    given = {"calibration": str(one_shot / "printed/cal.npz"), "camera": camera, "seconds": 8}
+    given |= {"out": str(tmp_path), "pictures": str(tmp_path / "pictures")}
+    errors, shifts, seen = [], [], []
+    with open_pipeline(read_graph("live_oneshot_markers"), given) as pipeline:
+        for result in pipeline.items():
+            errors.append(float(np.sqrt(np.mean((result["height"] - truth_of(result)) ** 2))))
+            shifts.append(
+                float(np.abs(result["marker_shift"][:, 0]).max()) * KNOWN["pixel_size_mm"]
+            )
+            seen.append(float(result["marker_seen"].mean()))
+    assert len(errors) > 10
+    assert np.median(errors) < 0.015
+    assert np.median(seen) > 0.9
+    assert max(shifts) == pytest.approx(0.5, abs=0.15)
+    assert cv2.imread(str(tmp_path / "pictures" / "latest.png")) is not None
