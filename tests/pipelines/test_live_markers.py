@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -68,6 +71,39 @@ def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
     assert np.corrcoef(depths, shifts)[0, 1] > 0.9
     shown = cv2.imread(str(tmp_path / "pictures" / "latest.png"))
     assert shown is not None
+
+
+@pytest.mark.realtime
+def test_a_recording_gives_contacts_and_markers_as_topics_of_ros(
+    printed: Path, tmp_path: Path
+) -> None:
+    given = {"calibration": str(printed), "recording": str(tmp_path / "frames")}
+    live = {"camera": CAMERA, "port": "none", "seconds": 6, "out": str(tmp_path / "live")}
+    written = {"out": str(tmp_path / "heights"), "refresh": "cycle"}
+    for graph, more in (("record", live), ("replay_mcap_markers", written)):
+        with open_pipeline(read_graph(graph), {**given, **more}) as pipeline:
+            list(pipeline.items())
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    heard: dict[str, list[Any]] = {}
+    with AnyReader(sorted((tmp_path / "heights").glob("*.mcap")), default_typestore=store) as bag:
+        for connection, _, raw in bag.messages():
+            message = store.deserialize_cdr(raw, connection.msgtype)
+            heard.setdefault(connection.topic, []).append(message)
+    count = len(heard["/touch"])
+    assert count > 5
+    for topic in ("/height", "/contact", "/contacts", "/markers", "/diagnostics"):
+        assert len(heard[topic]) == count
+    shifts = [column(cloud, "dx").max() for cloud in heard["/markers"]]
+    assert 1000 * max(shifts) == pytest.approx(DRAG_MM, abs=0.2)
+    depths = [column(cloud, "z").max(initial=0) for cloud in heard["/contacts"]]
+    assert 1000 * max(depths) == pytest.approx(0.8, abs=0.1)
+    assert {len(np.unique(each.data)) - 1 for each in heard["/contact"]} <= {0, 1}
+
+
+def column(cloud: Any, name: str) -> np.ndarray:
+    """One field of a sensor_msgs/PointCloud2."""
+    names = [field.name for field in cloud.fields]
+    return cloud.data.view("<f4").reshape(-1, len(names))[:, names.index(name)]
 
 
 COLOUR = "simulated?width_px=120&height_px=90&pixel_size_mm=0.16&radius_mm=3&depth_mm=0.8"
