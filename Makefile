@@ -35,9 +35,10 @@ LIVE_SECONDS ?= 20
 demo-live: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)
 
-# What the tests need beyond that: VkFFT, an OpenCL device that works, and a browser.
+# What the tests need beyond that: VkFFT, an OpenCL device that works, a browser, and ROS 2.
 $(VENV)/.tested: $(VENV)/.installed
 	sh tests/install_system.sh $(BIN)
+	sh tests/install_ros2.sh $(VENV)/ros2 $(BIN)/python
 	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint,docs,vkfft]'
 	@touch $@
 

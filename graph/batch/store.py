@@ -5,6 +5,9 @@ The arrays' first axis counts the captures.  ``capture`` (its place), ``status``
 maps and figures have to add up to; every map that the graph puts out (``height``, ``shadow``, …)
 is an array of that name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is
 one shard, so that one worker writes it alone, and one capture can be read without the others.
+
+Dimensions have names, so that xarray opens the store: an image's are ``y`` and ``x``, and where
+the graph puts out a pixel size, arrays of these names are its coordinates in mm.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 
 from tactograph.graph.batch.captures import is_url
+from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
 
 FORMAT = 1
@@ -71,16 +75,6 @@ class Job:
         return {name: value for name, value in asdict(self).items() if name in same}
 
 
-@dataclass(frozen=True)
-class MapType:
-    """Shape, element type and unit of one of the graph's outputs."""
-
-    shape: tuple[int, ...]
-    dtype: str
-    unit: str
-    dims: tuple[str, ...]
-
-
 @dataclass
 class Entry:
     """What came of one capture."""
@@ -123,11 +117,16 @@ class Store:
         for name in ("status", "milliseconds", *_WORDS):
             if self._array(name).shape != (count,):
                 raise self._damage(f"'{name}' is not of length {count}")
-        for name in self._group.array_keys():
+        for name in self._by_capture():
             array = self._array(name)
             pixels = math.prod(array.shape[1:])
             if count > MOST_CAPTURES or array.chunks[0] > MOST_CHUNK or pixels > MOST_PIXELS:
                 raise self._damage(f"'{name}' is of shape {array.shape}, chunks {array.chunks}")
+
+    def _by_capture(self) -> list[str]:
+        """The arrays whose first axis counts the captures: all but coordinates."""
+        axes = {*AXES.values()} - {*self.job.maps}
+        return [name for name in self._group.array_keys() if name not in axes]
 
     def _damage(self, what: str) -> InputError:
         place = self._group.store_path
@@ -201,7 +200,7 @@ class Store:
         """Add captures, all pending, behind those that are there."""
         start, stop = len(self), len(self) + len(captures)
         with self._refusing():
-            for name in self._group.array_keys():
+            for name in self._by_capture():
                 array = self._array(name)
                 array.resize((stop, *array.shape[1:]))
             if captures:
@@ -210,11 +209,12 @@ class Store:
     def add_maps(self, types: Mapping[str, MapType]) -> None:
         """Make the arrays for the maps, once their types are known."""
         with self._refusing():
+            axes = axes_of(types)
             for name in self.job.maps:
                 if name not in self._group:
-                    self._add_map(name, types[name])
+                    self._add_map(name, types[name], axes[name])
 
-    def _add_map(self, name: str, kind: MapType) -> None:
+    def _add_map(self, name: str, kind: MapType, axes: Sequence[str]) -> None:
         self._group.create_array(
             name,
             shape=(len(self), *kind.shape),
@@ -223,9 +223,13 @@ class Store:
             shards=(self.job.chunk, *kind.shape),
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
-            dimension_names=("capture", *kind.dims),
-            attributes={"unit": kind.unit, "dims": list(kind.dims)},
+            dimension_names=("capture", *axes),
+            # The second is the name that xarray and others know.
+            attributes={"unit": kind.unit, "units": kind.unit, "dims": list(kind.dims)},
         )
+        for axis, size in zip(axes, kind.shape, strict=True):
+            if kind.pixel is not None and axis in AXES.values() and axis not in self._group:
+                add_places(self._group, axis, size, kind.pixel)
 
     def write(self, entries: Mapping[int, Entry]) -> None:
         """Write captures of one chunk; their status last, so that only whole ones are done.
@@ -333,15 +337,21 @@ def create_store(place: str, job: Job, *, overwrite: bool = False) -> Store:
     """
     try:
         group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)
-        group.create_array("status", shape=(0,), chunks=(job.chunk,), dtype="uint8", fill_value=0)
-        group.create_array(
-            "milliseconds", shape=(0,), chunks=(job.chunk,), dtype="float32", fill_value=np.nan
-        )
-        group.create_array(
-            "checksum", shape=(0,), chunks=(job.chunk,), dtype="uint32", fill_value=0
-        )
-        for name in _WORDS:
-            group.create_array(name, shape=(0,), chunks=(job.chunk,), dtype=str, fill_value="")
+        columns: dict[str, tuple[Any, Any]] = {
+            "status": ("uint8", 0),
+            "milliseconds": ("float32", np.nan),
+            "checksum": ("uint32", 0),
+            **dict.fromkeys(_WORDS, (str, "")),
+        }
+        for name, (dtype, fill) in columns.items():
+            group.create_array(
+                name,
+                shape=(0,),
+                chunks=(job.chunk,),
+                dtype=dtype,
+                fill_value=fill,
+                dimension_names=("capture",),
+            )
         about = {"format": FORMAT, "stamp": uuid.uuid4().hex, "job": asdict(job)}
         group.attrs["tactograph"] = json.loads(json.dumps(about))
     except (OSError, ValueError, ImportError) as error:

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
-from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, MapType, Store, open_store
+from tactograph.graph.batch.map_types import MapType
+from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, Store, open_store
 from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
@@ -25,6 +26,7 @@ from tactograph.graph.run.result import Result
 from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.source_stream import SourceStream
 
+PIXEL_UNIT = "mm/px"
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""
 
@@ -242,7 +244,15 @@ def _type_of(result: Result, name: str) -> MapType:
     if result[name] is None:
         raise NodeError(f"{result.plan.graph.name}: its output '{name}' may be absent")
     dims = tuple(str(dim) for dim in port.dims)
-    return MapType(result[name].shape, str(result[name].dtype), port.unit, dims)
+    return MapType(result[name].shape, str(result[name].dtype), port.unit, dims, _pixel_of(result))
+
+
+def _pixel_of(result: Result) -> float | None:
+    """The pixel size that the graph puts out, if it is one."""
+    plan = result.plan
+    ports = {n: plan.tasks[v.node].node.outputs[v.port] for n, v in plan.outputs.items()}
+    found = [result[name] for name, port in ports.items() if port.unit == PIXEL_UNIT]
+    return float(found[0]) if len(found) == 1 else None
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -1,7 +1,7 @@
 #include "common.clh"
 
 // The light where the mask is set, else the value of a plane through what is known around,
-// weighted by its distance.
+// weighted by its distance; from no light to twice the mean around.
 __kernel void fill_masked(
     __global const float *restrict light,
     __global const uchar *restrict mask,
@@ -36,6 +36,7 @@ __kernel void fill_masked(
             const float p = (by_x * yy - by_y * xy) * inverse;
             const float q = (by_y * xx - by_x * xy) * inverse;
             value = middle - p * mx - q * my;
+            value = fmin(fmax(value, 0.0f), 2.0f * fmax(middle, 0.0f));
         }
     }
     out[k * H * W + pixel] = value;

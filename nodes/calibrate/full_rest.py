@@ -19,7 +19,14 @@ class Rest(NamedTuple):
 
 
 @node
-def full_rest(flat: Light, dark: Dark, binned: CoarseLight, binned_dark: CoarseDark) -> Rest:
+def full_rest(
+    flat: Light,
+    dark: Dark,
+    binned: CoarseLight,
+    binned_dark: CoarseDark,
+    *,
+    as_taken: bool = False,
+) -> Rest:
     """Return the flat frame and the dark image at the camera's resolution.
 
     Parameters
@@ -29,13 +36,16 @@ def full_rest(flat: Light, dark: Dark, binned: CoarseLight, binned_dark: CoarseD
     binned, binned_dark
         K x h x w and h x w, from the calibration: ambient light subtracted, or a model
         where no flat frame was taken.  Where their size is the same they are the result.
+    as_taken
+        Whether the flat frame is kept as it was taken, less ambient light, whatever its size:
+        what `binned` lacks, such as markers that were filled in, stays in it.
 
     Returns
     -------
     Rest
         K x H x W and H x W.
     """
-    if binned.shape == flat.shape:
+    if binned.shape == flat.shape and not as_taken:
         return Rest(binned, binned_dark)
     rows, columns = dark.shape
     ambient = np.float32(np.median(binned_dark) - np.median(dark))

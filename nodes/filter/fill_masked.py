@@ -27,7 +27,9 @@ def fill_masked(
     """Return the images, where the mask is 0 with a plane through what is known around.
 
     Normalised convolution of the first order (Knutsson and Westin, 1993), its Gaussian's
-    standard deviation half of the radius: light that changes evenly goes on across a hole.
+    standard deviation half of the radius: light that changes evenly goes on across a hole.  It
+    goes no further than to no light, or to twice the mean around: at the image's border a plane
+    would.
 
     Parameters
     ----------
@@ -61,7 +63,8 @@ def fill_masked(
         middle = mean(plane, one, one)
         by_x, by_y = mean(plane, away, one) - middle * x, mean(plane, one, away) - middle * y
         p, q = (by_x * yy - by_y * xy) * inverse, (by_y * xx - by_x * xy) * inverse
-        out[empty] = (middle - p * x - q * y)[empty]
+        limit = 2 * np.fmax(middle, np.float32(0))
+        out[empty] = np.fmin(np.fmax(middle - p * x - q * y, np.float32(0)), limit)[empty]
     return filled
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.nodes.live._camera_names import NODE, device_of
+from tactograph.nodes.live._genicam_camera import GENICAM, GenicamCapture, check_genicam
 from tactograph.nodes.live._linux_camera import LinuxCapture, linuxpy
 
 Library = Literal["opencv", "linuxpy"]
@@ -96,6 +97,8 @@ def open_capture(
     camera: int | str, library: Library = "opencv", *, colour: bool = False
 ) -> Capture:
     """Open a camera by index, serial number, path or URL; it may turn out not to be opened."""
+    if str(camera).startswith(GENICAM):
+        return GenicamCapture(str(camera), colour=colour)
     try:
         text = device_of(str(camera))
     except InputError:
@@ -164,6 +167,9 @@ def check_camera(camera: int | str, library: Library = "opencv") -> bool:
         If it looks like a path and there is nothing, or no camera has its serial number, or the
         library is not installed.
     """
+    if str(camera).startswith(GENICAM):
+        check_genicam(str(camera))
+        return False
     if library == "linuxpy":
         linuxpy()
     text = device_of(str(camera))
@@ -171,7 +177,7 @@ def check_camera(camera: int | str, library: Library = "opencv") -> bool:
         return False
     if not Path(text).is_file():
         raise InputError(
-            f"camera={text}: there is no such file; give an index, serial:..., a path, a URL or "
-            "'simulated'"
+            f"camera={text}: there is no such file; give an index, serial:..., genicam:..., a "
+            "path, a URL or 'simulated'"
         )
     return True

@@ -65,7 +65,9 @@ class SimulatedColourSensor(SimulatedSensor):
         # What each of the camera's channels takes from each of the LEDs.
         mix = np.full((COLOURS, COLOURS), scene.crosstalk, np.float32)
         np.fill_diagonal(mix, 1 - (COLOURS - 1) * scene.crosstalk)
-        self._flat *= np.float32(BRIGHTEST / float(self._flat.max()))
+        scale = np.float32(BRIGHTEST / float(self._bare.max()))
+        self._bare *= scale
+        self._flat *= scale
         self._mix = mix
         self._pictures: dict[int, NDArray[np.uint8]] = {}
 
@@ -78,11 +80,11 @@ class SimulatedColourSensor(SimulatedSensor):
         warmth = self._warmth(moment)
         recorded = self._at_rest_all(warmth, number).copy()
         under = [self._pressed_light(k, moment) for k in range(COLOURS)]
-        part = under[0][1]
+        part, bright = under[0][1], self._press(moment).bright
         diffuse = np.float32(self.scene.diffuse)
         strength = self.strength[:, None, None]
         light = np.stack([light for light, _ in under]) * (1 - diffuse)
-        light += diffuse * strength * self._flat[:, *part]
+        light += diffuse * strength * self._bare[:, *part] * bright
         recorded[part] = self._developed(light * warmth[:, None, None], number, part)
         return recorded
 

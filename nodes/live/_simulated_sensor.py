@@ -23,6 +23,7 @@ from tactograph.nodes.live.expose import _lens
 from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.press import press
+from tactograph.nodes.simulate.print_markers import print_markers
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 
@@ -35,6 +36,9 @@ REACH_MM = 3.0
 """So far beyond the contact the film has come to rest: six times `press`'s own reach."""
 NOISES = 8
 """Fields of noise, used in turn."""
+DRAG_REACH_MM = 4.0
+"""Standard deviation of the fall-off of a drag around the ball; `DRAGGED` times that it is gone."""
+DRAGGED = 4
 RECENT = 8
 """Films that are kept for the truth."""
 
@@ -47,6 +51,9 @@ class Scene:
     ball goes down to `depth_mm` and up again.  Pressed `by_hand`, it stays away for `rest_s`,
     and then comes down once in every `press_s`, each time elsewhere within `path_mm` of the
     middle, and is held still for half of the time.
+
+    With a `marker_pitch_mm` dots of `marker_mm` radius are printed on the film, which the ball
+    drags to the right with it, by `drag_mm` where it is deepest (`print_markers`).
     """
 
     width_px: Annotated[int, Interval(ge=8, le=4096)] = 640
@@ -61,6 +68,9 @@ class Scene:
     press_s: Annotated[float, Gt(0)] = 8.0
     by_hand: bool = False
     rest_s: Annotated[float, Ge(0)] = 6.0
+    marker_pitch_mm: Annotated[float, Ge(0)] = 0.0
+    marker_mm: Annotated[float, Gt(0)] = 0.25
+    drag_mm: Annotated[float, Interval(ge=0, le=5)] = 0.0
     exposure_s: Annotated[float, Gt(0)] = 0.02
     readout_s: Annotated[float, Ge(0)] = 0.0
     ambient: Annotated[float, Ge(0)] = 0.0
@@ -98,7 +108,10 @@ def read_scene(
 
 
 class _Pressed(NamedTuple):
-    """The film around the ball: where, its middle in mm, height and slopes p and q."""
+    """The film around the ball: where, its middle in mm, height, slopes p and q, and how bright.
+
+    `bright` is 1 where the film is bare, less on a marker.
+    """
 
     rows: slice
     columns: slice
@@ -106,6 +119,7 @@ class _Pressed(NamedTuple):
     height: F4
     p: F4
     q: F4
+    bright: F4
 
 
 class SimulatedSensor:
@@ -143,7 +157,9 @@ class SimulatedSensor:
         self.strength = np.ones(len(self.lights), np.float32)
         flat = render(np.zeros(shape, np.float32), pixel, self.lights).light
         self._lens = _lens(shape, scene.vignetting)
-        self._flat: F4 = flat * self._lens
+        self._unprinted: F4 = np.ones(shape, np.float32)
+        self._bare: F4 = flat * self._lens
+        self._flat: F4 = self._bare * self._brightness(0.0, 0.0, 0.0)
         self._film = _PressedFilm(scene)
         rng = np.random.Generator(np.random.SFC64(scene.seed))
         self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISES)]
@@ -225,7 +241,9 @@ class SimulatedSensor:
                 y + float(down[0, 0] + down[-1, 0]) / 2,
                 0.0,
             )
-            pressed = _Pressed(rows, columns, middle, *self._film.surface(across, down, depth))
+            bright = self._brightness(x, y, depth)[rows, columns]
+            shape = self._film.surface(across, down, depth)
+            pressed = _Pressed(rows, columns, middle, *shape, bright)
             # Only the last few: the truth of a frame is asked for soon after it was taken.
             self._pressed = dict([*self._pressed.items()][-RECENT:]) | {moment: pressed}
         return pressed
@@ -237,9 +255,27 @@ class SimulatedSensor:
         (vector,) = light_vectors(led, film.height, self.scene.pixel_size_mm)
         p, q = film.p, film.q
         cosine = (vector[2] - p * vector[0] - q * vector[1]) / np.sqrt(1 + p * p + q * q)
-        flat = self._flat[k, film.rows, film.columns] * self.strength[k]
+        flat = self._bare[k, film.rows, film.columns] * film.bright * self.strength[k]
         light = np.asarray(flat * np.maximum(cosine, np.float32(0)), np.float32)
         return light, (film.rows, film.columns)
+
+    def _brightness(self, x: float, y: float, depth: float) -> F4:
+        """H x W: 1 on bare film, less on markers, which the ball at x and y drags with it."""
+        scene = self.scene
+        if not scene.marker_pitch_mm:
+            return self._unprinted
+        (printed,) = print_markers(
+            self._unprinted[None],
+            scene.pixel_size_mm,
+            pitch_mm=scene.marker_pitch_mm,
+            radius_mm=scene.marker_mm,
+            drag_x_mm=scene.drag_mm * depth / max(scene.depth_mm, 1e-9),
+            drag_y_mm=0.0,
+            center_x_mm=x,
+            center_y_mm=y,
+            reach_mm=DRAG_REACH_MM,
+        )
+        return printed
 
     def _at_rest(self, led: int, number: int) -> NDArray[np.uint8]:
         """The untouched film under an LED; rendered once for every field of noise."""
@@ -262,7 +298,8 @@ class SimulatedSensor:
     def _window(self, x: float, y: float) -> tuple[slice, slice]:
         """The rows and columns around the ball's axis that are not at rest."""
         scene = self.scene
-        half = self._film.radius_mm / scene.pixel_size_mm
+        dragged = DRAGGED * DRAG_REACH_MM if scene.marker_pitch_mm and scene.drag_mm else 0.0
+        half = max(self._film.radius_mm, dragged) / scene.pixel_size_mm
 
         def span(middle: float, size: int) -> slice:
             at = middle / scene.pixel_size_mm + (size - 1) / 2

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
+import cv2
 from rich.console import Console
 from rich.table import Table
 
 from tactograph.graph import InputError, node
 from tactograph.nodes.live._camera_names import named_cameras
+from tactograph.nodes.live._genicam_camera import PRODUCERS, GenicamCapture, genicam_cameras
 from tactograph.nodes.live._linux_camera import linuxpy
 
 
@@ -17,14 +20,18 @@ def list_cameras() -> None:
     """Print device, name and serial number of every camera, its formats, sizes and rates.
 
     ``camera=serial:...`` names one of them whatever it is plugged into.  Formats, sizes and
-    rates need linuxpy (``pip install tactograph[linux]``).
+    rates need linuxpy (``pip install tactograph[linux]``).  Industrial cameras, as
+    ``genicam:...``, need harvesters (``pip install tactograph[genicam]``) and their maker's GenTL
+    producer, where GENICAM_GENTL64_PATH says.
 
     Raises
     ------
     InputError
-        If the system is not Linux, which alone tells of cameras this way.
+        If the system is not Linux, which alone tells of cameras this way, and there is no
+        GenTL producer.
     """
-    if sys.platform != "linux":
+    industrial = genicam_cameras() if os.environ.get(PRODUCERS) else []
+    if sys.platform != "linux" and not industrial:
         raise InputError("cameras are listed on Linux only; elsewhere try camera=0, camera=1, ...")
     cameras = named_cameras()
     table = Table(box=None, pad_edge=False)
@@ -37,7 +44,9 @@ def list_cameras() -> None:
         except InputError as error:
             formats, hint = "", str(error)
         table.add_row(camera.device, camera.name, camera.serial or "-", formats)
-    if not cameras:
+    for camera in industrial:
+        table.add_row(camera.device, camera.name, camera.serial, _pixel_formats(camera.device))
+    if not cameras and not industrial:
         print("no camera is plugged in, or the kernel knows none")
         return
     Console(width=None if sys.stdout.isatty() else 120).print(table)
@@ -59,3 +68,17 @@ def _formats(device: str) -> list[str]:
     except OSError as error:
         return [f"cannot be opened: {error.strerror or error}"]
     return [f"{name}: {' '.join(sizes)}" for name, sizes in lines.items()]
+
+
+def _pixel_formats(camera: str) -> str:
+    """The pixel formats of a GenICam camera, and the size that it is set to."""
+    capture = GenicamCapture(camera, colour=False)
+    try:
+        if not capture.isOpened():
+            return f"cannot be opened: {capture.reason}"
+        width, height = (
+            capture.get(prop) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+        )
+        return f"{' '.join(capture.formats)}: {width:g}x{height:g}"
+    finally:
+        capture.release()

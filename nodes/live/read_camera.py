@@ -10,13 +10,9 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Dark, Light
-from tactograph.nodes.calibrate._calibration_file import is_of_kind
-from tactograph.nodes.calibrate.read_calibration import read_calibration
-from tactograph.nodes.calibrate.read_press_calibration import read_press_calibration
-from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._assemble import Refresh
+from tactograph.nodes.live._calibrated_film import calibrated_film
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._led_in_frame import make_film
@@ -62,9 +58,10 @@ def read_camera(
     Parameters
     ----------
     camera
-        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``), device
-        (``/dev/v4l/by-id/...``), URL or video file; ``simulated`` for a simulated sensor, with
-        its scene behind a question mark: ``simulated?radius_mm=3&depth_mm=0.5``.
+        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``; of an industrial
+        camera ``genicam:28F5K4RR``), device (``/dev/v4l/by-id/...``), URL or video file;
+        ``simulated`` for a simulated sensor, with its scene behind a question mark:
+        ``simulated?radius_mm=3&depth_mm=0.5``.
     sensor
         A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of one's own: what its
         camera is asked for, how its pictures are turned, cut and shrunk, in which order its
@@ -115,7 +112,7 @@ def read_camera(
         If at the start the calibration, the camera or the controller cannot be opened, or
         the camera's size is not the calibration's; if there is no such sensor.
     """
-    flat, dark, one_shot = _film(calibration)
+    flat, dark, one_shot = calibrated_film(calibration)
     height, width = dark.shape
     preset = None if sensor is None else read_preset(sensor)
     order = lights or (preset.lights if preset else "bgr" if one_shot else "leds")
@@ -173,14 +170,4 @@ def read_camera(
 @read_camera.rehearsal
 def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
     """The film at rest, as the calibration knows it."""
-    flat, dark, _one_shot = _film(calibration)
-    return Touch(flat + dark, "", 0.0, [], LiveState())
-
-
-def _film(calibration: Path) -> tuple[Light, Dark, bool]:
-    """The film at rest, the camera's dark, and whether it is a one-shot sensor's."""
-    if is_of_kind(calibration, PRESS_CALIBRATION):
-        known = read_press_calibration(file=calibration)
-        return known.flat, known.dark, True
-    flashed = read_calibration(file=calibration)
-    return flashed.flat, flashed.dark, False
+    return calibrated_film(calibration).touch

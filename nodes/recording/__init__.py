@@ -1,5 +1,5 @@
 """Streams kept and played again.
 
-Camera frames as MCAP that survives a kill, ROS 2 messages, replay.
+Camera frames as MCAP that survives a kill, replay, ROS 2 messages in files and on topics.
 Another log format goes here.
 """

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4
 
 MM = 1e-3
 """A millimetre in metres."""
@@ -84,6 +83,16 @@ string value
 _ENCODINGS = {"u1": "mono8", "u2": "mono16", "f4": "32FC1"}
 _COLOURS = {"u1": "bgr8", "u2": "bgr16"}
 """Of pictures of three channels: blue, green, red, as OpenCV gives them."""
+_READ = {
+    **{encoding: (kind, 1) for kind, encoding in _ENCODINGS.items()},
+    **{encoding: (kind, 3) for kind, encoding in _COLOURS.items()},
+    # Other names that camera drivers use.
+    "8UC1": ("u1", 1),
+    "16UC1": ("u2", 1),
+    "rgb8": ("u1", 3),
+    "rgb16": ("u2", 3),
+}
+"""Element type and channels of what is read."""
 _FLOAT32 = 7
 
 
@@ -130,49 +139,46 @@ def image_message(
 
 
 def read_image(body: Any) -> NDArray[Any]:
-    """The array of a decoded sensor_msgs/Image, H x W or H x W x 3.
+    """The array of a sensor_msgs/Image, H x W or H x W x 3 in the order blue, green, red.
 
     Raises
     ------
     InputError
-        If its encoding is none of mono8, mono16, 32FC1, bgr8 and bgr16, or its size is not what
-        it says.
+        If its encoding is none of `_READ`, or its size is not what it says.
     """
-    grey = {encoding: kind for kind, encoding in _ENCODINGS.items()}
-    colours = {encoding: kind for kind, encoding in _COLOURS.items()}
-    known, channels = grey | colours, 3 if body.encoding in colours else 1
-    if body.encoding not in known:
+    if body.encoding not in _READ:
         raise InputError(f"images are {body.encoding}; mono8, mono16, bgr8 or bgr16 is needed")
-    order = ">" if body.is_bigendian else "<"
-    kind = np.dtype(order + known[body.encoding])
+    code, channels = _READ[body.encoding]
+    kind = np.dtype((">" if body.is_bigendian else "<") + code)
     used = body.width * channels * kind.itemsize
     if body.step < used or len(body.data) != body.step * body.height:
         raise InputError(f"an image of {body.width} x {body.height} holds {len(body.data)} bytes")
     rows = np.frombuffer(body.data, np.uint8).reshape(body.height, body.step)
     values = np.asarray(np.ascontiguousarray(rows[:, :used]).view(kind), kind.newbyteorder("="))
-    return values.reshape(body.height, body.width, channels) if channels > 1 else values
+    if channels == 1:
+        return values
+    picture = values.reshape(body.height, body.width, channels)
+    return picture[..., ::-1] if body.encoding.startswith("rgb") else picture
 
 
-def cloud_message(topic: str, time: int, height: F4, pixel: float, frame: str) -> Message:
-    """A height map in mm as an ordered sensor_msgs/PointCloud2: x right, y down, z up, metres."""
-    rows, columns = height.shape
-    points = np.empty((rows, columns, 3), "<f4")
-    points[..., 0] = np.arange(columns) * (pixel * MM)
-    points[..., 1] = np.arange(rows)[:, None] * (pixel * MM)
-    points[..., 2] = height * np.float32(MM)
+def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) -> Message:
+    """A sensor_msgs/PointCloud2 of float32 fields: N of each, or H x W, which are ordered then."""
+    columns = np.broadcast_arrays(*fields.values())
+    points = np.stack(columns, axis=-1).astype("<f4")
+    width, step = points.shape[-2], 4 * len(fields)
     body = {
         "header": _header(time, frame),
-        "height": rows,
-        "width": columns,
+        "height": len(points) if points.ndim > 2 else 1,
+        "width": width,
         "fields": [
             {"name": name, "offset": 4 * i, "datatype": _FLOAT32, "count": 1}
-            for i, name in enumerate("xyz")
+            for i, name in enumerate(fields)
         ],
         "is_bigendian": False,
-        "point_step": 12,
-        "row_step": 12 * columns,
+        "point_step": step,
+        "row_step": step * width,
         "data": points.tobytes(),
-        "is_dense": bool(np.isfinite(height).all()),
+        "is_dense": bool(np.isfinite(points).all()),
     }
     return Message(topic, "sensor_msgs/msg/PointCloud2", time, body)
 

@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import json
-import time as clock
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt
 
 from tactograph.graph import Port, Provenance, Session, node, warn
-from tactograph.nodes import Height, Labels, Light, Metrics, PixelSize
+from tactograph.nodes import Contacts, Height, Labels, Light, Metrics, PixelSize
+from tactograph.nodes.marker.find_markers import Markers
+from tactograph.nodes.marker.track_markers import Seen, Shifts
 from tactograph.nodes.recording._mcap_log import Limits, McapLog, WhenFull
-from tactograph.nodes.recording._ros import (
-    MM,
-    Message,
-    cloud_message,
-    diagnostics_message,
-    image_message,
-    text_message,
-)
-
-FRAME = "film"
-"""ROS's name of the coordinate system: x right, y down, z towards the camera."""
-FULL_SCALE = 255
+from tactograph.nodes.recording._touch_messages import TouchParts, TouchStamps, touch_messages
 
 
 @node
@@ -36,6 +25,10 @@ def write_mcap(
     shadow: Labels | None = None,
     metrics: Metrics | None = None,
     time: Annotated[float, Port(unit="s")] | None = None,
+    contact: Contacts | None = None,
+    markers: Markers | None = None,
+    shift: Shifts | None = None,
+    seen: Seen | None = None,
     *,
     folder: Path,
     points_step: Annotated[int, Ge(0)] = 2,
@@ -50,9 +43,11 @@ def write_mcap(
 
     The topics of a touch: ``/height`` (sensor_msgs/Image 32FC1, metres, as ROS wants it),
     ``/points`` (sensor_msgs/PointCloud2, metres), ``/shadow`` (mono8, a
-    bit per LED), ``/led<k>/image`` (mono8), ``/diagnostics`` (diagnostic_msgs: milliseconds per
-    node, metrics, warnings) and ``/touch`` (std_msgs/String, its name).  All of a touch bear the
-    same stamp.
+    bit per LED), ``/contact`` (mono8, the contact's number), ``/contacts`` (PointCloud2, a point
+    per contact with its figures, metres and radians), ``/markers`` (PointCloud2, a point per
+    marker with its shift, metres), ``/led<k>/image`` (mono8), ``/diagnostics`` (diagnostic_msgs:
+    milliseconds per node, metrics, warnings) and ``/touch`` (std_msgs/String, its name).  All of
+    a touch bear the same stamp.
 
     Parameters
     ----------
@@ -67,10 +62,14 @@ def write_mcap(
     shadow
         H x W, the shadowed LEDs.
     metrics
-        Figures for the diagnostics.
+        Figures for the diagnostics; those of `measure_contact` make up ``/contacts``, too.
     time
         When the newest frame was exposed, in seconds of ``time.monotonic()``; without it the
         stamp is the time of writing.
+    contact
+        H x W, the number of the contact at each pixel.
+    markers, shift, seen
+        M x 3 and M x 2 in px, and M, as `find_markers` and `track_markers` give them.
     folder
         Made if needed.  What is there already is continued in new files.
     points_step
@@ -99,46 +98,17 @@ def write_mcap(
     )
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
-    stamp = export.stamp(time)
-    times = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
-    figures = {**times, **(metrics or {})}
-    export.log.put(
-        [
-            *(
-                image_message(f"/led{k}/image", stamp, _eight_bit(plane), f"led{k}")
-                for k, plane in enumerate(image, start=1)
-            ),
-            image_message("/height", stamp, height * np.float32(MM), FRAME),
-            *([image_message("/shadow", stamp, shadow, FRAME)] if shadow is not None else []),
-            *_cloud(stamp, height, pixel, points_step),
-            diagnostics_message("/diagnostics", stamp, "tactograph", provenance.warnings, figures),
-            text_message("/touch", stamp, name),
-        ]
-    )
+    touch = TouchParts(height, image, pixel, name, shadow, contact, metrics, markers, shift, seen)
+    export.log.put(touch_messages(export.stamps.of(time), touch, points_step, provenance))
     for line in export.log.take_lines():
         warn(line)
 
 
 class _Export:
-    """The log, and what turns the camera's clock into the time of day."""
+    """The log, and the clock of its stamps."""
 
     def __init__(self, log: McapLog) -> None:
-        self.log = log
-        self._offset = clock.time_ns() - clock.monotonic_ns()
-
-    def stamp(self, time: float | None) -> int:
-        return clock.time_ns() if time is None else round(1e9 * time) + self._offset
+        self.log, self.stamps = log, TouchStamps()
 
     def close(self) -> None:
         self.log.close()
-
-
-def _cloud(stamp: int, height: Height, pixel: float, step: int) -> list[Message]:
-    if not step:
-        return []
-    return [cloud_message("/points", stamp, height[::step, ::step], step * pixel, FRAME)]
-
-
-def _eight_bit(plane: Light) -> Labels:
-    scaled = np.clip(np.rint(plane * np.float32(FULL_SCALE)), 0, FULL_SCALE)
-    return np.asarray(scaled, np.uint8)

@@ -1,4 +1,4 @@
-"""Height maps in other people's formats: images, meshes, and TrueMap's TMD that GelSight uses."""
+"""Height maps in other people's formats: images, meshes, and those of surface metrology."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, Height, Lens
+from tactograph.nodes.capture._image_files import MOST_PIXELS
+from tactograph.nodes.contact._areal_surface import UM, areal_surface, surfalize
 from tactograph.nodes.write._film_places import film_places
 
-Format = Literal["npy", "tiff", "png", "tmd", "ply", "stl", "obj"]
+Format = Literal["npy", "tiff", "png", "tmd", "sur", "ply", "stl", "obj"]
 
 STEP_MM = 1e-4
 """A level of a 16-bit PNG: 0.1 micrometres."""
@@ -28,6 +30,8 @@ PNG_TEXT = "Tactograph height"
 TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
 TMD_COMMENT = b"Height map in mm     \r\n\0"
 """24 bytes: some readers take the comment to be as long as TrueMap's own."""
+SUR_SIZES_AT, SUR_SIZES = 108, struct.Struct("<2i")
+"""Where a .sur file says its columns and rows."""
 TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 
@@ -118,6 +122,28 @@ def write_tmd(file: Path, height: Height, pixel: float) -> None:
     file.write_bytes(TMD_MAGIC + TMD_COMMENT + sizes + height.astype("<f4").tobytes())
 
 
+def write_sur(file: Path, height: Height, pixel: float) -> None:
+    """Digital Surf's format, which MountainsMap and Gwyddion read: 32-bit steps; NaN: unknown.
+
+    Raises
+    ------
+    InputError
+        If surfalize is not installed, or all heights are the same: the file's steps share the
+        range of the heights out.
+    """
+    # Before anything is known of the heights: without the library they do not matter.
+    surfalize()
+    known = height[np.isfinite(height)]
+    if not known.size or known.min() == known.max():
+        raise InputError(
+            f"{file.name}: all heights are the same, which a .sur file cannot hold; write tmd or "
+            "tiff"
+        )
+    surface = areal_surface(np.where(np.isfinite(height), height, np.nan), pixel)
+    # The format is older than UTF-8: its unit is a micro sign of one byte.
+    surface.save(str(file), encoding="latin-1")
+
+
 def write_mesh(
     file: Path, height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
 ) -> None:
@@ -145,6 +171,7 @@ WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
     "tiff": write_tiff,
     "png": write_png,
     "tmd": write_tmd,
+    "sur": write_sur,
 }
 
 
@@ -188,9 +215,29 @@ def read_tmd(file: Path) -> F4:
     return np.asarray(heights.reshape(rows, columns), np.float32)
 
 
+def read_sur(file: Path) -> F4:
+    """Digital Surf's format; what was not measured is NaN."""
+    load = surfalize().Surface.load
+    with file.open("rb") as opened:
+        header = opened.read(SUR_SIZES_AT + SUR_SIZES.size)
+    if len(header) < SUR_SIZES_AT + SUR_SIZES.size:
+        raise InputError(f"{file}: ends within its header")
+    columns, rows = SUR_SIZES.unpack_from(header, SUR_SIZES_AT)
+    if min(columns, rows) < 1 or columns * rows > MOST_PIXELS:
+        raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
+    try:
+        surface = load(str(file))
+    # A file that is damaged fails in whichever way its bytes make it fail.
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{file}: cannot be read as a .sur file: {reason}") from None
+    return np.asarray(surface.data / UM, np.float32)
+
+
 READERS: Mapping[str, Callable[[Path], F4]] = {
     ".tiff": read_tiff,
     ".tif": read_tiff,
     ".png": read_png,
     ".tmd": read_tmd,
+    ".sur": read_sur,
 }

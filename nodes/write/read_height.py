@@ -17,7 +17,7 @@ def read_height(*, file: Path, crop: Crop | None = None) -> Height:
     """Read a height map in mm.
 
     ``.npy``; ``.tiff`` of 32-bit floats; ``.png`` of 16 bits that states its scale, as
-    `export_height` writes it; ``.tmd``, GelSight's.
+    `export_height` writes it; ``.tmd``, GelSight's; ``.sur``, Digital Surf's.
 
     Parameters
     ----------

@@ -39,6 +39,11 @@ MUTANTS = {
         "masked pixels count": ("if (!mask[j * W + i]) continue;", ""),
         "no plane": ("value = middle - p * mx - q * my", "value = middle"),
         "columns weigh alike": ("* taps[j - y + radius]", ""),
+        "less than no light": ("fmin(fmax(value, 0.0f), ", "fmin(value, "),
+        "no upper bound": (
+            "fmin(fmax(value, 0.0f), 2.0f * fmax(middle, 0.0f))",
+            "fmax(value, 0.0f)",
+        ),
     },
     "print_markers": {
         "the film stays": ("u = x - drag_x_mm * near", "u = x"),

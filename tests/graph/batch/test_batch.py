@@ -19,6 +19,7 @@ import fsspec
 import numpy as np
 import pyopencl as cl
 import pytest
+import xarray
 import zarr
 from numpy.typing import NDArray
 
@@ -107,6 +108,63 @@ def test_every_capture_is_in_the_store_as_if_it_were_alone(
     assert list(store.statuses) == [DONE] * 7
     for number, capture in enumerate(captures):
         np.testing.assert_array_equal(lit(store, number), expected(capture))
+
+
+SIZED = """
+format: 1
+extends: lit.yaml
+title: Lit pixels, and their size
+patch:
+  - {insert: pixel, op: pixel_size, with: {mm: 0.1}}
+  - {insert: cells, op: coarsen, in: {light: frames.image}, with: {factor: 2}}
+  - {insert: lit_cells, op: label_lit, in: {light: cells}, with: {black: 0.5}}
+outputs: {lit_cells: lit_cells, pixel: pixel}
+"""
+
+
+def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
+    tactograph: Command,
+    graph: str,
+    write: Write,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+) -> None:
+    place = tmp_path / "out.zarr"
+    assert batch(tactograph, write(SIZED, "sized.yaml"), over, place) == (0, "")
+    found = xarray.open_zarr(place, consolidated=False)
+    assert found["lit"].dims == ("capture", "y", "x")
+    assert found["lit"].attrs["units"] == "LED bits"
+    assert list(found["capture"].values) == list(map(str, captures))
+    # From the middle of the image: x right, y down.
+    np.testing.assert_allclose(found["x"], [-0.3, -0.2, -0.1, 0, 0.1, 0.2, 0.3], atol=1e-12)
+    np.testing.assert_allclose(found["y"], [-0.25, -0.15, -0.05, 0.05, 0.15, 0.25])
+    assert found["x"].attrs["units"] == found["y"].attrs["units"] == "mm"
+    one = found["lit"].sel(capture=str(captures[2])).sel(x=0.11, y=-0.26, method="nearest")
+    assert int(one) == expected(captures[2])[0, 4]
+    # A map of another size has dimensions of its own.
+    assert found["lit_cells"].dims == ("capture", "lit_cells_y", "lit_cells_x")
+    assert int(found["status"].sum()) == 7 * DONE
+
+
+def test_a_store_with_places_takes_more_captures(
+    tactograph: Command, graph: str, write: Write, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    place, sized = tmp_path / "out.zarr", write(SIZED, "sized.yaml")
+    assert batch(tactograph, sized, over, place) == (0, "")
+    make_capture(captures[0].with_name("capture_07"), 7)
+    assert batch(tactograph, sized, over, place) == (0, "")
+    found = xarray.open_zarr(place, consolidated=False)
+    assert dict(found.sizes) == {"capture": 8, "y": 6, "x": 7, "lit_cells_y": 3, "lit_cells_x": 4}
+
+
+def test_without_a_pixel_size_an_image_has_names_but_no_places(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr") == (0, "")
+    found = xarray.open_zarr(tmp_path / "out.zarr", consolidated=False)
+    assert found["lit"].dims == ("capture", "y", "x")
+    assert {*found.coords} == {"capture"}
 
 
 def test_what_runs_elsewhere_than_wanted_is_told_once(

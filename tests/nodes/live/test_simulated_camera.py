@@ -12,6 +12,9 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
+from tactograph.nodes.marker.find_markers import find_markers
+from tactograph.nodes.marker.marker_darkness import marker_darkness
+from tactograph.nodes.marker.track_markers import track_markers
 from tactograph.nodes.simulate.render import render
 
 pytestmark = pytest.mark.realtime
@@ -41,6 +44,27 @@ def test_a_frame_is_what_the_simulator_renders(moment: float, led: int) -> None:
     apart = np.abs(np.mean(frames, axis=0) / 255 - rendered)
     assert apart.mean() < 0.003
     assert np.quantile(apart, 0.99) < 0.015
+
+
+def test_markers_are_on_the_film_and_are_dragged_with_the_ball() -> None:
+    printed = {"marker_pitch_mm": 2.0, "drag_mm": 0.8, "path_mm": 0.0}
+    sensor = SimulatedSensor(replace(SCENE, **printed), start=0.0)
+    at_rest, deepest = (
+        marker_darkness(sensor.image(under(1), t, 1)[None] / np.float32(255)) for t in (0.0, 4.0)
+    )
+    markers = find_markers(at_rest)
+    columns, rows = ((n / 7 - 2) // 2 for n in (SCENE.width_px, SCENE.height_px))
+    assert len(markers) >= columns * rows
+    tracks = track_markers(deepest, markers, SCENE.pixel_size_mm)
+    assert tracks.seen.mean() > 0.9
+    assert tracks.quality["marker_shift_mm"] == pytest.approx(0.8, abs=0.08)
+    far = np.hypot(*(markers[:, :2] - [79.5, 59.5]).T) > 10 * 7
+    assert np.abs(tracks.shift[far]).max() / 7 < 0.1
+
+
+def test_a_film_without_markers_is_as_before() -> None:
+    plain, scene = SENSOR.image(under(1), 4.0, 1), replace(SCENE, marker_mm=0.4, drag_mm=1.0)
+    np.testing.assert_array_equal(SimulatedSensor(scene, start=0.0).image(under(1), 4.0, 1), plain)
 
 
 def test_the_ball_goes_down_and_up_and_round() -> None:

@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from tactograph.graph import Provenance, Session
+from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.recording._mcap_log import log_files
 from tactograph.nodes.recording.write_mcap import write_mcap
 
@@ -22,6 +23,12 @@ PIXEL = 0.05
 HEIGHT = np.linspace(0, 1.5, 48, dtype=np.float32).reshape(SIZE)
 IMAGE = np.linspace(0, 1, 4 * 48, dtype=np.float32).reshape(4, *SIZE)
 SHADOW = np.arange(48, dtype=np.uint8).reshape(SIZE)
+CONTACT = np.zeros(SIZE, np.uint8)
+CONTACT[1:4, 2:5], CONTACT[4, 6] = 1, 2
+FIGURES = measure_contact(HEIGHT, CONTACT, PIXEL)
+MARKERS = np.array([[1, 2, 1.5], [5, 3, 2]], np.float32)
+SHIFT = np.array([[0.5, -0.25], [2, 1]], np.float32)
+SEEN = np.array([1, 0], np.uint8)
 
 
 def provenance(warnings: list[str]) -> Provenance:
@@ -40,8 +47,12 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
             PIXEL,
             f"{touch:06}",
             SHADOW,
-            {"rmse": 0.5},
+            {"rmse": 0.5, **FIGURES},
             now + touch / 30,
+            CONTACT,
+            MARKERS,
+            SHIFT,
+            SEEN,
             folder=tmp_path,
             provenance=provenance(warnings),
             session=session,
@@ -72,6 +83,10 @@ def test_another_reader_of_ros_bags_takes_them_for_the_standard_messages(
     metres = height.data.view("<f4").reshape(height.height, height.width)
     np.testing.assert_allclose(metres, HEIGHT / 1000, rtol=1e-6)
     assert [status.message for status in found["/diagnostics"][1].status] == ["too bright"]
+    assert found["/contact"][0].encoding == "mono8"
+    np.testing.assert_array_equal(found["/contact"][0].data.reshape(SIZE), CONTACT)
+    clouds = [points(found[topic][0]) for topic in ("/contacts", "/markers")]
+    assert [len(cloud["x"]) for cloud in clouds] == [2, 2]
 
 
 def test_a_height_is_an_image_in_metres(messages: dict[str, Any]) -> None:
@@ -97,6 +112,51 @@ def test_points_lie_where_the_pixels_are_in_metres(messages: dict[str, Any]) -> 
     np.testing.assert_allclose(points[2, 3], [6 * 5e-5, 4 * 5e-5, HEIGHT[4, 6] / 1000], rtol=1e-6)
 
 
+def points(cloud: Any) -> dict[str, np.ndarray]:
+    """The fields of a cloud that is one row, by name."""
+    assert (cloud.height, cloud.point_step) == (1, 4 * len(cloud.fields))
+    values = np.frombuffer(bytes(cloud.data), "<f4").reshape(cloud.width, len(cloud.fields))
+    return {each.name: column for each, column in zip(cloud.fields, values.T, strict=True)}
+
+
+def test_a_contact_is_a_point_with_its_figures_in_metres_and_radians(
+    messages: dict[str, Any],
+) -> None:
+    found = points(messages["/contacts"][0][2])
+    np.testing.assert_allclose(found["x"], [3 * 5e-5, 6 * 5e-5], rtol=1e-6)
+    np.testing.assert_allclose(found["y"], [2 * 5e-5, 4 * 5e-5], rtol=1e-6)
+    np.testing.assert_allclose(found["z"], [HEIGHT[3, 4] / 1000, HEIGHT[4, 6] / 1000], rtol=1e-6)
+    np.testing.assert_allclose(found["area"], [9 * 5e-5**2, 5e-5**2], rtol=1e-6)
+    volume = HEIGHT[1:4, 2:5].sum() * 1e-3 * 5e-5**2
+    assert found["volume"][0] == pytest.approx(volume, rel=1e-5)
+    assert found["angle"][0] == pytest.approx(np.deg2rad(FIGURES["contact_angle_deg/c1"]))
+
+
+def test_without_a_contact_there_is_an_empty_cloud(tmp_path: Path) -> None:
+    session = Session()
+    rest = np.zeros(SIZE, np.float32)
+    figures = measure_contact(rest, np.zeros(SIZE, np.uint8), PIXEL)
+    made = provenance([])
+    write_mcap(
+        rest, IMAGE, PIXEL, "0", None, figures, folder=tmp_path, provenance=made, session=session
+    )
+    session.close()
+    (path,) = log_files(tmp_path)
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        found = {channel.topic: m for _, channel, _, m in reader.iter_decoded_messages()}
+    assert (found["/contacts"].width, bytes(found["/contacts"].data)) == (0, b"")
+    assert "/markers" not in found
+
+
+def test_a_marker_is_a_point_with_its_shift_in_metres(messages: dict[str, Any]) -> None:
+    found = points(messages["/markers"][0][2])
+    names = ("x", "y", "radius", "dx", "dy")
+    table = np.column_stack([found[name] for name in names])
+    np.testing.assert_allclose(table, 5e-5 * np.hstack([MARKERS, SHIFT]), rtol=1e-6)
+    assert found["seen"].tolist() == [1, 0]
+
+
 def test_the_leds_images_and_the_labels_are_grey_images(messages: dict[str, Any]) -> None:
     for k in range(4):
         image = messages[f"/led{k + 1}/image"][0][2]
@@ -111,7 +171,9 @@ def test_diagnostics_hold_times_metrics_and_warnings(messages: dict[str, Any]) -
     assert schema.name == "diagnostic_msgs/msg/DiagnosticArray"
     (status,) = array.status
     values = {pair.key: pair.value for pair in status.values}
-    assert values == {"height / ms": "2.5", "rmse": "0.5"}
+    assert values["height / ms"] == "2.5"
+    assert values["rmse"] == "0.5"
+    assert float(values["contact_depth_mm/c1"]) == FIGURES["contact_depth_mm/c1"]
     levels = [a.status[0].level for _, _, a in messages["/diagnostics"]]
     assert [int.from_bytes(v) if isinstance(v, bytes) else v for v in levels] == [0, 1]
     assert messages["/diagnostics"][1][2].status[0].message == "too bright"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import cv2
@@ -19,7 +20,15 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
-from tactograph.nodes.write._height_files import MESHES, PNG_TEXT, WRITERS, read_tmd, write_tmd
+from tactograph.nodes.write._height_files import (
+    MESHES,
+    PNG_TEXT,
+    WRITERS,
+    read_sur,
+    read_tmd,
+    write_sur,
+    write_tmd,
+)
 from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.read_height import read_height
 
@@ -38,7 +47,9 @@ def exported(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(("suffix", "step"), [("npy", 0), ("tiff", 0), ("tmd", 0), ("png", 5e-5)])
+@pytest.mark.parametrize(
+    ("suffix", "step"), [("npy", 0), ("tiff", 0), ("tmd", 0), ("sur", 1e-7), ("png", 5e-5)]
+)
 def test_what_is_written_is_read_back(exported: Path, suffix: str, step: float) -> None:
     read = read_height(file=exported / f"height.{suffix}")
     assert read.dtype == np.float32
@@ -71,6 +82,38 @@ def test_a_tmd_is_read_by_a_surface_metrology_package(exported: Path) -> None:
     np.testing.assert_array_equal(surface.data, slope())
     assert surface.step_x == pytest.approx(PIXEL)
     assert surface.step_y == pytest.approx(PIXEL)
+
+
+def test_a_sur_is_read_by_a_surface_metrology_package_in_micrometres(exported: Path) -> None:
+    from surfalize import Surface
+
+    surface = Surface.load(str(exported / "height.sur"))
+    np.testing.assert_allclose(surface.data, 1000 * slope(), atol=1e-4)
+    assert surface.step_x == surface.step_y == pytest.approx(1000 * PIXEL)
+    assert (exported / "height.sur").read_bytes()[:512].count(b"\xb5m ") == 6
+
+
+def test_what_is_not_known_stays_unknown_in_a_sur(tmp_path: Path) -> None:
+    height = slope()
+    height[:3, :5] = np.nan
+    write_sur(tmp_path / "height.sur", height, PIXEL)
+    np.testing.assert_allclose(read_sur(tmp_path / "height.sur"), height, atol=1e-7)
+    with pytest.raises(InputError, match="holds NaN"):
+        read_height(file=tmp_path / "height.sur")
+
+
+def test_a_sur_cannot_hold_a_height_map_that_is_level(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="all heights are the same"):
+        export_height(np.zeros((4, 5), np.float32), PIXEL, folder=tmp_path, formats=("sur",))
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_surfalize_a_sur_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "surfalize", None)
+    with pytest.raises(InputError, match=r"pip install tactograph\[metrology\]"):
+        export_height(slope(), PIXEL, folder=tmp_path, formats=("sur",))
 
 
 def test_gelsights_own_file_is_read_in_mm(groove: Path) -> None:
@@ -129,6 +172,21 @@ def test_a_damaged_tmd_is_refused_wherever_it_ends(exported: Path) -> None:
         (exported / "cut.tmd").write_bytes(whole[:end])
         with pytest.raises(InputError, match=r"cut\.tmd"):
             read_height(file=exported / "cut.tmd")
+
+
+@pytest.mark.parametrize("end", [0, 11, 100, 511, 600, -1])
+def test_a_damaged_sur_is_refused_wherever_it_ends(exported: Path, end: int) -> None:
+    (exported / "cut.sur").write_bytes((exported / "height.sur").read_bytes()[:end])
+    with pytest.raises(InputError, match=r"cut\.sur"):
+        read_height(file=exported / "cut.sur")
+
+
+def test_a_sur_that_asks_for_more_heights_than_a_sensor_has_is_refused(exported: Path) -> None:
+    content = bytearray((exported / "height.sur").read_bytes())
+    content[108:116] = b"\xff\xff\xff\x7f" * 2
+    (exported / "huge.sur").write_bytes(content)
+    with pytest.raises(InputError, match="which no sensor has"):
+        read_height(file=exported / "huge.sur")
 
 
 def test_a_png_without_a_scale_is_no_height_map(tmp_path: Path) -> None:

@@ -1,0 +1,109 @@
+"""Smooth the flat frame where presses do not confirm its detail."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+
+from tactograph.graph import node
+from tactograph.nodes import F4, Light
+from tactograph.nodes.capture._sheet import SheetLight, cut
+
+SCALES_PX = (4.0, 8.0, 16.0, 32.0)
+"""Standard deviations of the Gaussians between which detail is judged."""
+NARROW = 8
+"""An image has to be so many times as wide as a Gaussian."""
+DEGREE = 6
+"""Of the polynomial that light follows over the image, whatever presses show."""
+DARKEST = np.float32(0.02)
+"""Light below which nothing is changed."""
+BLOCK = 32
+"""Pixels of a block's side: the calmer half of a press's blocks counts, where nothing touches."""
+MARK, CONFIRMED = 5.0, 0.5
+"""Detail of so many standard deviations stays where presses show so much of it."""
+
+
+@node
+def denoise_flat(flat: Light, image: SheetLight) -> Light:
+    """Return the flat frame without the detail that the presses of a calibration lack.
+
+    A flat frame divides every capture, so its noise is part of every result; and a real film
+    settles anew after every touch, with another grain.  What stays in its place (albedo, dirt,
+    markers, the lens) is in the presses, too, where nothing touches.  So the logarithm of the
+    light is split into bands of detail, and a band is multiplied by cov(flat, press) / var(flat)
+    (Wiener's filter).  Strong detail that the presses show at the same pixel stays, and so does
+    all that is coarser than the widest Gaussian.
+
+    Parameters
+    ----------
+    flat
+        K x H x W, the film at rest; a uniform one does not change.
+    image
+        K x S x W, the presses as captured, on a sheet (`_sheet`).
+
+    Returns
+    -------
+    ndarray
+        K x H x W.
+    """
+    made = flat.copy()
+    for plane, sheet, result in zip(flat, image, made, strict=True):
+        if np.ptp(plane) > 0:
+            log_flat, *presses = (
+                np.log(np.maximum(part, DARKEST)) for part in (plane, *cut(sheet, len(plane)))
+            )
+            np.copyto(result, np.exp(_confirmed(log_flat, presses)), where=plane > DARKEST)
+    return made
+
+
+def _confirmed(flat: F4, presses: list[F4]) -> F4:
+    bands, found = _bands(flat)
+    shown = [_bands(press)[0] for press in presses]
+    calm = [_calm(of_press[-1]) for of_press in shown] if bands else []
+    for i, band in enumerate(bands):
+        others = [of_press[i] for of_press in shown]
+        shared = sum((_by_block(band * o) * c).sum() for o, c in zip(others, calm, strict=True))
+        whole = sum((_by_block(band * band) * c).sum() for c in calm)
+        share = np.float32(np.clip(shared / whole, 0, 1)) if whole > 0 else np.float32(1)
+        mean = sum(others[1:], others[0]) / np.float32(len(others))
+        spread = 1.4826 * np.median(np.abs(band))
+        mark = (np.abs(band) > MARK * spread) & (band * mean > CONFIRMED * band * band)
+        found = found + np.where(mark, np.float32(1), share) * band
+    return found
+
+
+def _bands(plane: F4) -> tuple[list[F4], F4]:
+    """The detail between a scale and the next, and what is coarser than all.
+
+    The trend is taken out before: what is left may be mirrored at the borders.
+    """
+    trend = _trend(plane)
+    left = plane - trend
+    scales = [s for s in SCALES_PX if NARROW * s < min(plane.shape)]
+    levels = [left, *(cv2.GaussianBlur(left, (0, 0), scale) for scale in scales)]
+    return [fine - coarse for fine, coarse in pairwise(levels)], trend + levels[-1]
+
+
+def _trend(plane: F4) -> F4:
+    """The polynomial of least squares, of `DEGREE` along x and along y."""
+    down, across = (
+        np.linalg.qr(chebvander(np.linspace(-1, 1, side), DEGREE))[0].astype(np.float32)
+        for side in plane.shape
+    )
+    return np.asarray(down @ (down.T @ plane @ across) @ across.T, np.float32)
+
+
+def _calm(band: F4) -> F4:
+    """1 for the blocks that vary least, 0 for the others."""
+    rough = _by_block(band * band)
+    return np.asarray(rough <= np.median(rough), np.float32)
+
+
+def _by_block(plane: F4) -> F4:
+    """The sums over whole blocks."""
+    rows, columns = (side // BLOCK for side in plane.shape)
+    blocks = plane[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
+    return np.asarray(blocks.sum(axis=(1, 3)), np.float32)

@@ -1,0 +1,39 @@
+"""Height maps as surfalize, a package of surface metrology, has them: in micrometres."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.nodes import Height
+
+UM = 1e3
+"""A millimetre in micrometres."""
+
+
+def surfalize() -> Any:
+    """The package, which takes seconds to load.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module("surfalize")
+    except ImportError:
+        raise InputError(
+            "surface texture and .sur files need surfalize, which is not installed; "
+            "pip install tactograph[metrology]"
+        ) from None
+
+
+def areal_surface(height: Height, pixel: float, left_out: NDArray[np.bool_] | None = None) -> Any:
+    """Return a ``surfalize.Surface`` of a height map in mm; points that are `left_out` masked."""
+    return surfalize().Surface(
+        UM * height.astype(np.float64), UM * pixel, UM * pixel, mask=left_out
+    )

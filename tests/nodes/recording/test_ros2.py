@@ -1,0 +1,207 @@
+"""Topics of ROS 2: heard by a plain node of a real ROS, which publishes camera images, too."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.nodes import F4
+from tactograph.nodes.contact.measure_contact import measure_contact
+from tactograph.nodes.live._calibrated_film import CalibratedFilm
+from tactograph.nodes.recording._ros import image_message
+from tactograph.nodes.recording._ros_node import RosNode
+from tactograph.nodes.recording.read_ros2 import RosTouches
+from tests.conftest import MadeOnce
+
+PEER = Path(__file__).with_name("ros2_peer.py")
+HAS_ROS = importlib.util.find_spec("rclpy") is not None
+ROS_PYTHON = Path(sys.executable if HAS_ROS else Path(sys.prefix) / "ros2" / "bin" / "python")
+needs_ros = pytest.mark.skipif(
+    not ROS_PYTHON.exists(), reason="no ROS 2 is here: see tests/install_ros2.sh"
+)
+PIXEL_MM = 0.05
+SIZE = {"width_px": 80, "height_px": 60, "pixel_size_mm": 2 / 7}
+
+
+def ask(task: str, *words: object) -> dict[str, Any]:
+    """Let the peer do something under ROS, and return what it heard."""
+    folders = [path for path in sys.path if path.endswith("site-packages")]
+    command = [str(ROS_PYTHON), str(PEER), os.pathsep.join(folders), task, *map(str, words)]
+    # Nobody beyond this machine, and none of the other tests, is to hear of it.
+    own = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOCALHOST_ONLY": "1",
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+    }
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=100, check=False, env={**os.environ, **own}
+    )
+    assert done.returncode == 0, done.stderr
+    heard: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return heard
+
+
+def picture(message: dict[str, Any], kind: str) -> np.ndarray:
+    values = np.frombuffer(bytes.fromhex(message["data"]), kind)
+    return values.reshape(message["height"], message["width"])
+
+
+def points(message: dict[str, Any]) -> dict[str, np.ndarray]:
+    """The fields of a cloud, by name."""
+    values = np.frombuffer(bytes.fromhex(message["data"]), "<f4")
+    names = [field["name"] for field in message["fields"]]
+    return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
+
+
+@needs_ros
+def test_height_contact_markers_and_diagnostics_are_heard_on_topics(tmp_path: Path) -> None:
+    height = np.zeros((6, 8), np.float32)
+    height[1:4, 2:7] = 0.4
+    contact = (height > 0).astype(np.uint8)
+    figures = measure_contact(height, contact, PIXEL_MM)
+    parts: dict[str, Any] = {
+        "height": height,
+        "contact": contact,
+        "image": np.full((3, 6, 8), 0.5, np.float32),
+        "shadow": np.zeros((6, 8), np.uint8),
+        "markers": np.array([[2, 3, 1]], np.float32),
+        "shift": np.array([[0.5, -1]], np.float32),
+        "seen": np.ones(1, np.uint8),
+        "metrics": np.array(json.dumps(figures)),
+    }
+    np.savez(tmp_path / "touch.npz", **parts)
+    heard = ask("publish", tmp_path / "touch.npz")
+    assert heard["/pad/height"]["encoding"] == "32FC1"
+    np.testing.assert_allclose(picture(heard["/pad/height"], "<f4"), height / 1000, rtol=1e-6)
+    np.testing.assert_array_equal(picture(heard["/pad/contact"], "u1"), contact)
+    found = points(heard["/pad/contacts"])
+    assert found["x"] == pytest.approx([4 * 5e-5])
+    assert found["y"] == pytest.approx([2 * 5e-5])
+    assert found["z"] == pytest.approx([4e-4])
+    assert found["area"] == pytest.approx([15 * 5e-5**2])
+    moved = points(heard["/pad/markers"])
+    assert moved["dx"] == pytest.approx([0.5 * 5e-5])
+    assert moved["dy"] == pytest.approx([-1 * 5e-5])
+    (status,) = heard["/diagnostics"]["status"]
+    assert (status["level"], status["message"]) == (1, "too bright")
+    assert heard["/pad/touch"]["data"] == "000007"
+
+
+def simulated(graph: str, out: Path, **given: object) -> Path:
+    with open_pipeline(read_graph(graph), {"out": str(out), **given}) as pipeline:
+        list(pipeline.items())
+    return out
+
+
+@pytest.fixture
+def sensor(made_once: MadeOnce) -> Path:
+    """A calibration and a touch of a small simulated sensor."""
+
+    def make(folder: Path) -> None:
+        flat = simulated("simulate_flat", folder / "flat", seed=1, **SIZE)
+        ball = simulated("simulate", folder / "ball", radius_mm=5.0, seed=2, **SIZE)
+        known = {"ball_radius_mm": 5.0, "pixel_size_mm": 2 / 7}
+        simulated(
+            "calibrate", folder / "cal.npz", capture=str(ball), flat=str(flat), **known
+        )  # fmt: skip
+        simulated("simulate_press", folder / "touch", radius_mm=5.0, rise_mm=1.5, **SIZE)
+
+    return made_once("ros2_sensor", make)
+
+
+@needs_ros
+def test_camera_images_on_a_topic_give_heights_on_another(sensor: Path) -> None:
+    heard = ask("graph", sensor / "cal.npz", sensor / "touch")
+    height = 1000 * picture(heard["/tactograph/height"], "<f4")
+    truth = np.load(sensor / "touch" / "truth_height_mm.npy")
+    assert np.sqrt(np.mean((height - truth) ** 2)) < 0.03
+    # The stamp is that of the camera's image.
+    assert heard["/tactograph/height"]["header"]["stamp"]["sec"] in (1_699_999_999, 1_700_000_000)
+    assert len(points(heard["/tactograph/contacts"])["x"]) == 1
+
+
+@needs_ros
+def test_a_name_that_ros_refuses_is_told_in_one_line() -> None:
+    refused = ask("refuse", "")["refused"]
+    assert "node_name=not a name" in refused
+    assert "\n" not in refused
+
+
+@pytest.mark.skipif(HAS_ROS, reason="ROS 2 is here")
+def test_without_ros_one_line_says_so() -> None:
+    with pytest.raises(InputError, match="source its setup file"):
+        RosNode("tactograph", "")
+
+
+def image(data: np.ndarray, frame: str, encoding: str | None = None) -> Any:
+    """An image as ROS hands it over."""
+    body = dict(image_message("", 1_700_000_000_500_000_000, data, frame).body)
+    header = body.pop("header")
+    stamp = SimpleNamespace(**header["stamp"])
+    body["encoding"] = encoding or body["encoding"]
+    return SimpleNamespace(**body, header=SimpleNamespace(stamp=stamp, frame_id=frame))
+
+
+def touches(leds: int = 3, *, one_shot: bool = False, bits: int | None = None) -> RosTouches:
+    flat: F4 = np.ones((leds, 4, 5), np.float32)
+    return RosTouches(CalibratedFilm(flat, np.zeros((4, 5), np.float32), one_shot), "bgr", bits)
+
+
+@pytest.mark.parametrize(("dtype", "top"), [(np.uint8, 255), (np.uint16, 65535)])
+def test_a_touch_is_whole_when_every_led_has_an_image(dtype: type, top: int) -> None:
+    made = touches()
+    came = [made.take(image(np.full((4, 5), 10 * k, dtype), f"led{k}")) for k in (2, 3, 1)]
+    assert came[:2] == [None, None]
+    assert came[2] is not None
+    np.testing.assert_allclose(came[2].image[:, 0, 0] * top, [10, 20, 30], rtol=1e-6)
+    assert came[2].name == "000001"
+
+
+def test_of_a_one_shot_sensor_every_image_is_a_touch() -> None:
+    blue = np.zeros((4, 5, 3), np.uint8)
+    blue[..., 0] = 255
+    for encoding, lit in (("bgr8", 0), ("rgb8", 2)):
+        touch = touches(one_shot=True).take(image(blue, "camera", encoding))
+        assert touch is not None
+        assert touch.image[:, 0, 0].argmax() == lit
+
+
+def test_a_camera_that_fills_12_of_16_bits_reaches_full_scale() -> None:
+    made = touches(1, bits=12)
+    touch = made.take(image(np.full((4, 5), 4095, np.uint16), "led1"))
+    assert touch is not None
+    assert touch.image.max() == 1
+
+
+@pytest.mark.parametrize(
+    ("data", "frame", "encoding", "says"),
+    [
+        (np.zeros((4, 5), np.uint8), "led4", None, "led1 to led3 are known"),
+        (np.zeros((4, 5), np.uint8), "camera", None, "led1 to led3 are known"),
+        (np.zeros((4, 6), np.uint8), "led1", None, "6 x 4 pixels"),
+        (np.zeros((4, 5, 3), np.uint8), "led1", None, "mono8 or mono16"),
+        (np.zeros((4, 5), np.float32), "led1", None, "8 or 16 bits"),
+        (np.zeros((4, 5), np.uint8), "led1", "yuv422", "yuv422"),
+    ],
+)
+def test_what_is_no_image_of_an_led_is_left_out_and_told(
+    data: np.ndarray, frame: str, encoding: str | None, says: str
+) -> None:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        assert touches().take(image(data, frame, encoding)) is None
+    assert says in notes[0]
+    assert "\n" not in notes[0]
