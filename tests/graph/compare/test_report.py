@@ -18,8 +18,7 @@ from tactograph.graph.command import run_command
 from tactograph.graph.compare.differences import Difference, differences
 from tactograph.graph.compare.drawable_arrays import View, load_views, save_views
 from tactograph.graph.compare.report import _pictures
-from tactograph.graph.files.dump_graph import dump_graph
-from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.files.read_graph import read_graph
 from tests.conftest import MadeOnce
 from tests.graph.conftest import Command, Write
 
@@ -286,14 +285,6 @@ def test_a_graph_that_was_tampered_with_is_not_run_again(tactograph: Command, re
     refused = tactograph("compare", "--again", report)
     assert refused.code == 2
     assert "was changed since" in refused.err
-
-
-@pytest.mark.parametrize("name", shipped_names())
-def test_a_dumped_graph_reads_back_as_the_same(name: str, write: Write) -> None:
-    graph = read_graph(name)
-    again = read_graph(write(dump_graph(graph)))
-    assert again.hash == graph.hash
-    assert again.as_dict() == graph.as_dict()
 
 
 def test_differences_are_told_node_by_node() -> None:

@@ -17,13 +17,8 @@ from tactograph.graph.plan.draw import edges, to_dot, to_mermaid, use_of
 from tactograph.graph.plan.draw_svg import to_svg
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
-
-
-def planned(file: str, device: OpenCL | None) -> Plan:
-    graph = read_graph(file)
-    return make_plan(graph, placeholders(graph), device=device)
+from tests.graph.plan.plans import planned
 
 
 def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:

@@ -5,17 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draft import Value
-from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
-
-
-def planned(file: str, device: OpenCL | None) -> Plan:
-    graph = read_graph(file)
-    return make_plan(graph, placeholders(graph), device=device)
+from tests.graph.plan.plans import planned
 
 
 def transfers(plan: Plan) -> list[str]:
