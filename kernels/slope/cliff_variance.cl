@@ -43,7 +43,7 @@ __kernel void cliff_variance(
     const float pixel,
     __global float *restrict out,
     const int H, const int W, const int K,
-    const float jump)
+    const float jump, const float grazing)
 {
     GRID_2(y, x, H, W)
     float largest = 0.0f;
@@ -52,7 +52,7 @@ __kernel void cliff_variance(
         for (int column = max(x - reach, 0); column <= min(x + reach, W - 1); ++column)
             largest = fmax(largest,
                            cliff(light, shadow, lights, pixel, K, H, W, row, column));
-    const float step = jump * largest;
+    const float step = jump * fmax(largest - grazing, 0.0f);
     const int size = H * W, i = y * W + x;
     out[i] = variance[i] + step * step;
     out[size + i] = variance[size + i] + step * step;

@@ -6,6 +6,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._ball_normals import ball_normals
@@ -17,6 +18,8 @@ NEAREST_PX = 2
 """The noise of pixels so far apart is independent, after a lens was undistorted, too."""
 FARTHEST, LAGS = 0.7, 12
 """Longest lag by a contact's radius; how many there are."""
+WITHIN = 0.95
+"""Quantile at which a normal law stands for Student's: that of the 90 % band."""
 EVERY = 7
 """Pixel that LEDs elsewhere are tried on."""
 LEVEL = 0.1
@@ -44,7 +47,9 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
 
     Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
     distance is the covariance of what the model leaves, apart from what it leaves all around a
-    ball alike: normals that lean too much, or too little.
+    ball alike: normals that lean too much, or too little.  Both are stated for one more press:
+    the model errs in common by what a few presses could not tell it (variance 1 + 1/n), and a
+    level from n tilts is Student's, not normal.
 
     Parameters
     ----------
@@ -78,6 +83,8 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
     level, known = _root(normal[0] - chance), np.mean([_led_tilt(part, others) for part in held])
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
+    level *= float(np.sqrt(1 + 1 / len(held)))
+    tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
 
 

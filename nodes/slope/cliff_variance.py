@@ -26,12 +26,14 @@ def cliff_variance(
     pixel: PixelSize,
     *,
     jump: Annotated[float, Ge(0)] = 3.0,
+    grazing: Annotated[float, Ge(0)] = 0.3,
 ) -> SlopeVariance:
-    """Add (jump * m)^2 where a pixel lit with m has darkness right behind it.
+    """Add (jump max(m - grazing, 0))^2 where a pixel lit with m has darkness right behind it.
 
-    A round body is lit at a grazing angle where its shadow begins, m close to 0; a sharp
-    edge is lit well, and the step behind it shows in no slope.  The largest m over the LEDs
-    and over 3 x 3 pixels counts, for a step lies between two pixels.
+    A round body is lit at a grazing angle where its shadow begins, m close to 0, or what
+    a film that diffuses light and the noise of a label make of that; a sharp edge is lit well,
+    and the step behind it shows in no slope.  The largest m over the LEDs and over 3 x 3
+    pixels counts, for a step lies between two pixels.
 
     Parameters
     ----------
@@ -46,7 +48,9 @@ def cliff_variance(
     pixel
         mm per px.
     jump
-        Standard deviation of the slope across a fully lit edge.
+        Standard deviation of the slope across an edge, by its light beyond `grazing`.
+    grazing
+        Light at which a smooth film may well turn away from an LED.
     """
     cliff = np.zeros(shadow.shape, np.float32)
     for k in range(len(light)):
@@ -54,7 +58,8 @@ def cliff_variance(
         if dark.any():
             behind = _behind(dark, lights[k] / np.float32(pixel))
             cliff = np.maximum(cliff, np.where(behind & ~dark, light[k], np.float32(0)))
-    step = np.float32(jump) * _largest_neighbour(cliff)
+    sharp = np.maximum(_largest_neighbour(cliff) - np.float32(grazing), np.float32(0))
+    step = np.float32(jump) * sharp
     return np.asarray(variance + step * step, np.float32)
 
 

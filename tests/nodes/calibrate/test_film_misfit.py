@@ -62,3 +62,11 @@ def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
         film = part.fitted.film._replace(albedo=albedo)
         parts.append(part._replace(fitted=part.fitted._replace(film=film)))
     assert misfit(parts, NOWHERE_ELSE, PIXEL)[3] == pytest.approx(0.03 / 0.63, rel=1e-3)
+
+
+def test_few_presses_state_more_than_many() -> None:
+    """What a model leaves on one press tells little of what it will leave on the next."""
+    part = held(0.01, diffuse=np.full(len(LIGHTS), 0.05))
+    *_, one = misfit([part], NOWHERE_ELSE, PIXEL)
+    *_, many = misfit([part] * 12, NOWHERE_ELSE, PIXEL)
+    assert one > 3 * many

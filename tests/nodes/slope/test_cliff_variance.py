@@ -1,0 +1,37 @@
+"""Where a lit pixel has a shadow right behind it, the height may jump."""
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.slope.cliff_variance import cliff_variance
+
+LED = np.array([[-30.0, 0.0, 30.0]], np.float32)
+"""One LED on the left."""
+EDGE = 10
+"""The first column in the shadow."""
+
+
+def added(light_at_the_edge: float) -> F4:
+    """What the standard deviation of a slope grows to, row by row alike."""
+    shadow = np.zeros((20, 20), np.uint8)
+    shadow[:, EDGE:] = 1
+    light = np.where(shadow, 0, light_at_the_edge).astype(np.float32)[None]
+    none = np.zeros((2, 20, 20), np.float32)
+    return np.sqrt(cliff_variance(none, light, shadow, LED, 0.1, jump=3.0, grazing=0.3))
+
+
+def test_an_edge_in_full_light_may_be_a_step() -> None:
+    np.testing.assert_allclose(added(1.0)[:, :, EDGE - 1], 3 * 0.7, rtol=1e-5)
+
+
+def test_the_step_lies_within_a_pixel_of_the_edge() -> None:
+    found = added(1.0)
+    assert (found[:, :, EDGE - 2 : EDGE + 1] > 0).all()
+    assert (found[:, :, : EDGE - 2] == 0).all()
+    assert (found[:, :, EDGE + 1 :] == 0).all()
+
+
+@pytest.mark.parametrize("light", [0.0, 0.1, 0.29])
+def test_a_smooth_film_turns_away_from_an_led_without_a_step(light: float) -> None:
+    assert (added(light) == 0).all()
