@@ -128,6 +128,15 @@ MUTANTS = {
         "skirts count too": ("if (!heed) return calm;", "return calm;"),
         "bounced light is drift": ("- load_floats(bounced + i, count)", ""),
     },
+    "touch_misfit": {
+        "level film tells too": ("q * q > TILTED * TILTED", "q * q > 0.0f"),
+        "any LEDs tell": ("== (1 << K) - 1)", "!= 999)"),
+        "the neighbour below alone": ("+ LOAD_LANES(here + lag))", "+ 0.0f)"),
+        "the nearest neighbours": ("here + lag * W) + LOAD_LANES(here + lag)", "here + W) * 2.0f"),
+        "the LEDs' sum": (" / (float)K", ""),
+        "as many as blocks": ("pairs += LOAD_LANES(counts + i) *", "pairs += 0.1f *"),
+        "the width forgotten": ("misfit[1] = width", "misfit[1] = level"),
+    },
     "matt_light": {
         "bounced light forgotten": ("if (bounced) shown[k] -=", "if (0) shown[k] -="),
         "no grain": ("grain = film_grain * shown[k]", "grain = 0.0f * shown[k]"),
