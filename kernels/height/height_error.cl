@@ -3,6 +3,7 @@
 #include "near_light.clh"
 #include "group.clh"
 #include "springs.clh"
+#include "spring_cells.clh"
 #include "height_system.clh"
 
 #define STEEPEST 3.0f

@@ -151,8 +151,8 @@ def _launch(run: Launch) -> None:
         height = known if warm else height
     for scale in _scales(settings["rounds"], robust, settings["ease"], warm=warm):
         solver.weigh(height, scale)
-        enough = ENOUGH * solver.energy(solver.wants)
-        solver.solve(solver.wants, height, settings["steps"], enough)
+        enough = ENOUGH * solver.energy(solver.pixels, solver.wants)
+        solver.solve(solver.pixels, solver.wants, height, settings["steps"], enough)
     run.kernel("place", size, height, out, *size, *solver.place)
     mask = run.inputs.get("mask")
     if not touch.any_rest:
