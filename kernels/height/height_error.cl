@@ -2,6 +2,7 @@
 #include "lanes.clh"
 #include "near_light.clh"
 #include "group.clh"
+#include "border.clh"
 #include "springs.clh"
 #include "spring_cells.clh"
 #include "height_system.clh"
@@ -286,41 +287,44 @@ LANED __kernel void blur(
 }
 
 // What the height of a pixel departs from its neighbours by, beyond a film's bend.
-static float bent(
-    __global const float *height, const int y, const int x, const int H, const int W,
-    const float most)
-{
-    const float here = 2.0f * height[y * W + x];
-    const float across = height[y * W + min(x + 1, W - 1)] - here + height[y * W + max(x - 1, 0)];
-    const float along = height[min(y + 1, H - 1) * W + x] - here + height[max(y - 1, 0) * W + x];
-    return fmax(sqrt(across * across + along * along) - most, 0.0f);
-}
-
-// An edge that no pixel resolves may as well lie in the next.
-static float unresolved(
-    __global const float *height, const int row, const int column, const int H, const int W,
+LANED __kernel void bends(
+    __global const float *restrict height, __global float *restrict bent, const int H, const int W,
     const float pixel)
 {
-    float found = 0.0f;
-    for (int y = max(row - 1, 0); y <= min(row + 1, H - 1); ++y)
-        for (int x = max(column - 1, 0); x <= min(column + 1, W - 1); ++x)
-            found = fmax(found, bent(height, y, x, H, W, SHARP * pixel));
-    return 0.5f * found;
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    __global const float *row = height + y * W;
+    const floats twice = 2.0f * load_floats(row + x, count), none = 0.0f;
+    const floats across = load_within_border(row, x + 1, count, W, REPLICATE) - twice
+        + load_within_border(row, x - 1, count, W, REPLICATE);
+    const floats along = load_floats(height + min(y + 1, H - 1) * W + x, count) - twice
+        + load_floats(height + max(y - 1, 0) * W + x, count);
+    const floats found = sqrt(across * across + along * along) - SHARP * pixel;
+    store_floats(MORE_OF(found, none), bent + y * W + x, count);
 }
 
-// The root of the mean variance over the frame; zero where nothing is free.
-__kernel void deviation(
+// The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may as
+// well lie in the next.
+LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
-    __global const float *restrict freed, __global const float *restrict height,
+    __global const float *restrict freed, __global const float *restrict bent,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float pixel)
+    const int left, const int H, const int W)
 {
-    GRID_2(row, column, frame_height, frame_width)
-    const int y = row - top, x = column - left, i = y * W + x;
-    float found = 0.0f;
-    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f) {
-        const float edge = unresolved(height, row, column, frame_height, frame_width, pixel);
-        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f) + edge * edge);
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int i = y * W + x;
+    const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
+    floats edge = 0.0f;
+    for (int dy = -1; dy <= 1; ++dy) {
+        __global const float *row = bent + clamp(top + y + dy, 0, frame_height - 1) * frame_width;
+        for (int dx = -1; dx <= 1; ++dx) {
+            const int from = left + x + dx;
+            const floats there = load_within_border(row, from, count, frame_width, REPLICATE);
+            edge = MORE_OF(edge, there);
+        }
     }
-    out[row * frame_width + column] = found;
+    edge *= 0.5f;
+    const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
+    const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
+    const ints free = load_floats(freed + i, count) > 0.0f;
+    store_floats(free ? found : none, out + (top + y) * frame_width + left + x, count);
 }

@@ -35,13 +35,12 @@ from tactograph.nodes.height._springs import (
     soft_inverse,
 )
 
-ONE_GROUP = 4096
-"""Levels of at most so many pixels are done by one work-group, all steps in one launch."""
+ONE_GROUP, ONE_GROUP_OF_LANES = 4096, 20480
+"""Levels of at most so many pixels are done by one work-group, all steps in one launch.  On a CPU,
+whose lanes are filled, that is one core: it is done sooner than two cores have begun."""
 PARTS = 1024
 GAP = 32
 """Numbers before, between and behind the levels come in runs of so many, as rows do."""
-ENERGY, _, STRETCH = KNOWN = range(3)
-"""What conjugate gradients know of their progress, as `springs.clh` has it."""
 RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
 
 
@@ -142,7 +141,8 @@ class HeightSolver:
         self.ground, self._kept = self._planes(2, total)
         self._force, self._height, self._lifted = self._planes(3, total)
         self._direction, self._moved, self._z = self._planes(3, total)
-        self._known, self._parts = run.scratch((len(KNOWN),)), run.scratch((PARTS,))
+        self._stretch, self._parts = run.scratch((1,)), run.scratch((PARTS,))
+        self._one_group = ONE_GROUP if run.lanes == 1 else ONE_GROUP_OF_LANES
         last = self._levels[-1]
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
@@ -176,7 +176,7 @@ class HeightSolver:
         right, down, *variances = self._planes(4, rows * columns)
         self._variances = variances
         run.kernel(
-            "gather_system", (rows, finest.stride),
+            "gather_system", run.in_row_lanes(rows, finest.stride),
             run.inputs["slope"], run.inputs["variance"], run.inputs["rest"], run.inputs.get("mask"),
             right, down, *variances, self.ground, finest.first, finest.stride,
             run.sizes["H"] * width, width, *self.place,
@@ -325,8 +325,8 @@ class HeightSolver:
 
     def solve(
         self, stack: Stack, wants: Wants, height: DeviceArray, steps: int, enough: float
-    ) -> None:
-        """Improve `height` in place, as `conjugate_gradients` does."""
+    ) -> bool:
+        """Improve `height` in place, as `conjugate_gradients` does; return whether it moved."""
         run, (rows, columns) = self._run, stack.shape
         network = self._network(stack)
         first, _, stride = there = stack.top.there
@@ -337,22 +337,27 @@ class HeightSolver:
             first, rows, columns, stride,
         )  # fmt: skip
         self._cycle(stack)
-        run.kernel("turn", size, self._height, self._direction, self._known, *there, 1)
-        energy = self._gain(stack)
+        energy, share, moved = self._gain(stack), 0.0, False
         for _ in range(steps):
             if energy <= enough or energy <= 0:
                 break
-            run.kernel("apply_springs", size, *network, self._direction, self._moved, *there)
-            self._learn(stack, STRETCH, self._direction, self._moved)
+            moved = True
+            run.kernel("turn", size, self._height, self._direction, *there, share)
+            run.kernel(
+                "apply_springs", (PARTS,), *network, self._direction, self._moved, self._parts,
+                *there,
+            )  # fmt: skip
+            run.kernel("add_parts", (1,), self._parts, self._stretch)
             run.kernel(
                 "advance", size, self._direction, self._moved, stack.inverse, self._z,
-                self._force, self._lifted, self._known, *there,
+                self._force, self._lifted, self._stretch, *there, energy,
             )  # fmt: skip
             self._cycle(stack)
-            energy = self._gain(stack)
-            run.kernel("turn", size, self._height, self._direction, self._known, *there, 0)
+            before, energy = energy, self._gain(stack)
+            share = energy / before
         to = run.in_row_lanes(rows, columns)
         run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
+        return moved
 
     def energy(self, stack: Stack, wants: Wants) -> float:
         """What `Springs.energy` says."""
@@ -365,14 +370,10 @@ class HeightSolver:
 
     def _gain(self, stack: Stack) -> float:
         """The energy that is left to gain."""
-        self._learn(stack, ENERGY, self._force, self._height)
-        return float(self._run.download(self._known)[ENERGY])
-
-    def _learn(self, stack: Stack, what: int, a: DeviceArray, b: DeviceArray) -> None:
-        """Put the sum of a b over the first level where conjugate gradients look for it."""
         run, top = self._run, stack.top
-        run.kernel("product_parts", (PARTS,), a, b, self._parts, top.first, top.size)
-        run.kernel("learn", (1,), self._parts, self._known, what)
+        product = self._force, self._height, self._parts
+        run.kernel("product_parts", (PARTS,), *product, top.first, top.size)
+        return float(run.download(self._parts).sum(dtype=float))
 
     def _cycle(self, stack: Stack) -> None:
         """One multigrid cycle: from the force on the first level to its height."""
@@ -388,7 +389,7 @@ class HeightSolver:
             at = end
 
     def _is_small(self, step: Step) -> bool:
-        return self._levels[step.level].size <= ONE_GROUP
+        return self._levels[step.level].size <= self._one_group
 
     def _small_steps(self, stack: Stack, first: int, end: int) -> None:
         run, (count,), dense = self._run, self._dense_at.shape, stack.dense

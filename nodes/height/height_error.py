@@ -551,10 +551,11 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
-    out = run.outputs["height_error"]
-    pixel = float(run.inputs["pixel"])
-    planes = total, weight, free, run.inputs["height"], out
-    run.kernel("deviation", frame, *planes, *frame, *solver.place, pixel)
+    out, bent = run.outputs["height_error"], run.scratch(frame)
+    height, pixel = run.inputs["height"], float(run.inputs["pixel"])
+    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
+    run.kernel("level", (math.prod(frame),), out, math.prod(frame))
+    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
 
 @height_error.example
