@@ -379,9 +379,9 @@ MUTANTS = {
     "cliff_variance": {
         "towards the LED": ("(float)x - dx / plan", "(float)x + dx / plan"),
         "shadowed pixels too": ("if (shadow[i] >> k & 1) continue;", ""),
-        "not squared": ("variance[i] + step * step", "variance[i] + step"),
-        "one pixel only": ("? 1 : -1", "? 0 : -1"),
-        "no margin": ("max(x - 2, 0)", "max(x - 1, 0)"),
+        "not squared": ("count) + step * step, out + i", "count) + step, out + i"),
+        "one row only": ("cliffs + clamp(y + dy, 0, H - 1) * W", "cliffs + y * W"),
+        "no margin": ("shadow + clamp(y + dy, 0, H - 1) * W", "shadow + y * W"),
     },
     "pixel_mean_slope": {
         "one axis": (" + along.z * (along.x + p * along.z)", ""),
@@ -449,10 +449,14 @@ MUTANTS = {
     },
     "cast_shadows": {
         "away from the LED": ("x + ux * t", "x - ux * t"),
-        "LEDs counted from 1": ("labels[l] |= 1 << k", "labels[l] |= 2 << k"),
-        "the image not asked": ("if (ask_image &&", "if (0 &&"),
-        "shadows of the first LED alone": ("(near & (1 << k)) != 0", "(near & 1) != 0"),
-        "the reach forgotten": ("max(row - reach, 0)", "row"),
+        "LEDs counted from 1": ("labels |= 1 << k", "labels |= 2 << k"),
+        "the image not asked": ("near ? near[", "0 ? near["),
+        "shadows of the first LED alone": ("asked >> k & 1", "asked & 1"),
+        "the reach forgotten": ("d = -reach;", "d = 0;"),
+        "blocks all as low as the first pixel": (
+            "found = fmax(found, height[y * W + x])",
+            "found = height[0]",
+        ),
     },
     "shadow_confidence": {
         "the labels swapped": ("? -lit : lit", "? lit : -lit"),
