@@ -197,7 +197,7 @@ class HeightSolver:
         ties, rise = rises_inside(window, rises, run.sizes["W"], mask_here)
         self.wants = Wants(*self._steps_wanted, run.put(rise))
         found = _tie_levels(ties, self._levels)
-        self._ties, self._all_ties = len(rise), len(found.ends)
+        self._ties, self._all_ties = len(rise), len(found.member_start) - 1
         self._finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
@@ -207,8 +207,8 @@ class HeightSolver:
         if found.knot_pixel.size:
             pixel = run.put(found.knot_pixel)
             run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
-        self._knots = knot, run.put(found.knot_start), run.put(found.knot_tie)
-        self._ends = run.put(found.ends)
+        self._knot_tie, entries = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
+        self._knots = knot, run.put(found.knot_start), run.put(found.knot_other), entries
 
     @property
     def rises(self) -> int:
@@ -217,7 +217,7 @@ class HeightSolver:
 
     def _network(self, stack: Stack) -> tuple[DeviceArray, ...]:
         planes = stack.right, stack.down, self.ground, stack.inverse
-        return *planes, *self._knots, self._ends, self._stiffness
+        return *planes, *self._knots
 
     def cut(self, height: DeviceArray) -> DeviceArray:
         """A height over the frame, inside the window, and zero on the film at rest."""
@@ -249,6 +249,11 @@ class HeightSolver:
             run.kernel(
                 "join_ties", (self._all_ties,),
                 self._finest, *self._members, self._stiffness, self._all_ties,
+            )  # fmt: skip
+            entries = self._knots[-1]
+            run.kernel(
+                "stiffen_knots", entries.shape, self._stiffness, self._knot_tie, entries,
+                *entries.shape,
             )  # fmt: skip
         first, rows, stride = self._levels[0].there
         run.kernel(
@@ -333,8 +338,8 @@ class HeightSolver:
         by_rows, size = run.in_row_lanes(rows, stride), run.in_lanes(stack.top.size)
         run.kernel("take_height", by_rows, height, self._z, first, rows, columns, stride)
         run.kernel(
-            "imbalance", by_rows, *network, *wants, self._z, self._force, self._lifted,
-            first, rows, columns, stride,
+            "imbalance", by_rows, *network, self._knot_tie, *wants, self._z, self._force,
+            self._lifted, first, rows, columns, stride,
         )  # fmt: skip
         self._cycle(stack)
         energy, share, moved = self._gain(stack), 0.0, False
@@ -472,17 +477,17 @@ def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
 class _TieLevels(NamedTuple):
     """The ties of all levels, one after another.
 
-    `ends` (T x 2) are pixels.  Tie t joins the finest ties `members[member_start[t]:...]`.
-    Pixel `knot_pixel[n]` is an end of the ties `knot_tie[knot_start[n]:...]`, with ~t where it
-    is the foot of t.
+    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_pixel[n]` is an end of
+    the ties `knot_tie[knot_start[n]:...]`, with ~t where it is the foot of t; their other ends
+    are the pixels `knot_other[knot_start[n]:...]`.
     """
 
-    ends: I4
     member_start: I4
     members: I4
     knot_pixel: I4
     knot_start: I4
     knot_tie: I4
+    knot_other: I4
 
 
 def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
@@ -503,7 +508,8 @@ def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
     numbers = np.arange(count)
     pixels, group = np.unique(np.concatenate([ends[:, 0], ends[:, 1]]), return_inverse=True)
     knot_start, knot_tie = _grouped(group, np.concatenate([numbers, ~numbers]), pixels.size)
-    found = ends, member_start, members, pixels, knot_start, knot_tie
+    other = np.where(knot_tie >= 0, ends[knot_tie, 1], ends[~knot_tie, 0])
+    found = member_start, members, pixels, knot_start, knot_tie, other
     return _TieLevels(*(array.astype(np.int32) for array in found))
 
 

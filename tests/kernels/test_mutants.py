@@ -298,10 +298,10 @@ MUTANTS = {
         "turns cost nothing": ("turned * turned", "0.0f * turned"),
         "unknown slopes as good": ("+ LONELY", "+ 0.0f"),
         "outliers not given up": ("residual * residual / square", "0.0f * square"),
-        "rises forgotten": ("tie_stiffness[t] * want_rise[t]", "0.0f * want_rise[t]"),
+        "rises forgotten": ("knot_stiffness[e] * want_rise[t]", "0.0f * want_rise[t]"),
         "a tie without a foot": (
-            "? -stretch : stretch;\n        }\n    return",
-            "? 0.0f : stretch;\n        }\n    return",
+            "? -stretch : stretch;",
+            "? 0.0f : stretch;",
         ),
         "the mask ignored": ("counts != 0 ? variances[n]", "counts != 99 ? variances[n]"),
         "what is left out has a height": ("*= (float)mask[", "*= 1.0f + 0.0f * (float)mask["),
