@@ -50,13 +50,16 @@ static floats drawn_from(const uint number, const uint key)
     return AS_INTS(x) < 0 ? up : down;
 }
 
-// What a small change of each LED's light does to p and to q; nothing on the film at rest.
+// What a small change of each LED's light does to p and to q, nothing on the film at rest; the light
+// to be expected, and the noise of what was seen.
 __kernel void respond(
     __global const float *restrict height, __global const float *restrict slope,
     __global const uchar *restrict rest, __global const float *restrict sigma,
     __global const uchar *restrict used_leds, __global const float *restrict lights,
-    __global float *restrict by_p, __global float *restrict by_q, const int K, const int H,
-    const int W, const float pixel, const float uneven)
+    __global const float *restrict light, __global float *restrict by_p,
+    __global float *restrict by_q, __global float *restrict lit_by, __global float *restrict noises,
+    const int K, const int H, const int W, const float pixel, const float uneven,
+    const float flat_noise)
 {
     const int size = H * W;
     GRID_LANES(at, count, size)
@@ -74,11 +77,14 @@ __kernel void respond(
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats noise = load_floats(sigma + k * size + at, count), square = noise * noise;
         const floats sure = 1.0f / MORE_OF(square, tiny);
+        const floats flat = flat_noise * load_floats(light + k * size + at, count);
         const ints lit = (used & (1 << k)) != 0;
         told_a[k] = (v.x + v.z * p) * nz;
         told_b[k] = (v.y + v.z * q) * nz;
         shown[k] = (v.z - v.x * p - v.y * q) * nz;
         weight[k] = lit ? sure : none;
+        store_floats(shown[k], lit_by + k * size + at, count);
+        store_floats(noise * sqrt(1.0f + flat * flat), noises + k * size + at, count);
         by_shown_a += weight[k] * shown[k] * told_a[k];
         by_shown_b += weight[k] * shown[k] * told_b[k];
         whole += weight[k] * shown[k] * shown[k];
@@ -113,13 +119,12 @@ __kernel void respond(
 // common, the LEDs being elsewhere and bounced light uncertain; and normals that lean where the
 // film's model is wrong.
 LANED __kernel void err_slopes(
-    __global const float *restrict light, __global const float *restrict sigma,
+    __global const float *restrict lit_by, __global const float *restrict noises,
     __global const float *restrict height, __global const float *restrict slope,
-    __global const float *restrict lights, __global const float *restrict others,
-    __global const float *restrict by_p, __global const float *restrict by_q,
-    __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
-    const int frame_width, const int top, const int left, const int H, const int W,
-    const float pixel, const int number, const float flat_noise, const uint key,
+    __global const float *restrict others, __global const float *restrict by_p,
+    __global const float *restrict by_q, __global float *restrict p, __global float *restrict q,
+    const int K, const int frame_height, const int frame_width, const int top, const int left,
+    const int H, const int W, const float pixel, const int number, const uint key,
     __global const float *misfit, __global const float *bounced, __global const float *earlier,
     const int sign_, const int settling, const int leaning, const float across, const float down,
     const float phase, const float length_)
@@ -138,16 +143,13 @@ LANED __kernel void err_slopes(
     floats total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
-        const floats flat = flat_noise * load_floats(light + at, count);
-        const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
         const floats changed =
             bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
         const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
-        const Vector known = light_vector(lights + 3 * k, x, y, z);
         const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
-            + (there.z - there.x * a - there.y * b) * nz
-            - (known.z - known.x * a - known.y * b) * nz;
+            + (there.z - there.x * a - there.y * b) * nz - load_floats(lit_by + at, count);
+        const floats noise = load_floats(noises + at, count);
         const floats change = common + noise * drawn_from(k * H * W + i, key);
         total_p += load_floats(by_p + at, count) * change;
         total_q += load_floats(by_q + at, count) * change;
@@ -168,36 +170,44 @@ LANED __kernel void err_slopes(
     store_floats(total_q, q + i, count);
 }
 
-// By how much step number x of a line of `size` steps differs from those beside it.
-static float turned(
-    __global const float *step_, const int i, const int stride, const int x, const int size)
+// By how much steps to the right, or down, differ from those beside them.
+static floats turned_right(
+    __global const float *want, const int y, const int x, const int count, const int W)
 {
-    if (size < 2) return 0.0f;
-    if (x == 0) return fabs(step_[i + stride] - step_[i]);
-    if (x == size - 1) return fabs(step_[i] - step_[i - stride]);
-    return fabs((step_[i + stride] - step_[i - stride]) / 2.0f);
+    const floats none = 0.0f, half_ = 0.5f, one = 1.0f, column = (float)x + LANE_NUMBERS;
+    if (W < 3) return none;
+    const floats before = load_within_border(want + y * W, x - 1, count, W - 1, REPLICATE);
+    const floats after = load_within_border(want + y * W, x + 1, count, W - 1, REPLICATE);
+    return fabs(after - before) * (column == 0.0f | column == (float)(W - 2) ? one : half_);
 }
 
-__kernel void err_steps(
+static floats turned_down(
+    __global const float *want, const int y, const int x, const int count, const int H, const int W)
+{
+    const floats none = 0.0f;
+    if (H < 3) return none;
+    const floats before = load_floats(want + clamp(y - 1, 0, H - 2) * W + x, count);
+    const floats after = load_floats(want + clamp(y + 1, 0, H - 2) * W + x, count);
+    return fabs(after - before) * (y == 0 || y == H - 2 ? 1.0f : 0.5f);
+}
+
+LANED __kernel void err_steps(
     __global const float *restrict want_right, __global const float *restrict want_down,
     __global const float *restrict p, __global const float *restrict q,
     __global float *restrict right, __global float *restrict down, const int H, const int W,
     const float half_, const float aperture, const uint key_right, const uint key_down)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
-    float step_ = 0.0f;
-    if (x + 1 < W) {
-        const float turn_ = aperture * turned(want_right, i, 1, x, W - 1);
-        step_ = (p[i + 1] + p[i]) * half_ + turn_ * drawn(i, key_right);
-    }
-    right[i] = step_;
-    step_ = 0.0f;
-    if (y + 1 < H) {
-        const float turn_ = aperture * turned(want_down, i, W, y, H - 1);
-        step_ = (q[i + W] + q[i]) * half_ + turn_ * drawn(i, key_down);
-    }
-    down[i] = step_;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
+    const floats east = (beside + load_floats(p + i, count)) * half_
+        + aperture * turned_right(want_right, y, x, count, W) * drawn_from(i, key_right);
+    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
+    const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
+    const floats south = (below + load_floats(q + i, count)) * half_
+        + aperture * turned_down(want_down, y, x, count, H, W) * drawn_from(i, key_down);
+    store_floats(y + 1 < H ? south : none, down + i, count);
 }
 
 __kernel void err_rises(
@@ -207,25 +217,30 @@ __kernel void err_rises(
     rise[t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
 }
 
-// What a step lacks if all lack it uphill.
-static float lacking(const float step_, const float turn_, const float pixel, const float kink)
+// What steps lack if all lack it uphill.
+static floats lacking(
+    const floats step_, const floats turn_, const float pixel, const float kink)
 {
-    const float bend = fmin(turn_ / pixel, SHARPEST);
-    const float sign_ = step_ > 0.0f ? 1.0f : step_ < 0.0f ? -1.0f : 0.0f;
+    const floats sharpest = SHARPEST, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
+    const floats none = 0.0f, up = 1.0f, down = -1.0f;
+    const floats falls = step_ < 0.0f ? down : none, sign_ = step_ > 0.0f ? up : falls;
     return kink * (bend * bend * bend) * sign_;
 }
 
-__kernel void err_kinks(
+LANED __kernel void err_kinks(
     __global const float *restrict want_right, __global const float *restrict want_down,
     __global float *restrict right, __global float *restrict down, const int H, const int W,
     const float pixel, const float kink)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
-    right[i] = x + 1 < W
-        ? lacking(want_right[i], turned(want_right, i, 1, x, W - 1), pixel, kink) : 0.0f;
-    down[i] = y + 1 < H
-        ? lacking(want_down[i], turned(want_down, i, W, y, H - 1), pixel, kink) : 0.0f;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats turn_right = turned_right(want_right, y, x, count, W);
+    const floats turn_down = turned_down(want_down, y, x, count, H, W);
+    const floats east = lacking(load_floats(want_right + i, count), turn_right, pixel, kink);
+    const floats south = lacking(load_floats(want_down + i, count), turn_down, pixel, kink);
+    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
+    store_floats(y + 1 < H ? south : none, down + i, count);
 }
 
 __kernel void level(__global float *restrict z, const int size)

@@ -346,8 +346,11 @@ MUTANTS = {
         "all LEDs used": ("lit = (used & (1 << k)) != 0", "lit = (used & (1 << k)) != 999"),
         "brightness known for certain": ("square = uneven * uneven", "square = 0.0f * uneven"),
         "kinks squared": ("bend * bend * bend", "bend * bend"),
-        "kinks downhill": ("? -1.0f : 0.0f;", "? 1.0f : 0.0f;"),
-        "steps at the border as inside": ("if (x == 0) return fabs", "if (0) return fabs"),
+        "kinks downhill": (
+            "down = -1.0f;\n    const floats falls",
+            "down = 1.0f;\n    const floats falls",
+        ),
+        "steps at the border as inside": ("column == 0.0f | column", "column < 0.0f | column"),
         "rises without error": ("error * drawn(t, key)", "0.0f * drawn(t, key)"),
         "cells half as stiff": ("east += in_series(", "east += 0.0f * in_series("),
         "steps of cells without their ends": ("+ 0.5f * (all ?", "+ 0.0f * (all ?"),
