@@ -305,7 +305,10 @@ MUTANTS = {
         ),
         "the mask ignored": ("counts != 0 ? variances[n]", "counts != 99 ? variances[n]"),
         "what is left out has a height": ("*= (float)mask[", "*= 1.0f + 0.0f * (float)mask["),
-        "the height before ignored": ("total += log1p(r * r / square / right_variance[i])", ";"),
+        "the height before ignored": (
+            "springs += costs_between(z, want_right",
+            "springs += 0.0f * costs_between(z, want_right",
+        ),
         "window off by one": ("z[y * W + x] : 0.0f", "z[y * W + max(x - 1, 0)] : 0.0f"),
         "rows of another length": ("z + first + row * S + x", "z + first + row * W + x"),
         "springs beyond the frame": ("return filled(count) ? found : none;", "return found;"),
