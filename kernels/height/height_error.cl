@@ -50,16 +50,13 @@ static floats drawn_from(const uint number, const uint key)
     return AS_INTS(x) < 0 ? up : down;
 }
 
-// What a small change of each LED's light does to p and to q, nothing on the film at rest; the light
-// to be expected, and the noise of what was seen.
+// What a small change of each LED's light does to p and to q; nothing on the film at rest.
 __kernel void respond(
     __global const float *restrict height, __global const float *restrict slope,
     __global const uchar *restrict rest, __global const float *restrict sigma,
     __global const uchar *restrict used_leds, __global const float *restrict lights,
-    __global const float *restrict light, __global float *restrict by_p,
-    __global float *restrict by_q, __global float *restrict lit_by, __global float *restrict noises,
-    const int K, const int H, const int W, const float pixel, const float uneven,
-    const float flat_noise)
+    __global float *restrict by_p, __global float *restrict by_q, const int K, const int H,
+    const int W, const float pixel, const float uneven)
 {
     const int size = H * W;
     GRID_LANES(at, count, size)
@@ -77,14 +74,11 @@ __kernel void respond(
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats noise = load_floats(sigma + k * size + at, count), square = noise * noise;
         const floats sure = 1.0f / MORE_OF(square, tiny);
-        const floats flat = flat_noise * load_floats(light + k * size + at, count);
         const ints lit = (used & (1 << k)) != 0;
         told_a[k] = (v.x + v.z * p) * nz;
         told_b[k] = (v.y + v.z * q) * nz;
         shown[k] = (v.z - v.x * p - v.y * q) * nz;
         weight[k] = lit ? sure : none;
-        store_floats(shown[k], lit_by + k * size + at, count);
-        store_floats(noise * sqrt(1.0f + flat * flat), noises + k * size + at, count);
         by_shown_a += weight[k] * shown[k] * told_a[k];
         by_shown_b += weight[k] * shown[k] * told_b[k];
         whole += weight[k] * shown[k] * shown[k];
@@ -119,12 +113,13 @@ __kernel void respond(
 // common, the LEDs being elsewhere and bounced light uncertain; and normals that lean where the
 // film's model is wrong.
 LANED __kernel void err_slopes(
-    __global const float *restrict lit_by, __global const float *restrict noises,
+    __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
-    __global const float *restrict others, __global const float *restrict by_p,
-    __global const float *restrict by_q, __global float *restrict p, __global float *restrict q,
-    const int K, const int frame_height, const int frame_width, const int top, const int left,
-    const int H, const int W, const float pixel, const int number, const uint key,
+    __global const float *restrict lights, __global const float *restrict others,
+    __global const float *restrict by_p, __global const float *restrict by_q,
+    __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
+    const int frame_width, const int top, const int left, const int H, const int W,
+    const float pixel, const int number, const float flat_noise, const uint key,
     __global const float *misfit, __global const float *bounced, __global const float *earlier,
     const int sign_, const int settling, const int leaning, const float across, const float down,
     const float phase, const float length_)
@@ -143,13 +138,16 @@ LANED __kernel void err_slopes(
     floats total_p = 0.0f, total_q = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
+        const floats flat = flat_noise * load_floats(light + at, count);
+        const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
         const floats changed =
             bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
         const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
+        const Vector known = light_vector(lights + 3 * k, x, y, z);
         const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
-            + (there.z - there.x * a - there.y * b) * nz - load_floats(lit_by + at, count);
-        const floats noise = load_floats(noises + at, count);
+            + (there.z - there.x * a - there.y * b) * nz
+            - (known.z - known.x * a - known.y * b) * nz;
         const floats change = common + noise * drawn_from(k * H * W + i, key);
         total_p += load_floats(by_p + at, count) * change;
         total_q += load_floats(by_q + at, count) * change;

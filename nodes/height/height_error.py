@@ -477,7 +477,7 @@ def _launch(run: Launch) -> None:
     solver.weigh(solver.cut(of["height"]), settings["robust"])
     shape, ties = solver.shape, solver.rises
     p, q, right, down, moved, total = (run.scratch(shape) for _ in range(6))
-    by_p, by_q, lit_by, noises = (run.scratch(frame) for _ in range(4))
+    by_p, by_q = run.scratch(frame), run.scratch(frame)
     wants, cells = Wants(right, down, run.scratch((ties,))), solver.cells
     coarse = solver.pixels if cells is None else cells
     there = run.scratch(coarse.shape)
@@ -501,17 +501,17 @@ def _launch(run: Launch) -> None:
 
     run.kernel(
         "respond", run.in_lanes(rows, columns),
-        of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"], of["light"],
-        by_p, by_q, lit_by, noises, *frame, pixel, settings["uneven"], settings["flat_noise"],
+        of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
+        by_p, by_q, *frame, pixel, settings["uneven"],
     )  # fmt: skip
     for plane in (total, of_cells):
         clear(plane)
     for number in range(ERRORS):
         keys = _keys(settings["seed"], number)
         run.kernel(
-            "err_slopes", run.in_row_lanes(*shape), lit_by, noises, of["height"], of["slope"],
-            of["others"], by_p, by_q, p, q, lights, rows, columns, *solver.place, pixel, number,
-            np.uint32(keys.light),
+            "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
+            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
             misfit, bounced, earlier, SIGNS[number], SETTLING[number], LEANING[number],
             *_wave(number),
         )  # fmt: skip
