@@ -59,6 +59,8 @@ Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
 zeros where it does not."""
 Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model, beyond the camera's noise, as a share of it."""
+Uneven = Annotated[float, Port(unit="1", high=0.05)]
+"""Standard deviation of the brightness of touched film from its model, the same for all LEDs."""
 Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
 """(level, width, light, bounce, tilt): what the film's model leaves, noise apart.  A normal errs by
 `level` radians, over `width` mm alike; all of an object lean too much, or too little, by `tilt`
@@ -121,6 +123,7 @@ class Film(NamedTuple):
     camera: Vergence
     grain: Grain
     """What texture, dirt and an imperfect model add to the noise of the light."""
+    uneven: Uneven
 
 
 class ShadowRises(NamedTuple):

@@ -18,7 +18,7 @@ LANED __kernel void matt_light(
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
     const float film_refraction, const float film_albedo, const float film_camera,
-    const float film_grain,
+    const float film_grain, const float film_uneven,
     const float pixel,
     __global const float *restrict bounced,
     __global float *restrict light_,

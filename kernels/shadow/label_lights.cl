@@ -566,6 +566,7 @@ LANED __kernel void label_lights(
     __global const float *restrict height,
     __global const float *restrict prior,
     const float pixel,
+    const float uneven,
     __global float *restrict slope,
     __global float *restrict twin,
     __global float *restrict variance,
@@ -578,8 +579,7 @@ LANED __kernel void label_lights(
     const float floor_,
     const float price,
     const float one_sided,
-    const float steepest,
-    const float uneven)
+    const float steepest)
 {
     // One work-item does what is its own and that of those after it.
     const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);

@@ -22,6 +22,11 @@ WITHIN = 0.95
 """Quantile at which a normal law stands for Student's: that of the 90 % band."""
 EVERY = 7
 """Pixel that LEDs elsewhere are tried on."""
+LEAST_LIT = 0.1
+"""Light beyond the diffused share from which an LED tells of brightness."""
+CAUTION = 2.5
+"""By how much more another object may brighten the film than the balls of a calibration do, which
+stretch it all alike."""
 LEVEL = 0.1
 """Sine of a tilt from which the model errs as on steeper film."""
 
@@ -86,6 +91,36 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
     level *= float(np.sqrt(1 + 1 / len(held)))
     tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
+
+
+def unevenness(held: list[Held], pixel: float) -> float:
+    """Return the standard deviation of the brightness of touched film, as a `Film` has it.
+
+    The light of all LEDs that reach a pixel, by least squares a multiple of that predicted for
+    the true normal; noise apart, since that is independent from pixel to pixel.
+
+    Parameters
+    ----------
+    held
+        Every pixel of what was held out, in turn.
+    pixel
+        mm per px.
+    """
+    lags = np.array([NEAREST_PX])
+    total = _Sums(lags, *(np.zeros(1) for _ in range(3)))
+    for part in held:
+        film, balls = part.fitted.film, part.balls
+        n, x, y, z = balls.seen(part.fitted.shifts, film.camera)
+        made = predict(film, n, x, y, np.maximum(z, film.contact))
+        lit = made > 1 - direct_share(film)[:, None] + LEAST_LIT
+        left = np.where(lit, balls.light - film.albedo * balls.bounced - made, 0)
+        made = np.where(lit, made, 0)
+        brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), LEAST_LIT)
+        for ball in np.unique(balls.ball):
+            at = balls.ball == ball
+            place = np.stack([balls.v[at], balls.u[at]]) / pixel
+            _add(total, place, np.zeros((1, at.sum())), brightness[None, at])
+    return CAUTION * _root(float(total.light[0] / max(total.pairs[0], 1)))
 
 
 def _led_tilt(part: Held, others: F8) -> float:

@@ -24,6 +24,7 @@ from tactograph.nodes import (
     Misfit,
     Noise,
     PixelSize,
+    Uneven,
     Vergence,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
@@ -38,11 +39,10 @@ from tactograph.nodes.calibrate._film_fit import (
     predicted,
     start_at,
 )
-from tactograph.nodes.calibrate._film_misfit import Held, misfit
+from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.capture._sheet import SheetLight, SheetMask
-from tactograph.nodes.light._near_light import F8
 
 SURELY = 15000
 """Samples at which a misfit is measured."""
@@ -81,6 +81,7 @@ class FilmFit(NamedTuple):
     albedo: Albedo
     camera: Vergence
     grain: Grain
+    uneven: Uneven
     misfit: Misfit
     residual: Annotated[F4, Port("K", "1")]
     quality: Metrics
@@ -176,9 +177,9 @@ def fit_film(
         for name, value in film._asdict().items()
     }
     whole = sample_balls(*given, most=None, bare=bare)
-    typed["misfit"] = _misfit(
-        trial, best, whole, bad, np.asarray(others - lights, np.float64), pixel
-    )
+    held = _held_out(trial, best, whole, bad)
+    typed["misfit"] = misfit(held, np.asarray(others - lights, np.float64), pixel)
+    typed["uneven"] = unevenness(held, pixel)
     typed["grain"] = grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
@@ -242,15 +243,8 @@ def _judge(
     return _Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
 
 
-def _misfit(
-    trial: _Trial,
-    best: _Model,
-    whole: Balls,
-    bad: NDArray[np.bool_],
-    away: F8,
-    pixel: float,
-) -> F4:
-    """What the model leaves on every pixel of what was held out, bad balls apart."""
+def _held_out(trial: _Trial, best: _Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
+    """Every pixel of what was held out, bad balls apart, under the film fitted to the rest."""
     good = whole.only(~bad[whole.ball])
     numbers = trial.fold_numbers()
     held = [
@@ -265,8 +259,7 @@ def _misfit(
             (b, trial.fit(best.parts, f, some.only(some.held_by % FOLDS != number)))
             for (b, f), number in zip(held, numbers, strict=True)
         ]
-    placed = [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
-    return misfit(placed, away, pixel)
+    return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
 
 
 def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metrics]:

@@ -9,7 +9,17 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, Height, Light, LightPositions, Metrics, Noise, PixelSize, Slope
+from tactograph.nodes import (
+    F4,
+    Height,
+    Light,
+    LightPositions,
+    Metrics,
+    Noise,
+    PixelSize,
+    Slope,
+    Uneven,
+)
 from tactograph.nodes.calibrate._light_fit import (
     Press,
     place_leds,
@@ -56,6 +66,7 @@ def hold_out_presses(
     of: BallPress,
     noise: Noise,
     pixel: PixelSize,
+    uneven: Uneven,
     *,
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
@@ -81,6 +92,8 @@ def hold_out_presses(
         (shot, read), as `estimate_noise` gives it.
     pixel
         mm per px.
+    uneven
+        Standard deviation of the film's brightness, as a share.
     steepest, shift_px
         As for `calibrate_lights`.
 
@@ -112,7 +125,7 @@ def hold_out_presses(
         shift = shift_of(objects[i], placed, shift_px)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
         judged = _judged(presses[i], steepest)
-        found = _measure(presses[i], judged, sigma, placed.lights, pixel, shift[2])
+        found = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
         errors = [
             judge_contact(
                 *found,
@@ -150,12 +163,13 @@ def _measure(
     sigma: Light,
     lights: LightPositions,
     pixel: float,
+    uneven: float,
     lift: float,
 ) -> tuple[Slope, Height]:
     """Slope and height; what is not judged is the ball's own, so that it cannot spread."""
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)
-    found = label_lights(press.light, sigma, lights, height, level, pixel).slope
+    found = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
     slope = np.where(inside & ~judged, press.slope, found)
     return slope, integrate_dct(slope, pixel)

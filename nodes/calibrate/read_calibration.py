@@ -27,6 +27,7 @@ from tactograph.nodes import (
     PixelSize,
     Reflectance,
     Spread,
+    Uneven,
     Vergence,
 )
 from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
@@ -65,6 +66,7 @@ class Calibration(NamedTuple):
     albedo: Albedo
     camera: Vergence
     grain: Grain
+    uneven: Uneven
     lens: Lens
     misfit: Misfit
     quality: Metrics

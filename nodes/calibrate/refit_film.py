@@ -25,12 +25,13 @@ from tactograph.nodes import (
     Misfit,
     Noise,
     PixelSize,
+    Uneven,
     Vergence,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
 from tactograph.nodes.calibrate._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate._film_fit import FAINT, LIFT, Balls, Fitted, predicted
-from tactograph.nodes.calibrate._film_misfit import Held, misfit
+from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate._light_fit import HUBER, LIFT_MM, SPREAD, Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.capture._sheet import SheetLight
@@ -96,6 +97,7 @@ class FilmRefit(NamedTuple):
     albedo: Albedo
     camera: Vergence
     grain: Grain
+    uneven: Uneven
     misfit: Misfit
     pixel_size: PixelSize
     quality: Metrics
@@ -204,12 +206,13 @@ def refit_film(
         for number, fold in enumerate(folds)
     ]
     away = np.asarray(film.others - film.lights, np.float64)
-    found = misfit([h for h in held if h.balls.u.size], away, pixel)
+    held = [part for part in held if part.balls.u.size]
+    found, uneven = misfit(held, away, pixel), unevenness(held, pixel)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": error}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
-        best.film._replace(grain=max(rough, film.grain)),
+        best.film._replace(grain=max(rough, film.grain), uneven=max(uneven, film.uneven)),
         film,
         np.maximum(found, old_misfit),
         even_pixel * (1 + film.camera * thicker),

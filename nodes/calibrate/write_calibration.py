@@ -105,6 +105,13 @@ CALIBRATION = FileKind(
             low=0,
             high=1,
         ),
+        "uneven": Stored(
+            "",
+            "brightness of touched film departs by this share, under all LEDs alike",
+            required=False,
+            low=0,
+            high=1,
+        ),
         "misfit": Stored(
             "5",
             "what the film's model leaves on presses held out: radians of a normal, over how many "

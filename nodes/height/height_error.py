@@ -31,6 +31,7 @@ from tactograph.nodes import (
     ShadowRises,
     Slope,
     SlopeVariance,
+    Uneven,
 )
 from tactograph.nodes.height._cells import Cells, cells_of
 from tactograph.nodes.height._height_solver import HeightSolver, Stack, Wants, find_touch
@@ -114,6 +115,7 @@ def height_error(
     lights: LightPositions,
     others: LightPlaces,
     pixel: PixelSize,
+    uneven: Uneven,
     mask: Mask | None = None,
     misfit: Misfit | None = None,
     bounced: Light | None = None,
@@ -128,7 +130,6 @@ def height_error(
     kink: Annotated[float, Ge(0)] = 0.45,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
-    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.03,
 ) -> HeightError:
     """Return the standard deviation of the height: errors sent through the solver.
 
@@ -175,6 +176,8 @@ def height_error(
         K x 3 in mm.
     others
         8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
+    uneven
+        Standard deviation of the film's brightness, as `label_lights` had it.
     misfit
         What the film's model leaves; without it the model is exact.
     bounced, earlier
@@ -191,8 +194,6 @@ def height_error(
         Conjugate gradients per error.
     seed
         Of the random errors.
-    uneven
-        Standard deviation of the film's brightness, as `label_lights` had it.
 
     Returns
     -------
@@ -502,7 +503,7 @@ def _launch(run: Launch) -> None:
     run.kernel(
         "respond", run.in_lanes(rows, columns),
         of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
-        by_p, by_q, *frame, pixel, settings["uneven"],
+        by_p, by_q, *frame, pixel, of["uneven"],
     )  # fmt: skip
     for plane in (total, of_cells):
         clear(plane)

@@ -32,6 +32,8 @@ from tactograph.nodes import Film
 
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
+UNEVEN = 0.03
+"""How uneven a film is of which nothing is known."""
 OTHERS = 8
 """Other places of the LEDs."""
 FADE = 0.15
@@ -70,6 +72,7 @@ def matt_film(lights: Array) -> Film:
         albedo=0.0,
         camera=0.0,
         grain=0.0,
+        uneven=UNEVEN,
     )
 
 

@@ -22,6 +22,7 @@ from tactograph.nodes import (
     PixelSize,
     Slope,
     SlopeVariance,
+    Uneven,
 )
 from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._near_light import FLATTEST, brightness_share, places, vectors_at
@@ -111,6 +112,7 @@ def label_lights(
     height: Height,
     prior: Slope,
     pixel: PixelSize,
+    uneven: Uneven,
     *,
     pair: Literal["prior", "attached"] = "attached",
     dark: Annotated[int, Interval(ge=0, le=2)] = 2,
@@ -118,7 +120,6 @@ def label_lights(
     price: Annotated[float, Ge(0)] = 12.0,
     one_sided: float = 2.0,
     steepest: Annotated[float, Gt(0)] = 30.0,
-    uneven: Annotated[float, Interval(ge=0, le=1)] = 0.03,
     wanted: Wanted = EVERYTHING,
 ) -> Labelled:
     """Return the slope and the LEDs that explain a pixel's light best.
@@ -152,6 +153,8 @@ def label_lights(
         2 x H x W, the slope expected; for ``pair: prior`` only.
     pixel
         mm per px.
+    uneven
+        Standard deviation of the film's brightness, as a share.
     pair
         What decides between a pair's two normals, unless one is the film at rest:
         ``prior`` the nearer to the prior; ``attached`` the one that puts the dark LEDs
@@ -167,8 +170,6 @@ def label_lights(
         Standard deviations by which a shadow is darker than the light predicted.
     steepest
         Largest slope returned, as 1 / n_z.
-    uneven
-        Standard deviation of the film's brightness, as a share.
 
     Returns
     -------

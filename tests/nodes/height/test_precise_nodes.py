@@ -25,6 +25,7 @@ from tactograph.nodes.slope.pixel_mean_slope import pixel_mean_slope
 from tests.nodes.scenes import LIGHTS, lambert
 
 PIXEL = 0.1
+UNEVEN = 0.03
 SHAPE = (40, 64)
 NO_RISES = ShadowRises(
     np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.uint8)
@@ -306,7 +307,7 @@ def error_of(z: F4, slope: F4, brightness: float) -> F4:
     return np.asarray(
         height_error(
             z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights,
-            exact(lights), PIXEL, **noise_alone,
+            exact(lights), PIXEL, UNEVEN, **noise_alone,
         )
     )  # fmt: skip
 
@@ -332,7 +333,7 @@ def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest()
         found.append(
             height_error(
                 z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, 1e-6 * light, used,
-                lights, others, PIXEL, **nothing,
+                lights, others, PIXEL, UNEVEN, **nothing,
             )
         )  # fmt: skip
     inside = at_rest(z) == 0
@@ -348,7 +349,17 @@ def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
     nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
-    surroundings = (at_rest(z), NO_RISES, light, 1e-6 * light, used, lights, exact(lights), PIXEL)
+    surroundings = (
+        at_rest(z),
+        NO_RISES,
+        light,
+        1e-6 * light,
+        used,
+        lights,
+        exact(lights),
+        PIXEL,
+        UNEVEN,
+    )
     misfit = np.float32([0, 0.5, 0, 0, 0])
     found = []
     for level in (0.0, 0.01, 0.02):
@@ -366,7 +377,17 @@ def bounced_error(**given: Any) -> F4:
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    surroundings = (at_rest(z), NO_RISES, light, 0.001 * light, used, lights, exact(lights), PIXEL)
+    surroundings = (
+        at_rest(z),
+        NO_RISES,
+        light,
+        0.001 * light,
+        used,
+        lights,
+        exact(lights),
+        PIXEL,
+        UNEVEN,
+    )
     return np.asarray(height_error(z, slope, variance_of(1e-4), *surroundings, **given))
 
 
@@ -408,7 +429,7 @@ def test_all_that_a_rim_carries_shares_its_error() -> None:
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
     noise, others = 0.001 * light, exact(lights)
-    surroundings = (at_rest(z), NO_RISES, light, noise, used, lights, others, PIXEL)
+    surroundings = (at_rest(z), NO_RISES, light, noise, used, lights, others, PIXEL, UNEVEN)
     sharp, blind = (
         height_error(z, slope, variance_of(1e-4), *surroundings, kink=kink) for kink in (0.45, 0.0)
     )

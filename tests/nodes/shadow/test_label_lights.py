@@ -20,6 +20,7 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.slope.height_slopes import height_slopes
 
 PIXEL, NOISE = 0.07, 0.003
+UNEVEN = 0.03
 LIGHTS = np.array([[20, 18, 45], [-19, 21, 45], [-20, -18, 46], [19, -20, 45]], np.float32)
 FILM = np.zeros((6, 8), np.float32)
 LEVEL = np.zeros((2, 6, 8), np.float32)
@@ -34,10 +35,15 @@ def light_of(slope: F4, lights: F4 = LIGHTS, height: F4 = FILM) -> F4:
 
 
 def label(
-    light: F4, lights: F4 = LIGHTS, height: F4 = FILM, prior: F4 = LEVEL, **with_
+    light: F4,
+    lights: F4 = LIGHTS,
+    height: F4 = FILM,
+    prior: F4 = LEVEL,
+    uneven: float = UNEVEN,
+    **with_,
 ) -> Labelled:
     sigma = np.full_like(light, NOISE)
-    return label_lights(light, sigma, lights, height, prior, PIXEL, **with_)
+    return label_lights(light, sigma, lights, height, prior, PIXEL, uneven, **with_)
 
 
 def level(p: float, q: float) -> F4:
@@ -66,7 +72,7 @@ def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> Non
     light = light_of(level, height=film)
     light += np.random.default_rng(0).normal(0, noise, light.shape).astype(np.float32)
     sigma = np.full_like(light, noise)
-    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, dark=0).slope
+    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, UNEVEN, dark=0).slope
     right, down = found[0, :, 160:], found[1, 120:]
     assert abs(right.mean() - found[0, :, :160].mean()) < 1e-3
     assert abs(down.mean() - found[1, :120].mean()) < 1e-3
