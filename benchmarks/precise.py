@@ -3,16 +3,20 @@
     python benchmarks/precise.py
     python benchmarks/precise.py --before "../before/.venv/bin/python" --rounds 7
     python benchmarks/precise.py --outputs height --backend numpy
+    python benchmarks/precise.py --graph precise_stream --moves 3     # a touch that moves
+    python benchmarks/precise.py --capture balls_2 --calibration six.npz --graph reconstruct
 
 An easy capture (a ball pressed into a soft film), and a hard one (a cat, rigid, under near LEDs):
 those of tests/data, with twice as many pixels and noise drawn anew.  From images in memory to
 maps in memory.  With `--before`, a command that starts the Python of another version, both take
 turns, a process each, so that ratios hold on a busy machine; processor time counts all threads.
+Memory is the most that the process has held, libraries and the compiler of kernels included.
 """
 
 from __future__ import annotations
 
 import json
+import resource
 import shlex
 import subprocess
 import sys
@@ -33,11 +37,12 @@ SHOWN = 12
 
 
 class Spent(NamedTuple):
-    """Milliseconds of an item: on the wall, of the processor, and by node."""
+    """Milliseconds of an item: on the wall, of the processor, and by node; MiB held at most."""
 
     wall: float
     processor: float
     nodes: dict[str, float]
+    memory: float
 
 
 @click.command()
@@ -46,6 +51,10 @@ class Spent(NamedTuple):
 @click.option("--backend", type=click.Choice(["numpy", "opencl"]), default=None)
 @click.option("--graph", default="precise", show_default=True)
 @click.option("--before", default=None, help="A command that starts another version's Python.")
+@click.option("--moves", default=0, help="By so many pixels the touch moves from item to item.")
+@click.option("--capture", default=None, help="A capture of your own instead, with --calibration.")
+@click.option("--calibration", default=None, help="A calibration file.")
+@click.option("--leds", default=None, help="The LEDs of the capture that count: 1,2,3,4,5,6")
 @click.option("--serve", default=None, hidden=True)
 @click.option("--frames", default="", hidden=True)
 def main(
@@ -54,13 +63,28 @@ def main(
     backend: str | None,
     graph: str,
     before: str | None,
+    moves: int,
+    capture: str | None,
+    calibration: str | None,
+    leds: str | None,
     serve: str | None,
     frames: str,
 ) -> None:
     if serve is not None:
-        answer(serve, Path(frames), graph, outputs.split(","), backend)
+        answer(serve, Path(frames), graph, outputs.split(","), backend, moves)
         return
     more = ["--outputs", outputs, "--graph", graph, *(["--backend", backend] if backend else [])]
+    more += ["--moves", str(moves)] if moves else []
+    if capture is not None:
+        if calibration is None:
+            raise click.UsageError("--capture needs --calibration")
+        with tempfile.TemporaryDirectory() as folder:
+            files = sorted(Path(capture).glob("led*.png"))
+            chosen = [files[int(led) - 1] for led in leds.split(",")] if leds else files
+            images = [cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in chosen]
+            np.save(Path(folder) / "frames.npy", np.stack(images))
+            report(str(Path(calibration).resolve()), Path(folder), more, rounds, before)
+        return
     for name in (EASY, HARD):
         with tempfile.TemporaryDirectory() as folder:
             prepare(name, Path(folder))
@@ -81,7 +105,10 @@ def report(name: str, folder: Path, more: list[str], rounds: int, before: str | 
         if each is not None:
             each.end()
     wall, processor = median(s.wall for s in spent), median(s.processor for s in spent)
-    print(f"{name}: {wall:.0f} ms on the wall, {processor:.0f} ms of the processor")
+    print(
+        f"{name}: {wall:.0f} ms on the wall, {processor:.0f} ms of the processor, "
+        f"{spent[-1].memory:.0f} MiB at most"
+    )
     if earlier:
         then = median(s.wall for s in earlier), median(s.processor for s in earlier)
         print(
@@ -150,22 +177,37 @@ class Server:
         self._process.wait()
 
 
-def answer(name: str, file: Path, graph: str, outputs: list[str], backend: str | None) -> None:
+def answer(
+    name: str, file: Path, graph: str, outputs: list[str], backend: str | None, moves: int
+) -> None:
     """What the process of a `Server` does."""
     from tactograph.graph import load
 
     with tempfile.TemporaryDirectory() as folder:
-        calibration = str(calibrated(name, Path(folder)))
-        pipeline = load(graph, calibration=calibration, outputs=outputs, backend=backend)
+        given = Path(name).is_file()
+        calibration = Path(name) if given else calibrated(name, Path(folder))
+        pipeline = load(graph, calibration=str(calibration), outputs=outputs, backend=backend)
         frames = np.load(file)
+        with np.load(calibration, allow_pickle=False) as known:
+            flat = known["flat"]
         pipeline(frames=frames)
-    for _ in sys.stdin:
+    for number, _ in enumerate(sys.stdin, start=1):
+        image = moved(frames, flat, moves * number)
         wall, processor = time.perf_counter(), time.process_time()
-        times = pipeline(frames=frames).times
+        times = pipeline(frames=image).times
         spent = time.perf_counter() - wall, time.process_time() - processor
         streams = {step.name for step in pipeline.plan.steps if step.stream}
         nodes = {name: ms for name, ms in times.items() if name in streams}
-        print(json.dumps([1e3 * spent[0], 1e3 * spent[1], nodes]), flush=True)
+        held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(json.dumps([1e3 * spent[0], 1e3 * spent[1], nodes, held]), flush=True)
+
+
+def moved(frames: Any, flat: Any, by: int) -> Any:
+    """Images of the same touch `by` pixels to the right: the flat frame stays where it is."""
+    if by == 0:
+        return frames
+    light = np.roll(frames / np.maximum(flat, 1e-3), by, axis=-1)
+    return np.clip(np.round(light * flat), 0, np.iinfo(frames.dtype).max).astype(frames.dtype)
 
 
 if __name__ == "__main__":

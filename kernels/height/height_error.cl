@@ -2,7 +2,9 @@
 #include "lanes.clh"
 #include "near_light.clh"
 #include "group.clh"
+#include "border.clh"
 #include "springs.clh"
+#include "spring_cells.clh"
 #include "height_system.clh"
 
 #define STEEPEST 3.0f
@@ -166,36 +168,44 @@ LANED __kernel void err_slopes(
     store_floats(total_q, q + i, count);
 }
 
-// By how much step number x of a line of `size` steps differs from those beside it.
-static float turned(
-    __global const float *step_, const int i, const int stride, const int x, const int size)
+// By how much steps to the right, or down, differ from those beside them.
+static floats turned_right(
+    __global const float *want, const int y, const int x, const int count, const int W)
 {
-    if (size < 2) return 0.0f;
-    if (x == 0) return fabs(step_[i + stride] - step_[i]);
-    if (x == size - 1) return fabs(step_[i] - step_[i - stride]);
-    return fabs((step_[i + stride] - step_[i - stride]) / 2.0f);
+    const floats none = 0.0f, half_ = 0.5f, one = 1.0f, column = (float)x + LANE_NUMBERS;
+    if (W < 3) return none;
+    const floats before = load_within_border(want + y * W, x - 1, count, W - 1, REPLICATE);
+    const floats after = load_within_border(want + y * W, x + 1, count, W - 1, REPLICATE);
+    return fabs(after - before) * (column == 0.0f | column == (float)(W - 2) ? one : half_);
 }
 
-__kernel void err_steps(
+static floats turned_down(
+    __global const float *want, const int y, const int x, const int count, const int H, const int W)
+{
+    const floats none = 0.0f;
+    if (H < 3) return none;
+    const floats before = load_floats(want + clamp(y - 1, 0, H - 2) * W + x, count);
+    const floats after = load_floats(want + clamp(y + 1, 0, H - 2) * W + x, count);
+    return fabs(after - before) * (y == 0 || y == H - 2 ? 1.0f : 0.5f);
+}
+
+LANED __kernel void err_steps(
     __global const float *restrict want_right, __global const float *restrict want_down,
     __global const float *restrict p, __global const float *restrict q,
     __global float *restrict right, __global float *restrict down, const int H, const int W,
     const float half_, const float aperture, const uint key_right, const uint key_down)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
-    float step_ = 0.0f;
-    if (x + 1 < W) {
-        const float turn_ = aperture * turned(want_right, i, 1, x, W - 1);
-        step_ = (p[i + 1] + p[i]) * half_ + turn_ * drawn(i, key_right);
-    }
-    right[i] = step_;
-    step_ = 0.0f;
-    if (y + 1 < H) {
-        const float turn_ = aperture * turned(want_down, i, W, y, H - 1);
-        step_ = (q[i + W] + q[i]) * half_ + turn_ * drawn(i, key_down);
-    }
-    down[i] = step_;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
+    const floats east = (beside + load_floats(p + i, count)) * half_
+        + aperture * turned_right(want_right, y, x, count, W) * drawn_from(i, key_right);
+    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
+    const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
+    const floats south = (below + load_floats(q + i, count)) * half_
+        + aperture * turned_down(want_down, y, x, count, H, W) * drawn_from(i, key_down);
+    store_floats(y + 1 < H ? south : none, down + i, count);
 }
 
 __kernel void err_rises(
@@ -205,25 +215,30 @@ __kernel void err_rises(
     rise[t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
 }
 
-// What a step lacks if all lack it uphill.
-static float lacking(const float step_, const float turn_, const float pixel, const float kink)
+// What steps lack if all lack it uphill.
+static floats lacking(
+    const floats step_, const floats turn_, const float pixel, const float kink)
 {
-    const float bend = fmin(turn_ / pixel, SHARPEST);
-    const float sign_ = step_ > 0.0f ? 1.0f : step_ < 0.0f ? -1.0f : 0.0f;
+    const floats sharpest = SHARPEST, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
+    const floats none = 0.0f, up = 1.0f, down = -1.0f;
+    const floats falls = step_ < 0.0f ? down : none, sign_ = step_ > 0.0f ? up : falls;
     return kink * (bend * bend * bend) * sign_;
 }
 
-__kernel void err_kinks(
+LANED __kernel void err_kinks(
     __global const float *restrict want_right, __global const float *restrict want_down,
     __global float *restrict right, __global float *restrict down, const int H, const int W,
     const float pixel, const float kink)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
-    right[i] = x + 1 < W
-        ? lacking(want_right[i], turned(want_right, i, 1, x, W - 1), pixel, kink) : 0.0f;
-    down[i] = y + 1 < H
-        ? lacking(want_down[i], turned(want_down, i, W, y, H - 1), pixel, kink) : 0.0f;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats turn_right = turned_right(want_right, y, x, count, W);
+    const floats turn_down = turned_down(want_down, y, x, count, H, W);
+    const floats east = lacking(load_floats(want_right + i, count), turn_right, pixel, kink);
+    const floats south = lacking(load_floats(want_down + i, count), turn_down, pixel, kink);
+    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
+    store_floats(y + 1 < H ? south : none, down + i, count);
 }
 
 __kernel void level(__global float *restrict z, const int size)
@@ -285,41 +300,44 @@ LANED __kernel void blur(
 }
 
 // What the height of a pixel departs from its neighbours by, beyond a film's bend.
-static float bent(
-    __global const float *height, const int y, const int x, const int H, const int W,
-    const float most)
-{
-    const float here = 2.0f * height[y * W + x];
-    const float across = height[y * W + min(x + 1, W - 1)] - here + height[y * W + max(x - 1, 0)];
-    const float along = height[min(y + 1, H - 1) * W + x] - here + height[max(y - 1, 0) * W + x];
-    return fmax(sqrt(across * across + along * along) - most, 0.0f);
-}
-
-// An edge that no pixel resolves may as well lie in the next.
-static float unresolved(
-    __global const float *height, const int row, const int column, const int H, const int W,
+LANED __kernel void bends(
+    __global const float *restrict height, __global float *restrict bent, const int H, const int W,
     const float pixel)
 {
-    float found = 0.0f;
-    for (int y = max(row - 1, 0); y <= min(row + 1, H - 1); ++y)
-        for (int x = max(column - 1, 0); x <= min(column + 1, W - 1); ++x)
-            found = fmax(found, bent(height, y, x, H, W, SHARP * pixel));
-    return 0.5f * found;
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    __global const float *row = height + y * W;
+    const floats twice = 2.0f * load_floats(row + x, count), none = 0.0f;
+    const floats across = load_within_border(row, x + 1, count, W, REPLICATE) - twice
+        + load_within_border(row, x - 1, count, W, REPLICATE);
+    const floats along = load_floats(height + min(y + 1, H - 1) * W + x, count) - twice
+        + load_floats(height + max(y - 1, 0) * W + x, count);
+    const floats found = sqrt(across * across + along * along) - SHARP * pixel;
+    store_floats(MORE_OF(found, none), bent + y * W + x, count);
 }
 
-// The root of the mean variance over the frame; zero where nothing is free.
-__kernel void deviation(
+// The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may as
+// well lie in the next.
+LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
-    __global const float *restrict freed, __global const float *restrict height,
+    __global const float *restrict freed, __global const float *restrict bent,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float pixel)
+    const int left, const int H, const int W)
 {
-    GRID_2(row, column, frame_height, frame_width)
-    const int y = row - top, x = column - left, i = y * W + x;
-    float found = 0.0f;
-    if (y >= 0 && y < H && x >= 0 && x < W && freed[i] > 0.0f) {
-        const float edge = unresolved(height, row, column, frame_height, frame_width, pixel);
-        found = sqrt(fmax(variance[i] / fmax(weight[i], 1e-3f), 0.0f) + edge * edge);
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int i = y * W + x;
+    const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
+    floats edge = 0.0f;
+    for (int dy = -1; dy <= 1; ++dy) {
+        __global const float *row = bent + clamp(top + y + dy, 0, frame_height - 1) * frame_width;
+        for (int dx = -1; dx <= 1; ++dx) {
+            const int from = left + x + dx;
+            const floats there = load_within_border(row, from, count, frame_width, REPLICATE);
+            edge = MORE_OF(edge, there);
+        }
     }
-    out[row * frame_width + column] = found;
+    edge *= 0.5f;
+    const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
+    const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
+    const ints free = load_floats(freed + i, count) > 0.0f;
+    store_floats(free ? found : none, out + (top + y) * frame_width + left + x, count);
 }

@@ -1,6 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "group.clh"
+#include "border.clh"
 #include "springs.clh"
 #include "height_system.clh"
 

@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "lanes.clh"
+#include "border.clh"
 
 #define GROUP 64
 
@@ -22,6 +23,30 @@ void highest(
     }
 }
 
+#define BLOCK 16
+
+// The largest height of each block of pixels and of those that begin the next: what lies between
+// the pixels of the block is no higher.
+__kernel void block_tops(
+    __global const float *restrict height,
+    __global float *restrict tops,
+    const int H, const int W, const int rows, const int columns)
+{
+    GRID_2(row, column, rows, columns)
+    float found = -INFINITY;
+    for (int y = row * BLOCK; y <= min((row + 1) * BLOCK, H - 1); ++y)
+        for (int x = column * BLOCK; x <= min((column + 1) * BLOCK, W - 1); ++x)
+            found = fmax(found, height[y * W + x]);
+    tops[row * columns + column] = found;
+}
+
+// How far a ray that begins at `at` and goes `u` per step is in block number `block` of a line.
+static float way_out(const float at, const float u, const int block)
+{
+    if (u > 0.0f) return ((float)((block + 1) * BLOCK) - at) / u;
+    return u < 0.0f ? ((float)(block * BLOCK) - at) / u : INFINITY;
+}
+
 static float bilinear(
     __global const float *plane, const int H, const int W, const float x, const float y)
 {
@@ -33,9 +58,11 @@ static float bilinear(
     return above * (1.0f - v) + below * v;
 }
 
-// Whether the surface rises above the ray from a pixel to an LED.
+// Whether the surface rises above the ray from a pixel to an LED.  A ray that climbs passes over
+// blocks whose top is lower.
 static int is_blocked(
     __global const float *height,
+    __global const float *tops,
     __global const float *led,
     const float top, const float pixel,
     const int H, const int W, const int row, const int column)
@@ -46,61 +73,57 @@ static int is_blocked(
     const float plan = sqrt(dx * dx + dy * dy) + 1e-6f;
     const float ux = dx / plan, uy = dy / plan, climb = (led[2] - z) / plan;
     float ray = z;
-    for (float t = 0.5f; t < H + W && (ray < top || t == 0.5f); t += 0.5f) {
+    for (float t = 0.5f; t < H + W && (ray < top || t == 0.5f);) {
         const float px = x + ux * t, py = y + uy * t;
         if (px < 0.0f || px > W - 1 || py < 0.0f || py > H - 1) return 0;
         ray = z + climb * t;
-        if (bilinear(height, H, W, px, py) > ray) return 1;
+        const int across = (int)px / BLOCK, along = (int)py / BLOCK;
+        if (tops[along * ((W + BLOCK - 1) / BLOCK) + across] > ray) {
+            if (bilinear(height, H, W, px, py) > ray) return 1;
+        } else if (climb >= 0.0f) {
+            const float way = fmin(way_out(x, ux, across), way_out(y, uy, along));
+            t = fmax(t, 0.5f * floor(2.0f * way) - 0.5f);
+        }
+        t += 0.5f;
     }
     return 0;
 }
 
-static int is_seen(
-    __global const uchar *seen,
-    const int k, const int reach, const int H, const int W, const int row, const int column)
+// The LEDs whose shadow the image shows at a pixel, or `reach` pixels away along one axis (1: x).
+LANED __kernel void spread_labels(
+    __global const uchar *restrict seen,
+    __global uchar *restrict near,
+    const int H, const int W, const int reach, const int axis)
 {
-    for (int y = max(row - reach, 0); y <= min(row + reach, H - 1); ++y)
-        for (int x = max(column - reach, 0); x <= min(column + reach, W - 1); ++x)
-            if (seen[y * W + x] >> k & 1) return 1;
-    return 0;
-}
-
-// The LEDs whose shadow the image shows at `count` pixels of a row, or near by.
-static ints seen_near(
-    __global const uchar *seen, const int reach, const int H, const int W, const int row,
-    const int column, const int count)
-{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     ints labels = 0;
-    const int last = min(column + count + reach, W);
-    for (int y = max(row - reach, 0); y <= min(row + reach, H - 1); ++y)
-        for (int x = max(column - reach, 0); x < last; x += LANES)
-            labels |= load_bytes(seen + y * W + x, min(LANES, last - x));
-    return labels;
+    for (int d = -reach; d <= reach; ++d) {
+        const int row = axis ? y : clamp(y + d, 0, H - 1), column = axis ? x + d : x;
+        labels |= load_bytes_within_border(seen + row * W, column, count, W, REPLICATE);
+    }
+    store_bytes(labels, near + y * W + x, count);
 }
 
 // Labels: shadows that the height casts, and that the image shows near by.
 __kernel void cast(
     __global const float *height,
     __global const float *lights,
-    __global const uchar *seen,
+    __global const uchar *near,
     __global const float *top,
+    __global const float *tops,
     __global uchar *out,
     const int H, const int W, const int K,
-    const int ask_image,
-    const int reach_px,
     const float pixel)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    uchar labels[LANES];
-    for (int l = 0; l < LANES; ++l) labels[l] = 0;
-    const ints near = ask_image ? seen_near(seen, reach_px, H, W, y, x, count) : (ints)255;
-    for (int k = 0; k < K; ++k) {
-        if (!ANY((near & (1 << k)) != 0)) continue;
-        for (int l = 0; l < count; ++l) {
-            if (ask_image && !is_seen(seen, k, reach_px, H, W, y, x + l)) continue;
-            if (is_blocked(height, lights + 3 * k, top[0], pixel, H, W, y, x + l))
-                labels[l] |= 1 << k;
+    for (int l = 0; l < count; ++l) {
+        const int asked = near ? near[y * W + x + l] : 255;
+        uchar labels = 0;
+        for (int k = 0; k < K; ++k) {
+            if (!(asked >> k & 1)) continue;
+            if (is_blocked(height, tops, lights + 3 * k, top[0], pixel, H, W, y, x + l))
+                labels |= 1 << k;
         }
+        out[y * W + x + l] = labels;
     }
-    for (int l = 0; l < count; ++l) out[y * W + x + l] = labels[l];
 }

@@ -1,34 +1,37 @@
 #include "common.clh"
-#include "expected_light.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+#include "border.clh"
 
 #define FAINTEST 0.02f
 
 // The LEDs whose label is not the same all over the pixels `reach` away, or nearer.
-static uchar edges(
-    __global const uchar *labels, const int y, const int x, const int H, const int W,
-    const int reach)
+static ints edges(
+    __global const uchar *labels, const int y, const int x, const int count, const int H,
+    const int W, const int reach)
 {
-    uchar some = 0, every = 255;
-    for (int row = max(y - reach, 0); row <= min(y + reach, H - 1); ++row)
-        for (int column = max(x - reach, 0); column <= min(x + reach, W - 1); ++column) {
-            some |= labels[row * W + column];
-            every &= labels[row * W + column];
+    ints some = 0, every = 255;
+    for (int dy = -reach; dy <= reach; ++dy) {
+        __global const uchar *row = labels + clamp(y + dy, 0, H - 1) * W;
+        for (int dx = -reach; dx <= reach; ++dx) {
+            const ints there = load_bytes_within_border(row, x + dx, count, W, REPLICATE);
+            some |= there;
+            every &= there;
         }
+    }
     return some & ~every;
 }
 
-// The share of the light to be expected of a film of slope p, q that is there, less a half.
-static float share_of(
-    const float light, const float sigma, __global const float *led, const float x, const float y,
-    const float z, const float p, const float q, const float noisy)
+// The share of the light to be expected that is there, less a half; noisy light tells less.
+static floats share_of(const floats light, const floats sigma, const floats shown, const float noisy)
 {
-    const float expected = fmax(expected_light(led, x, y, z, p, q), FAINTEST);
-    const float square = expected * expected, doubt = noisy * sigma;
-    return (clamp(light / expected, 0.0f, 1.0f) - 0.5f) * (square / (square + doubt * doubt));
+    const floats none = 0.0f, one = 1.0f, faintest = FAINTEST, expected = MORE_OF(shown, faintest);
+    const floats square = expected * expected, doubt = noisy * sigma, there = light / expected;
+    return (LESS_OF(MORE_OF(there, none), one) - 0.5f) * (square / (square + doubt * doubt));
 }
 
 // The probability that the labels of all LEDs are right.
-__kernel void shadow_confidence(
+LANED __kernel void shadow_confidence(
     __global const uchar *restrict shadow,
     __global const uchar *restrict seen,
     __global const float *restrict light,
@@ -46,23 +49,31 @@ __kernel void shadow_confidence(
     const float by_light_contradicted,
     const float noisy)
 {
-    GRID_2(row, column, H, W)
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, i = row * W + column;
-    const float x = ((float)column - 0.5f * (float)(W - 1)) * pixel;
-    const float y = ((float)row - 0.5f * (float)(H - 1)) * pixel;
-    const uchar label = shadow[i], differs = label ^ seen[i];
-    const uchar edge = edges(shadow, row, column, H, W, 1);
-    const uchar near = edges(shadow, row, column, H, W, 2);
-    float sure_of_all = 1.0f;
+    const floats x = ((float)column + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel;
+    const floats y = ((float)row - 0.5f * (float)(H - 1)) * pixel;
+    const floats z = load_floats(height + i, count), p = load_floats(slope + i, count);
+    const floats q = load_floats(slope + size + i, count), nz = 1.0f / sqrt(1.0f + p * p + q * q);
+    const ints label = load_bytes(shadow + i, count), differs = label ^ load_bytes(seen + i, count);
+    const ints near = edges(shadow, row, column, count, H, W, 2);
+    ints edge = 0;
+    if (ANY(near != 0)) edge = edges(shadow, row, column, count, H, W, 1);
+    const floats none = 0.0f, by_image = by_light, contradicted = by_light_contradicted;
+    const floats lost_at_edge = at_edge, lost_near_edge = near_edge;
+    floats sure_of_all = 1.0f;
     for (int k = 0; k < K; ++k) {
-        const float lit = share_of(
-            light[k * size + i], sigma[k * size + i], lights + 3 * k, x, y, height[i], slope[i],
-            slope[size + i], noisy);
-        const float favour = label >> k & 1 ? -lit : lit;
-        const int other = differs >> k & 1;
-        float odds = sure + favour * (other ? by_light_contradicted : by_light);
-        odds -= edge >> k & 1 ? at_edge : near >> k & 1 ? near_edge : 0.0f;
+        const Vector v = light_vector(lights + 3 * k, x, y, z);
+        const floats shown = (v.z - v.x * p - v.y * q) * nz;
+        const floats lit = share_of(
+            load_floats(light + k * size + i, count), load_floats(sigma + k * size + i, count),
+            shown, noisy);
+        const ints led = 1 << k;
+        const floats favour = (label & led) != 0 ? -lit : lit;
+        floats odds = sure + favour * ((differs & led) != 0 ? contradicted : by_image);
+        const floats beside = (near & led) != 0 ? lost_near_edge : none;
+        odds -= (edge & led) != 0 ? lost_at_edge : beside;
         sure_of_all *= 1.0f / (1.0f + exp(-odds));
     }
-    out[i] = sure_of_all;
+    store_floats(sure_of_all, out + i, count);
 }

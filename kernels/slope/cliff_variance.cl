@@ -1,4 +1,6 @@
 #include "common.clh"
+#include "lanes.clh"
+#include "border.clh"
 
 // The light of the brightest LED that leaves the next pixel away from it dark; else 0.
 static float cliff(
@@ -23,37 +25,54 @@ static float cliff(
     return brightest;
 }
 
-// Whether any LED is dark within two pixels: only there can be a cliff beside this one.
+// Whether any LED is dark at `count` pixels of a row, or beside them: only there can be a cliff.
 static int is_near_shadow(
-    __global const uchar *shadow, const int H, const int W, const int y, const int x)
+    __global const uchar *shadow, const int H, const int W, const int y, const int x,
+    const int count)
 {
-    uchar labels = 0;
-    for (int row = max(y - 2, 0); row <= min(y + 2, H - 1); ++row)
-        for (int column = max(x - 2, 0); column <= min(x + 2, W - 1); ++column)
-            labels |= shadow[row * W + column];
-    return labels != 0;
+    ints labels = 0;
+    for (int dy = -1; dy <= 1; ++dy) {
+        __global const uchar *row = shadow + clamp(y + dy, 0, H - 1) * W;
+        for (int dx = -1; dx <= 1; ++dx)
+            labels |= load_bytes_within_border(row, x + dx, count, W, REPLICATE);
+    }
+    return ANY(labels != 0);
 }
 
-// Add the square of a possible step: the largest cliff of 3 x 3 pixels.
-__kernel void cliff_variance(
-    __global const float *restrict variance,
+LANED __kernel void find_cliffs(
     __global const float *restrict light,
     __global const uchar *restrict shadow,
     __global const float *restrict lights,
-    const float pixel,
+    __global float *restrict cliffs,
+    const int K, const int H, const int W,
+    const float pixel)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int near = is_near_shadow(shadow, H, W, y, x, count);
+    for (int l = 0; l < count; ++l)
+        cliffs[y * W + x + l] =
+            near ? cliff(light, shadow, lights, pixel, K, H, W, y, x + l) : 0.0f;
+}
+
+// Add the square of a possible step: the largest cliff of 3 x 3 pixels.
+LANED __kernel void add_steps(
+    __global const float *restrict variance,
+    __global const float *restrict cliffs,
     __global float *restrict out,
-    const int H, const int W, const int K,
+    const int H, const int W,
     const float jump, const float grazing)
 {
-    GRID_2(y, x, H, W)
-    float largest = 0.0f;
-    const int reach = is_near_shadow(shadow, H, W, y, x) ? 1 : -1;
-    for (int row = max(y - reach, 0); row <= min(y + reach, H - 1); ++row)
-        for (int column = max(x - reach, 0); column <= min(x + reach, W - 1); ++column)
-            largest = fmax(largest,
-                           cliff(light, shadow, lights, pixel, K, H, W, row, column));
-    const float step = jump * fmax(largest - grazing, 0.0f);
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    floats largest = grazing;
+    for (int dy = -1; dy <= 1; ++dy) {
+        __global const float *row = cliffs + clamp(y + dy, 0, H - 1) * W;
+        for (int dx = -1; dx <= 1; ++dx) {
+            const floats there = load_within_border(row, x + dx, count, W, REPLICATE);
+            largest = MORE_OF(largest, there);
+        }
+    }
+    const floats step = jump * (largest - grazing);
     const int size = H * W, i = y * W + x;
-    out[i] = variance[i] + step * step;
-    out[size + i] = variance[size + i] + step * step;
+    store_floats(load_floats(variance + i, count) + step * step, out + i, count);
+    store_floats(load_floats(variance + size + i, count) + step * step, out + size + i, count);
 }

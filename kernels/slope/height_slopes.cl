@@ -1,7 +1,9 @@
 #include "common.clh"
+#include "lanes.clh"
+#include "border.clh"
 
 // Central differences of the height, one-sided at the border; too steep is masked out.
-__kernel void height_slopes(
+LANED __kernel void height_slopes(
     __global const float *restrict height,
     const float pixel,
     __global float *restrict slope,
@@ -9,13 +11,18 @@ __kernel void height_slopes(
     const int H, const int W,
     const float steepest)
 {
-    GRID_2(y, x, H, W)
-    const int i = y * W + x;
-    const int right = min(x + 1, W - 1), left = max(x - 1, 0);
-    const int below = min(y + 1, H - 1), above = max(y - 1, 0);
-    const float p = (height[y * W + right] - height[y * W + left]) / max(right - left, 1) / pixel;
-    const float q = (height[below * W + x] - height[above * W + x]) / max(below - above, 1) / pixel;
-    slope[i] = p;
-    slope[H * W + i] = q;
-    mask[i] = p * p + q * q <= steepest * steepest;
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int i = y * W + x, below = min(y + 1, H - 1), above = max(y - 1, 0);
+    __global const float *row = height + y * W;
+    const floats one = 1.0f, two = 2.0f, column = (float)x + LANE_NUMBERS;
+    const floats across = column == 0.0f | column == (float)(W - 1) ? one : two;
+    const floats p = (load_within_border(row, x + 1, count, W, REPLICATE) -
+                      load_within_border(row, x - 1, count, W, REPLICATE)) / across / pixel;
+    const floats q = (load_floats(height + below * W + x, count) -
+                      load_floats(height + above * W + x, count)) /
+                     (float)max(below - above, 1) / pixel;
+    const ints gentle = p * p + q * q <= steepest * steepest, yes = 1, no = 0;
+    store_floats(p, slope + i, count);
+    store_floats(q, slope + H * W + i, count);
+    store_bytes(gentle ? yes : no, mask + i, count);
 }

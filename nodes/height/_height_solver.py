@@ -11,6 +11,8 @@ Long because conjugate gradients, their weights and the grids below share buffer
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,13 +35,12 @@ from tactograph.nodes.height._springs import (
     soft_inverse,
 )
 
-ONE_GROUP = 4096
-"""Levels of at most so many pixels are done by one work-group, all steps in one launch."""
+ONE_GROUP, ONE_GROUP_OF_LANES = 4096, 20480
+"""Levels of at most so many pixels are done by one work-group, all steps in one launch.  On a CPU,
+whose lanes are filled, that is one core: it is done sooner than two cores have begun."""
 PARTS = 1024
 GAP = 32
 """Numbers before, between and behind the levels come in runs of so many, as rows do."""
-ENERGY, _, STRETCH = KNOWN = range(3)
-"""What conjugate gradients know of their progress, as `springs.clh` has it."""
 RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
 
 
@@ -80,6 +81,27 @@ class Touch(NamedTuple):
     any_rest: bool
 
 
+@dataclass
+class Stack:
+    """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
+
+    `steps` are those of a cycle through them, `dense` is the inverse of the last one's matrix.
+    """
+
+    top: Level
+    right: DeviceArray
+    down: DeviceArray
+    inverse: DeviceArray
+    steps: list[Step]
+    steps_there: DeviceArray
+    dense: DeviceArray | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of the heights that it solves for."""
+        return self.top.rows, self.top.columns
+
+
 class Wants(NamedTuple):
     """The steps and rises that the springs want, in mm."""
 
@@ -103,35 +125,45 @@ class HeightSolver:
     """The equations of a launch of `integrate_weighted` or `height_error`, and their solution.
 
     It reads the node's inputs slope, variance, rest, rises, pixel and mask, and its settings
-    bend, floor and rise_px.
+    bend, floor and rise_px.  With `deepest` above 0 it solves them on cells (`_cells`), too, made
+    so often of 2 x 2, or as often as there are enough pixels.
     """
 
-    def __init__(self, run: Launch, window: Window) -> None:
+    def __init__(self, run: Launch, window: Window, deepest: int = 0) -> None:
         self._run = run
         rows = window.rows.stop - window.rows.start
         columns = window.columns.stop - window.columns.start
         self.shape = rows, columns
         self.place = window.rows.start, window.columns.start, rows, columns
         self._levels = _levels(rows, columns)
-        self._steps = list(_steps(len(self._levels)))
         gaps = _gaps(self._levels)
         total = int(gaps[-1]) + GAP
-        self._right, self._down, self.ground, self._inverse = self._planes(4, total)
-        self._force, self._height, self._lifted, self._kept = self._planes(4, total)
+        self.ground, self._kept = self._planes(2, total)
+        self._force, self._height, self._lifted = self._planes(3, total)
         self._direction, self._moved, self._z = self._planes(3, total)
-        self._known, self._parts = run.scratch((len(KNOWN),)), run.scratch((PARTS,))
-        cleared = self._right, self._down, self.ground, self._height, self._lifted
-        run.kernel(
-            "clear_gaps", (gaps.size * GAP,),
-            run.put(gaps), gaps.size, *cleared, self._direction, self._z,
-        )  # fmt: skip
+        self._stretch, self._parts = run.scratch((1,)), run.scratch((PARTS,))
+        self._one_group = ONE_GROUP if run.lanes == 1 else ONE_GROUP_OF_LANES
         last = self._levels[-1]
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
+        self.pixels = self._stack(0, gaps)
+        self._depth = min(deepest, len(self._levels) - 1)
+        self.cells = self._stack(self._depth, gaps) if self._depth else None
         self._gather(window)
         self._tie(window, total)
         there = [level.there for level in self._levels]
         self._levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
-        self._steps_there = run.put(np.array(self._steps, np.int32))
+
+    def _stack(self, top: int, gaps: I4) -> Stack:
+        """Room for the networks from a level on; what lies between them holds nothing."""
+        run = self._run
+        right, down, inverse = self._planes(3, int(gaps[-1]) + GAP)
+        run.kernel(
+            "clear_gaps", (gaps.size * GAP,), run.put(gaps), gaps.size, right, down, self.ground,
+            self._height, self._lifted, self._direction, self._z,
+        )  # fmt: skip
+        steps = list(_steps(len(self._levels), top))
+        steps_there = run.put(np.array(steps, np.int32))
+        return Stack(self._levels[top], right, down, inverse, steps, steps_there)
 
     def _planes(self, count: int, size: int) -> list[DeviceArray]:
         return [self._run.scratch((size,)) for _ in range(count)]
@@ -144,7 +176,7 @@ class HeightSolver:
         right, down, *variances = self._planes(4, rows * columns)
         self._variances = variances
         run.kernel(
-            "gather_system", (rows, finest.stride),
+            "gather_system", run.in_row_lanes(rows, finest.stride),
             run.inputs["slope"], run.inputs["variance"], run.inputs["rest"], run.inputs.get("mask"),
             right, down, *variances, self.ground, finest.first, finest.stride,
             run.sizes["H"] * width, width, *self.place,
@@ -165,7 +197,7 @@ class HeightSolver:
         ties, rise = rises_inside(window, rises, run.sizes["W"], mask_here)
         self.wants = Wants(*self._steps_wanted, run.put(rise))
         found = _tie_levels(ties, self._levels)
-        self._ties, self._all_ties = len(rise), len(found.ends)
+        self._ties, self._all_ties = len(rise), len(found.member_start) - 1
         self._finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
@@ -175,18 +207,17 @@ class HeightSolver:
         if found.knot_pixel.size:
             pixel = run.put(found.knot_pixel)
             run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
-        self._knots = knot, run.put(found.knot_start), run.put(found.knot_tie)
-        self._ends = run.put(found.ends)
+        self._knot_tie, entries = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
+        self._knots = knot, run.put(found.knot_start), run.put(found.knot_other), entries
 
     @property
     def rises(self) -> int:
         """How many rises have both ends in the window."""
         return self._ties
 
-    @property
-    def _network(self) -> tuple[DeviceArray, ...]:
-        planes = self._right, self._down, self.ground, self._inverse
-        return *planes, *self._knots, self._ends, self._stiffness
+    def _network(self, stack: Stack) -> tuple[DeviceArray, ...]:
+        planes = stack.right, stack.down, self.ground, stack.inverse
+        return *planes, *self._knots
 
     def cut(self, height: DeviceArray) -> DeviceArray:
         """A height over the frame, inside the window, and zero on the film at rest."""
@@ -219,118 +250,174 @@ class HeightSolver:
                 "join_ties", (self._all_ties,),
                 self._finest, *self._members, self._stiffness, self._all_ties,
             )  # fmt: skip
-        planes = self._right, self._down, self.ground
+            entries = self._knots[-1]
+            run.kernel(
+                "stiffen_knots", entries.shape, self._stiffness, self._knot_tie, entries,
+                *entries.shape,
+            )  # fmt: skip
         first, rows, stride = self._levels[0].there
         run.kernel(
             "stiffen", run.in_row_lanes(rows, stride), height, *self.wants[:2], *self._variances,
-            *planes[:2], first, rows, self.shape[1], stride, unit, square,
+            self.pixels.right, self.pixels.down, first, rows, self.shape[1], stride, unit, square,
         )  # fmt: skip
-        for fine, coarse in zip(self._levels, self._levels[1:], strict=False):
-            run.kernel(
-                "coarsen_level", run.in_lanes(coarse.size), *planes, *fine.there, *coarse.there
-            )
-        for level in self._levels:
-            run.kernel("invert_diagonal", run.in_lanes(level.size), *self._network, *level.there)
-        self._dense = run.put(self._coarsest_inverse())
+        self._join(self.pixels)
+        if self.cells is not None:
+            for fine, cell, stack in self._halvings():
+                run.kernel(
+                    "springs_of_cells", (cell.rows, cell.stride), stack.right, stack.down,
+                    self.cells.right, self.cells.down, *fine, *cell,
+                )  # fmt: skip
+            self._join(self.cells)
 
-    def _coarsest_inverse(self) -> F4:
+    def _halvings(self) -> Iterator[tuple[Level, Level, Stack]]:
+        """Pixels and their cells down to the coarsest, and where the pixels' springs are."""
+        assert self.cells is not None
+        for fine, cell in zip(self._levels[: self._depth], self._levels[1:], strict=False):
+            yield fine, cell, self.cells if fine.first != self._levels[0].first else self.pixels
+
+    def _join(self, stack: Stack) -> None:
+        """Make the networks below the first."""
+        run, levels = self._run, self._levels[self._levels.index(stack.top) :]
+        for fine, coarse in pairwise(levels):
+            run.kernel(
+                "coarsen_level", run.in_lanes(coarse.size),
+                stack.right, stack.down, self.ground, *fine.there, *coarse.there,
+            )  # fmt: skip
+        network = self._network(stack)
+        for level in levels:
+            run.kernel("invert_diagonal", run.in_lanes(level.size), *network, *level.there)
+        stack.dense = run.put(self._coarsest_inverse(network))
+
+    def _coarsest_inverse(self, network: tuple[DeviceArray, ...]) -> F4:
         run, last = self._run, self._levels[-1]
         size = last.rows * last.columns
         matrix = run.scratch((size, size))
         run.kernel(
-            "dense_matrix", (size, size),
-            *self._network, self._dense_at, matrix, size, last.stride,
-        )  # fmt: skip
+            "dense_matrix", (size, size), *network, self._dense_at, matrix, size, last.stride
+        )
         inverse = soft_inverse(run.download(matrix))
         return np.pad(inverse, ((0, 0), (0, -size % GAP)))
 
-    def solve(self, wants: Wants, height: DeviceArray, steps: int, enough: float) -> None:
-        """Improve `height` in place, as `conjugate_gradients` does."""
-        run, finest, columns = self._run, self._levels[0], self.shape[1]
-        first, rows, stride = there = finest.there
-        by_rows, size = run.in_row_lanes(rows, stride), run.in_lanes(finest.size)
+    def wants_of_cells(self, wants: Wants) -> Wants:
+        """What the cells' springs want, from what those between pixels do."""
+        assert self.cells is not None
+        run, rise = self._run, self._run.scratch((self._all_ties,))
+        if self._all_ties:
+            run.kernel(
+                "join_rises", (self._all_ties,),
+                self._finest, wants.rise, *self._members, rise, self._all_ties,
+            )  # fmt: skip
+        right, down = wants.right, wants.down
+        for fine, cell, stack in self._halvings():
+            shape = cell.rows, cell.columns
+            east, south = run.scratch(shape), run.scratch(shape)
+            run.kernel(
+                "wants_of_cells", shape, stack.right, stack.down, right, down,
+                self.cells.right, self.cells.down, east, south, *fine, *cell,
+            )  # fmt: skip
+            right, down = east, south
+        return Wants(right, down, rise)
+
+    def on_pixels(self, plane: DeviceArray, out: DeviceArray, *, added: bool = False) -> None:
+        """Put what the cells have on the pixels, or add it to what they have."""
+        run = self._run
+        for level in reversed(self._levels[: self._depth]):
+            last = level is self._levels[0]
+            shape = level.rows, level.columns
+            to = out if last else run.scratch(shape)
+            run.kernel("on_pixels", shape, plane, to, *plane.shape, *shape, int(last and added))
+            plane = to
+
+    def solve(
+        self, stack: Stack, wants: Wants, height: DeviceArray, steps: int, enough: float
+    ) -> bool:
+        """Improve `height` in place, as `conjugate_gradients` does; return whether it moved."""
+        run, (rows, columns) = self._run, stack.shape
+        network = self._network(stack)
+        first, _, stride = there = stack.top.there
+        by_rows, size = run.in_row_lanes(rows, stride), run.in_lanes(stack.top.size)
         run.kernel("take_height", by_rows, height, self._z, first, rows, columns, stride)
         run.kernel(
-            "imbalance", by_rows, *self._network, *wants, self._z, self._force, self._lifted,
-            first, rows, columns, stride,
+            "imbalance", by_rows, *network, self._knot_tie, *wants, self._z, self._force,
+            self._lifted, first, rows, columns, stride,
         )  # fmt: skip
-        self._cycle()
-        run.kernel("turn", size, self._height, self._direction, self._known, *there, 1)
-        energy = self._gain()
+        self._cycle(stack)
+        energy, share, moved = self._gain(stack), 0.0, False
         for _ in range(steps):
             if energy <= enough or energy <= 0:
                 break
-            run.kernel("apply_springs", size, *self._network, self._direction, self._moved, *there)
-            self._learn(STRETCH, self._direction, self._moved)
+            moved = True
+            run.kernel("turn", size, self._height, self._direction, *there, share)
             run.kernel(
-                "advance", size, self._direction, self._moved, self._inverse, self._z,
-                self._force, self._lifted, self._known, *there,
+                "apply_springs", (PARTS,), *network, self._direction, self._moved, self._parts,
+                *there,
             )  # fmt: skip
-            self._cycle()
-            energy = self._gain()
-            run.kernel("turn", size, self._height, self._direction, self._known, *there, 0)
+            run.kernel("add_parts", (1,), self._parts, self._stretch)
+            run.kernel(
+                "advance", size, self._direction, self._moved, stack.inverse, self._z,
+                self._force, self._lifted, self._stretch, *there, energy,
+            )  # fmt: skip
+            self._cycle(stack)
+            before, energy = energy, self._gain(stack)
+            share = energy / before
         to = run.in_row_lanes(rows, columns)
         run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
+        return moved
 
-    def energy(self, wants: Wants) -> float:
+    def energy(self, stack: Stack, wants: Wants) -> float:
         """What `Springs.energy` says."""
-        run, (first, rows, stride) = self._run, self._levels[0].there
+        run, (first, rows, stride) = self._run, stack.top.there
         run.kernel(
-            "energy_parts", (PARTS,),
-            self._right, self._down, wants.right, wants.down, self._parts, first, rows,
-            self.shape[1], stride,
+            "energy_parts", (PARTS,), stack.right, stack.down, wants.right, wants.down, self._parts,
+            first, rows, stack.top.columns, stride,
         )  # fmt: skip
         return float(run.download(self._parts).sum(dtype=float))
 
-    def _gain(self) -> float:
+    def _gain(self, stack: Stack) -> float:
         """The energy that is left to gain."""
-        self._learn(ENERGY, self._force, self._height)
-        return float(self._run.download(self._known)[ENERGY])
+        run, top = self._run, stack.top
+        product = self._force, self._height, self._parts
+        run.kernel("product_parts", (PARTS,), *product, top.first, top.size)
+        return float(run.download(self._parts).sum(dtype=float))
 
-    def _learn(self, what: int, a: DeviceArray, b: DeviceArray) -> None:
-        """Put the sum of a b over the finest level where conjugate gradients look for it."""
-        run, finest = self._run, self._levels[0]
-        run.kernel("product_parts", (PARTS,), a, b, self._parts, finest.first, finest.size)
-        run.kernel("learn", (1,), self._parts, self._known, what)
-
-    def _cycle(self) -> None:
-        """One multigrid cycle: from the force on the finest level to its height."""
-        at = 0
-        while at < len(self._steps):
-            small = self._levels[self._steps[at].level].size <= ONE_GROUP
+    def _cycle(self, stack: Stack) -> None:
+        """One multigrid cycle: from the force on the first level to its height."""
+        at, steps = 0, stack.steps
+        while at < len(steps):
             end = at + 1
-            while small and end < len(self._steps) and self._is_small(end):
-                end += 1
-            if small:
-                self._small_steps(at, end)
+            if not self._is_small(steps[at]):
+                self._large_step(stack, steps[at])
             else:
-                self._large_step(self._steps[at])
+                while end < len(steps) and self._is_small(steps[end]):
+                    end += 1
+                self._small_steps(stack, at, end)
             at = end
 
-    def _is_small(self, step: int) -> bool:
-        return self._levels[self._steps[step].level].size <= ONE_GROUP
+    def _is_small(self, step: Step) -> bool:
+        return self._levels[step.level].size <= self._one_group
 
-    def _small_steps(self, first: int, end: int) -> None:
-        run, (count,) = self._run, self._dense_at.shape
+    def _small_steps(self, stack: Stack, first: int, end: int) -> None:
+        run, (count,), dense = self._run, self._dense_at.shape, stack.dense
+        assert dense is not None
         run.kernel(
-            "small_levels", (run.group,), *self._network, self._force, self._height, self._lifted,
-            self._kept, self._dense, self._dense_at, count, self._dense.shape[1],
-            self._levels_there, self._steps_there, first, end, local=(run.group,),
+            "small_levels", (run.group,), *self._network(stack), self._force, self._height,
+            self._lifted, self._kept, dense, self._dense_at, count, dense.shape[1],
+            self._levels_there, stack.steps_there, first, end, local=(run.group,),
         )  # fmt: skip
 
-    def _large_step(self, step: Step) -> None:
-        run, level = self._run, self._levels[step.level]
+    def _large_step(self, stack: Stack, step: Step) -> None:
+        run, level, network = self._run, self._levels[step.level], self._network(stack)
         coarse = self._levels[step.level + 1]
         here, blocks = run.in_lanes(level.size), run.in_lanes(coarse.size)
         if step.what == RESTRICT:
             run.kernel(
                 "restrict_level", blocks,
-                *self._network, self._force, self._lifted, *level.there, *coarse.there,
+                *network, self._force, self._lifted, *level.there, *coarse.there,
             )  # fmt: skip
         elif step.what == REDO:
             run.kernel(
                 "redo_level", here,
-                *self._network, self._force, self._height, self._lifted, self._kept, *level.there,
+                *network, self._force, self._height, self._lifted, self._kept, *level.there,
             )  # fmt: skip
         elif step.what == LIFT:
             run.kernel(
@@ -340,7 +427,7 @@ class HeightSolver:
         else:
             run.kernel(
                 "smooth_level", here,
-                *self._network, self._force, self._height, self._lifted, *level.there,
+                *network, self._force, self._height, self._lifted, *level.there,
             )  # fmt: skip
 
 
@@ -372,17 +459,17 @@ def _gaps(levels: Sequence[Level]) -> I4:
     return np.concatenate(runs).astype(np.int32)
 
 
-def _steps(levels: int, at: int = 0) -> Iterator[Step]:
-    """The steps of `_springs.cycle`."""
+def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
+    """The steps of `_springs.cycle`, from level `at` on."""
     if at == levels - 1:
         yield Step(SOLVE, at, twice=False)
         return
     yield Step(RESTRICT, at, twice=False)
-    yield from _steps(levels, at + 1)
-    twice = at + 1 >= SINGLE_VISITS and at + 2 < levels
+    yield from _steps(levels, at + 1, depth + 1)
+    twice = depth + 1 >= SINGLE_VISITS and at + 2 < levels
     if twice:
         yield Step(REDO, at + 1, twice=False)
-        yield from _steps(levels, at + 1)
+        yield from _steps(levels, at + 1, depth + 1)
     yield Step(LIFT, at, twice)
     yield Step(SMOOTH, at, twice=False)
 
@@ -390,17 +477,17 @@ def _steps(levels: int, at: int = 0) -> Iterator[Step]:
 class _TieLevels(NamedTuple):
     """The ties of all levels, one after another.
 
-    `ends` (T x 2) are pixels.  Tie t joins the finest ties `members[member_start[t]:...]`.
-    Pixel `knot_pixel[n]` is an end of the ties `knot_tie[knot_start[n]:...]`, with ~t where it
-    is the foot of t.
+    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_pixel[n]` is an end of
+    the ties `knot_tie[knot_start[n]:...]`, with ~t where it is the foot of t; their other ends
+    are the pixels `knot_other[knot_start[n]:...]`.
     """
 
-    ends: I4
     member_start: I4
     members: I4
     knot_pixel: I4
     knot_start: I4
     knot_tie: I4
+    knot_other: I4
 
 
 def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
@@ -421,7 +508,8 @@ def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
     numbers = np.arange(count)
     pixels, group = np.unique(np.concatenate([ends[:, 0], ends[:, 1]]), return_inverse=True)
     knot_start, knot_tie = _grouped(group, np.concatenate([numbers, ~numbers]), pixels.size)
-    found = ends, member_start, members, pixels, knot_start, knot_tie
+    other = np.where(knot_tie >= 0, ends[knot_tie, 1], ends[~knot_tie, 0])
+    found = member_start, members, pixels, knot_start, knot_tie, other
     return _TieLevels(*(array.astype(np.int32) for array in found))
 
 

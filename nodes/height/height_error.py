@@ -9,6 +9,7 @@ Long because one node is one algorithm: every source of error goes through the s
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
@@ -31,14 +32,15 @@ from tactograph.nodes import (
     Slope,
     SlopeVariance,
 )
-from tactograph.nodes.height._height_solver import HeightSolver, Wants, find_touch
+from tactograph.nodes.height._cells import Cells, cells_of
+from tactograph.nodes.height._height_solver import HeightSolver, Stack, Wants, find_touch
 from tactograph.nodes.height._height_system import (
     HeightSystem,
     Window,
     contact_window,
     height_system,
 )
-from tactograph.nodes.height._springs import conjugate_gradients, hierarchy
+from tactograph.nodes.height._springs import Springs, conjugate_gradients, hierarchy
 from tactograph.nodes.light._near_light import (
     brightness_share,
     expected_light,
@@ -55,7 +57,14 @@ STEEPEST = np.float32(3)
 SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
-SHARE = np.float32(1 / ERRORS)
+DEEPEST = 2
+"""How often cells of 2 x 2 are made: random errors are sent through cells of 4 x 4 pixels."""
+FINE = 2
+"""So many of them are sent through the pixels' own network as well.  What they then have more is
+what cells do not see of any (multilevel Monte Carlo; Giles, "Multilevel Monte Carlo path
+simulation", 2008)."""
+AGAIN = 4
+"""Conjugate gradients that such an error takes from where the cells have brought it."""
 WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
@@ -125,7 +134,8 @@ def height_error(
 
     The height is, given the weights, linear in what it is made of.  A few random errors of
     the right size are integrated like slopes; the mean square of what comes out, averaged
-    over neighbours, is the variance.  The errors are
+    over neighbours, is the variance.  All are integrated on cells of 4 x 4 pixels (`_cells`), and
+    two of them on pixels, too: they tell what the cells do not see.  The errors are
 
     - the noise of each LED's light, and of the flat frame by which it was divided,
       independent from pixel to pixel;
@@ -204,6 +214,7 @@ def height_error(
     )
     springs = system.springs(system.cut(window.of(height)), robust)
     levels = hierarchy(springs)
+    cells = _on_cells(levels)
     inside = window.of(light)
     flat = np.float32(flat_noise) * inside
     noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
@@ -214,12 +225,13 @@ def height_error(
     rise_error = np.float32(rise_px * pixel)
     level = np.zeros(inside.shape[1:], np.float32)
 
-    def moved(right: F4, down: F4, rise: F4) -> F4:
-        force = springs.pull(right, down, rise)
-        enough = ENOUGH * springs.energy(right, down)
-        return conjugate_gradients(levels, force, level, steps, enough)
+    def moved(levels: Sequence[Springs], wants: tuple[F4, F4, F4], start: F4, steps: int) -> F4:
+        enough = ENOUGH * levels[0].energy(*wants[:2])
+        return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
 
     total = np.zeros_like(level)
+    of_cells = np.zeros_like(cells[-1].springs.ground) if cells else total
+    coarse = hierarchy(cells[-1].springs) if cells else levels
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
     changed: F4 | np.float32 = np.float32(0)
@@ -240,9 +252,19 @@ def height_error(
         down = (q[1:] + q[:-1]) * half
         right += np.float32(aperture) * turn[0] * across[:, :-1]
         down += np.float32(aperture) * turn[1] * along[:-1]
-        change = moved(right, down, rise_error * _drawn(keys.rises, system.rise.shape))
-        total += SHARE * change * change
-    change = moved(*_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise))
+        wants = right, down, rise_error * _drawn(keys.rises, system.rise.shape)
+        wants_there = wants
+        for network in cells:
+            wants_there = network.wants(*wants_there)
+        change = moved(coarse, wants_there, np.zeros_like(of_cells), steps)
+        of_cells += _share(number, len(cells)) * change * change
+        if cells and number < FINE:
+            change = moved(levels, wants, _on_pixels(cells, change), AGAIN)
+            total += change * change / np.float32(FINE)
+    if cells:
+        total += _on_pixels(cells, of_cells)
+    kinks = *_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise)
+    change = moved(levels, kinks, level, steps)
     total += change * change
     free = window.of(rest) == 0
     if mask is not None:
@@ -252,6 +274,29 @@ def height_error(
     edge = window.of(_unresolved(height, pixel))
     out[window.rows, window.columns] = np.sqrt(spread * spread + edge * edge) * free
     return out
+
+
+def _on_cells(levels: Sequence[Springs]) -> list[Cells]:
+    """Cells of pixels, and cells of those; fewer where there are too few pixels."""
+    cells: list[Cells] = []
+    for _ in levels[1 : 1 + DEEPEST]:
+        cells.append(cells_of(cells[-1].springs if cells else levels[0]))
+    return cells
+
+
+def _on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
+    """What the coarsest cells have, on pixels."""
+    for network in reversed(cells):
+        plane = network.on_pixels(plane)
+    return plane
+
+
+def _share(number: int, deepest: int) -> np.float32:
+    """What the square of a random error on cells adds to the variance.
+
+    That of an error which is sent through the pixels' network, too, is there the better known.
+    """
+    return np.float32(1 / ERRORS - (1 / FINE if deepest and number < FINE else 0))
 
 
 def _unresolved(height: Height, pixel: float) -> F4:
@@ -428,19 +473,25 @@ def _launch(run: Launch) -> None:
     of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
     lights, rows, columns = frame = tuple(run.sizes[symbol] for symbol in "KHW")
     touch = find_touch(run)
-    solver = HeightSolver(run, touch.window)
+    solver = HeightSolver(run, touch.window, DEEPEST)
     solver.weigh(solver.cut(of["height"]), settings["robust"])
-    height, width = shape = solver.shape
-    size, ties = height * width, solver.rises
+    shape, ties = solver.shape, solver.rises
     p, q, right, down, moved, total = (run.scratch(shape) for _ in range(6))
     by_p, by_q = run.scratch(frame), run.scratch(frame)
-    wants = Wants(right, down, run.scratch((ties,)))
+    wants, cells = Wants(right, down, run.scratch((ties,))), solver.cells
+    coarse = solver.pixels if cells is None else cells
+    there = run.scratch(coarse.shape)
+    of_cells = total if cells is None else run.scratch(coarse.shape)
 
-    def integrate(share: float) -> None:
-        run.kernel("level", (size,), moved, size)
-        enough = ENOUGH * solver.energy(wants)
-        solver.solve(wants, moved, settings["steps"], enough)
-        run.kernel("add_square", (size,), moved, total, size, share)
+    def clear(plane: DeviceArray) -> None:
+        run.kernel("level", (math.prod(plane.shape),), plane, math.prod(plane.shape))
+
+    def integrate(
+        stack: Stack, wants: Wants, moved: DeviceArray, steps: int, total: DeviceArray, share: float
+    ) -> None:
+        solver.solve(stack, wants, moved, steps, ENOUGH * solver.energy(stack, wants))
+        pixels = math.prod(moved.shape)
+        run.kernel("add_square", (pixels,), moved, total, pixels, share)
 
     misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
@@ -453,7 +504,8 @@ def _launch(run: Launch) -> None:
         of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
         by_p, by_q, *frame, pixel, settings["uneven"],
     )  # fmt: skip
-    run.kernel("level", (size,), total, size)
+    for plane in (total, of_cells):
+        clear(plane)
     for number in range(ERRORS):
         keys = _keys(settings["seed"], number)
         run.kernel(
@@ -464,15 +516,25 @@ def _launch(run: Launch) -> None:
             *_wave(number),
         )  # fmt: skip
         run.kernel(
-            "err_steps", shape, *solver.wants[:2], p, q, right, down, *shape,
+            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], p, q, right, down, *shape,
             0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
         err_rises(settings["rise_px"] * pixel, keys.rises)
-        integrate(float(SHARE))
+        wanted = wants if cells is None else solver.wants_of_cells(wants)
+        clear(there)
+        share = float(_share(number, 0 if cells is None else DEEPEST))
+        integrate(coarse, wanted, there, settings["steps"], of_cells, share)
+        if cells is not None and number < FINE:
+            solver.on_pixels(there, moved)
+            integrate(solver.pixels, wants, moved, AGAIN, total, 1 / FINE)
+    if cells is not None:
+        solver.on_pixels(of_cells, total, added=True)
     kink = settings["kink"] * pixel
-    run.kernel("err_kinks", shape, *solver.wants[:2], right, down, *shape, pixel, kink)
+    by_rows = run.in_row_lanes(*shape)
+    run.kernel("err_kinks", by_rows, *solver.wants[:2], right, down, *shape, pixel, kink)
     err_rises(0.0, 0)
-    integrate(1.0)
+    clear(moved)
+    integrate(solver.pixels, wants, moved, settings["steps"], total, 1.0)
     _deviate(run, solver, total)
 
 
@@ -490,10 +552,11 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
-    out = run.outputs["height_error"]
-    pixel = float(run.inputs["pixel"])
-    planes = total, weight, free, run.inputs["height"], out
-    run.kernel("deviation", frame, *planes, *frame, *solver.place, pixel)
+    out, bent = run.outputs["height_error"], run.scratch(frame)
+    height, pixel = run.inputs["height"], float(run.inputs["pixel"])
+    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
+    run.kernel("level", (math.prod(frame),), out, math.prod(frame))
+    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
 
 @height_error.example

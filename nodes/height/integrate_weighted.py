@@ -104,8 +104,12 @@ def integrate_weighted(
         known = system.cut(window.of(before))
         warm = system.cost(known, robust) < system.cost(height, robust)
         height = known if warm else height
-    for scale in _scales(rounds, robust, ease, warm=warm):
-        height = _improve(system, height, scale, steps)
+    scales = _scales(rounds, robust, ease, warm=warm)
+    for scale in scales:
+        last, height = height, _improve(system, height, scale, steps)
+        # What does not move keeps its weights: the rounds that are left would change nothing.
+        if height is last and scale == scales[-1]:
+            break
     out = np.zeros(rest.shape, np.float32)
     out[window.rows, window.columns] = height
     counts = np.ones_like(rest) if mask is None else mask
@@ -149,10 +153,13 @@ def _launch(run: Launch) -> None:
         known = solver.cut(run.inputs["before"])
         warm = solver.cost(known, robust) < solver.cost(height, robust)
         height = known if warm else height
-    for scale in _scales(settings["rounds"], robust, settings["ease"], warm=warm):
+    scales = _scales(settings["rounds"], robust, settings["ease"], warm=warm)
+    for scale in scales:
         solver.weigh(height, scale)
-        enough = ENOUGH * solver.energy(solver.wants)
-        solver.solve(solver.wants, height, settings["steps"], enough)
+        enough = ENOUGH * solver.energy(solver.pixels, solver.wants)
+        moved = solver.solve(solver.pixels, solver.wants, height, settings["steps"], enough)
+        if not moved and scale == scales[-1]:
+            break
     run.kernel("place", size, height, out, *size, *solver.place)
     mask = run.inputs.get("mask")
     if not touch.any_rest:

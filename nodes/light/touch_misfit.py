@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
-from tactograph.graph import node, warn
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import Close, SizeLimit, node, warn
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, Misfit, PixelSize, Slope
-from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.light._near_light import expected_light, places, vectors_at
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
 
 TILTED = np.float32(0.1)
 """Slope of film that tells whether the model holds."""
@@ -20,7 +26,10 @@ CLEARLY, LEAST = 2.0, 0.005
 """Times what the calibration left, and light, above which a departure is told."""
 
 
-@node
+@node(
+    tolerance=Close(1e-6, 1e-3, why="a sum over LEDs and blocks, in another order"),
+    sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
+)
 def touch_misfit(
     light: Light,
     slope: Slope,
@@ -56,8 +65,14 @@ def touch_misfit(
     ndarray
         The misfit of this touch.  A warning says so where the light departs clearly more.
     """
+    total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel))
+    return _widened(misfit, total, known)
+
+
+def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
+    """The misfit of a touch of which blocks of pixels leave so much."""
     level, width, pressed, bounce, tilt = (float(v) for v in misfit)
-    found = _left(light, slope, height, used, lights, pixel, width)
+    found = _typical(total, known)
     if found <= pressed:
         return misfit
     share = max(level / pressed, USUAL) if pressed > 0 else USUAL
@@ -73,20 +88,47 @@ def touch_misfit(
     return np.asarray([wider, width, found, bounce, tilt], np.float32)
 
 
-def _left(
-    light: F4, slope: F4, height: F4, used: Labels, lights: F4, pixel: float, width: float
-) -> float:
-    """The root mean square that neighbours share of what no normal explains."""
-    left = light - expected_light(light_vectors(lights, height, pixel), slope)
-    counts = (used == (1 << len(lights)) - 1) & (np.hypot(*slope) > TILTED)
-    left = np.where(counts, left, np.float32(0))
-    lag = max(NEAREST_PX, round(width / pixel / 4))
-    here, corner = np.s_[..., :-lag, :-lag], left[..., :-lag, :-lag]
-    product = (corner * (left[..., lag:, :-lag] + left[..., :-lag, lag:])).mean(axis=0)
-    pairs = counts[here] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
-    total, known = _by_block(product), _by_block(pairs)
+def _typical(total: F4, known: F4) -> float:
+    """The root mean square that neighbours share, of the block in the middle."""
     plenty = known > BLOCK * BLOCK
     return float(np.sqrt(max(np.median(total[plenty] / known[plenty]), 0))) if plenty.any() else 0.0
+
+
+def _lag(misfit: Misfit, pixel: float) -> int:
+    """How many pixels apart neighbours are."""
+    return max(NEAREST_PX, round(float(misfit[1]) / pixel / 4))
+
+
+def _left(
+    light: Light,
+    slope: Slope,
+    height: Height,
+    used: Labels,
+    lights: LightPositions,
+    pixel: float,
+    lag: int,
+) -> tuple[F4, F4]:
+    """By block, the products of what no normal explains of neighbours, and how many count."""
+    p, q = slope
+    counts = (used == (1 << len(lights)) - 1) & (p * p + q * q > TILTED * TILTED)
+    rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
+    counts, slopes = counts[rows, columns], slope[:, rows, columns]
+    x = places(height.shape[1], np.float32(pixel))[None, columns]
+    y = places(height.shape[0], np.float32(pixel))[rows, None]
+    product: F4 | np.float32 = np.float32(0)
+    for led, plane in zip(lights, light, strict=True):
+        (shown,) = expected_light(vectors_at(led[None], x, y, height[rows, columns]), slopes)
+        left = np.where(counts, plane[rows, columns] - shown, np.float32(0))
+        product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
+    pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
+    return _by_block(product / np.float32(len(lights))), _by_block(pairs)
+
+
+def _reach(found: NDArray[np.bool_], lag: int) -> slice:
+    """Whole blocks around all that is found, and their neighbours; the first if nothing is."""
+    there = np.flatnonzero(found)
+    first, last = (int(there[0]), int(there[-1])) if there.size else (0, 0)
+    return slice(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK + lag)
 
 
 def _by_block(plane: F4) -> F4:
@@ -94,3 +136,48 @@ def _by_block(plane: F4) -> F4:
     rows, columns = (side // BLOCK for side in plane.shape)
     blocks = plane[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
     return np.asarray(blocks.sum(axis=(1, 3)), np.float32)
+
+
+@touch_misfit.opencl()
+def _launch(run: Launch) -> None:
+    """Blocks are added up on the device; which one is in the middle is found here."""
+    of, pixel = run.inputs, run.inputs["pixel"]
+    count, height, width = (run.sizes[symbol] for symbol in "KHW")
+    misfit = run.download(of["misfit"])
+    lag = _lag(misfit, pixel)
+    left, counts = run.scratch((count, height, width)), run.scratch((height, width))
+    run.kernel(
+        "leave", run.in_lanes(height, width), of["light"], of["slope"], of["height"], of["used"],
+        of["lights"], left, counts, count, height, width, pixel,
+    )  # fmt: skip
+    rows, columns = blocks = tuple(max(side - lag, 0) // BLOCK for side in (height, width))
+    total, known = run.scratch(blocks), run.scratch(blocks)
+    if rows * columns:
+        run.kernel(
+            "add_blocks", blocks,
+            left, counts, total, known, count, height, width, lag, rows, columns,
+        )  # fmt: skip
+    found = _widened(misfit, run.download(total), run.download(known))
+    run.kernel("give", (1,), run.outputs["touch_misfit"], *(float(v) for v in found))
+
+
+@touch_misfit.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs around a film that all light, but for some pixels; light that departs in patches."""
+    around = rng.uniform(0, 2 * np.pi, K)
+    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.1, (H, W)).astype(np.float32)
+    x, y = (places(side, np.float32(0.05)) for side in (W, H))
+    vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)
+    departs = np.sin(np.arange(H) / 11)[:, None] * np.sin(np.arange(W) / 17 + 1)
+    light = expected_light(vectors, slope) * (1 + 0.1 * departs)
+    return {
+        "light": (light + rng.normal(0, 0.01, light.shape)).astype(np.float32),
+        "slope": slope,
+        "height": height,
+        "used": np.where(rng.random((H, W)) < 0.1, 1, (1 << K) - 1).astype(np.uint8),
+        "lights": lights.astype(np.float32),
+        "pixel": 0.05,
+        "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
+    }

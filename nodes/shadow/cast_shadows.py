@@ -14,7 +14,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
 from tactograph.nodes.simulate._interpolate import bilinear
 
-GROUP = 64
+GROUP, BLOCK = 64, 16
 STEP = np.float32(0.5)
 TINY = np.float32(1e-6)
 
@@ -96,27 +96,20 @@ def _is_blocked(
 
 @cast_shadows.opencl()
 def _launch(run: Launch) -> None:
-    """The top of the surface, above which no ray need be followed; then the rays."""
+    """The top of the surface, above which no ray need be followed, and of each block; the rays."""
     height, out = run.inputs["height"], run.outputs["cast_shadows"]
-    rows, columns = run.sizes["H"], run.sizes["W"]
-    top = run.scratch((1,))
-    seen = run.inputs.get("seen")
+    rows, columns = shape = run.sizes["H"], run.sizes["W"]
+    top, blocks = run.scratch((1,)), (-(-rows // BLOCK), -(-columns // BLOCK))
+    tops, by_rows = run.scratch(blocks), run.in_row_lanes(*shape)
     run.kernel("highest", (GROUP,), height, top, rows * columns, local=(GROUP,))
-    run.kernel(
-        "cast",
-        run.in_row_lanes(rows, columns),
-        height,
-        run.inputs["lights"],
-        seen if seen is not None else out,
-        top,
-        out,
-        rows,
-        columns,
-        run.sizes["K"],
-        int(seen is not None),
-        int(run.settings["reach_px"]),
-        float(run.inputs["pixel"]),
-    )
+    run.kernel("block_tops", blocks, height, tops, *shape, *blocks)
+    near, reach = run.inputs.get("seen"), int(run.settings["reach_px"])
+    if near is not None:
+        for axis in (1, 0):
+            seen, near = near, run.scratch(shape, np.uint8)
+            run.kernel("spread_labels", by_rows, seen, near, *shape, reach, axis)
+    lights, pixel = run.inputs["lights"], float(run.inputs["pixel"])
+    run.kernel("cast", by_rows, height, lights, near, top, tops, out, *shape, run.sizes["K"], pixel)
 
 
 @cast_shadows.example

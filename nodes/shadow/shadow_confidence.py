@@ -108,7 +108,7 @@ def shadow_confidence(
     return np.asarray(sure_of_all, np.float32)
 
 
-shadow_confidence.opencl(grid="H W")
+shadow_confidence.opencl(grid="H W", lanes="rows")
 
 
 def _edges(labels: Labels, reach: int) -> NDArray[np.uint8]:

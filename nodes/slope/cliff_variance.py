@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Ge
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, SlopeVariance
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
 
 TINY = np.float32(1e-6)
 
@@ -82,7 +85,17 @@ def _largest_neighbour(plane: F4) -> F4:
     return np.asarray(np.max(shifted, axis=0), np.float32)
 
 
-cliff_variance.opencl(grid="H W")
+@cliff_variance.opencl()
+def _launch(run: Launch) -> None:
+    """The cliffs of all pixels, then the largest of 3 x 3."""
+    of, (lights, rows, columns) = run.inputs, (run.sizes[symbol] for symbol in "KHW")
+    cliffs, grid = run.scratch((rows, columns)), run.in_row_lanes(rows, columns)
+    run.kernel(
+        "find_cliffs", grid,
+        of["light"], of["shadow"], of["lights"], cliffs, lights, rows, columns, of["pixel"],
+    )  # fmt: skip
+    out, rules = run.outputs["cliff_variance"], (run.settings["jump"], run.settings["grazing"])
+    run.kernel("add_steps", grid, of["variance"], cliffs, out, rows, columns, *rules)
 
 
 @cliff_variance.example

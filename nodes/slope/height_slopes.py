@@ -50,4 +50,4 @@ def _difference(z: F4, axis: int) -> F4:
     return (z.take(after, axis) - z.take(before, axis)) / span.reshape(shape)
 
 
-height_slopes.opencl(grid="H W")
+height_slopes.opencl(grid="H W", lanes="rows")

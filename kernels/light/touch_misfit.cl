@@ -1,0 +1,67 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+#include "group.clh"
+
+#define TILTED 0.1f
+#define BLOCK 16
+
+// What no normal explains of the light, and 1 where all LEDs and a tilted film tell; else 0.
+LANED __kernel void leave(
+    __global const float *restrict light, __global const float *restrict slope,
+    __global const float *restrict height, __global const uchar *restrict used,
+    __global const float *restrict lights, __global float *restrict left,
+    __global float *restrict counts, const int K, const int H, const int W, const float pixel)
+{
+    const int size = H * W;
+    GRID_LANES(at, count, size)
+    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
+    const floats z = load_floats(height + at, count), none = 0.0f, one = 1.0f;
+    const ints tilted = p * p + q * q > TILTED * TILTED;
+    const ints tells = (load_bytes(used + at, count) == (1 << K) - 1) & tilted;
+    const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
+    floats x, y;
+    places(at, H, W, pixel, &x, &y);
+    for (int k = 0; k < K; ++k) {
+        const Vector v = light_vector(lights + 3 * k, x, y, z);
+        const floats shown = (v.z - v.x * p - v.y * q) * nz;
+        const floats departs = load_floats(light + k * size + at, count) - shown;
+        store_floats(tells ? departs : none, left + k * size + at, count);
+    }
+    store_floats(tells ? one : none, counts + at, count);
+}
+
+// Over blocks of pixels, the products with neighbours `lag` pixels away, and how many count.
+LANED __kernel void add_blocks(
+    __global const float *restrict left, __global const float *restrict counts,
+    __global float *restrict total, __global float *restrict known, const int K, const int H,
+    const int W, const int lag, const int rows, const int columns)
+{
+    GRID_2(row, column, rows, columns)
+    const int size = H * W, corner = (row * W + column) * BLOCK;
+    floats product = 0.0f, pairs = 0.0f;
+    for (int y = 0; y < BLOCK; ++y)
+        for (int x = 0; x < BLOCK; x += LANES) {
+            const int i = corner + y * W + x;
+            for (int k = 0; k < K; ++k) {
+                __global const float *here = left + k * size + i;
+                product += LOAD_LANES(here) * (LOAD_LANES(here + lag * W) + LOAD_LANES(here + lag));
+            }
+            pairs += LOAD_LANES(counts + i) *
+                     (LOAD_LANES(counts + i + lag * W) + LOAD_LANES(counts + i + lag));
+        }
+    total[row * columns + column] = sum_of_lanes(product) / (float)K;
+    known[row * columns + column] = sum_of_lanes(pairs);
+}
+
+__kernel void give(
+    __global float *restrict misfit, const float level, const float width, const float light,
+    const float bounce, const float tilt)
+{
+    GRID_1(i, 1)
+    misfit[0] = level;
+    misfit[1] = width;
+    misfit[2] = light;
+    misfit[3] = bounce;
+    misfit[4] = tilt;
+}

@@ -1,0 +1,105 @@
+"""A network of springs on cells of 2 x 2 pixels, for loads whose effect is smooth.
+
+Joining pixels rigidly (`_springs`) only preconditions: such blocks are too stiff.  Here the springs
+from the middle of one cell to that of the next lie one behind the other in each row of pixels, and
+both rows side by side, so that cells move as their pixels do on average.
+``kernels/headers/spring_cells.clh`` holds the same.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.height._springs import (
+    Springs,
+    Ties,
+    block_sums,
+    join_ends,
+)
+
+WEAKEST = np.float32(1e-12)
+"""Smallest stiffness that is divided by."""
+
+
+class Cells(NamedTuple):
+    """Cells of 2 x 2 of a network's `shape`, and what gives their springs their stiffness."""
+
+    springs: Springs
+    shape: tuple[int, ...]
+    in_rows: F4
+    """H x w-1, of each row of pixels."""
+    in_columns: F4
+    """h-1 x W, of each column."""
+    which: NDArray[np.int64]
+    """The tie that each tie between pixels joins; -1 within a cell."""
+    ties: F4
+    """The stiffness of the ties between pixels."""
+
+    def wants(self, right: F4, down: F4, rise: F4) -> tuple[F4, F4, F4]:
+        """The steps and rises from cell to cell, from those between pixels."""
+        stretch = _side_by_side(self.in_rows * _one_by_one(right))
+        stretch_down = _side_by_side((self.in_columns * _one_by_one(down.T).T).T).T
+        apart, springs = self.which >= 0, self.springs
+        joined = np.bincount(
+            self.which[apart], (self.ties * rise)[apart], springs.ties.stiffness.size
+        ).astype(np.float32)
+        return (
+            stretch / springs.right,
+            stretch_down / springs.down,
+            joined / springs.ties.stiffness,
+        )
+
+    def on_pixels(self, plane: F4) -> F4:
+        """What the cells have, on pixels: linear between the cells' middles."""
+        rows, columns = plane.shape
+        size = 2 * columns, 2 * rows
+        fine = cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR)
+        return np.ascontiguousarray(fine[: self.shape[0], : self.shape[1]])
+
+
+def cells_of(springs: Springs) -> Cells:
+    """Return the network of a network's cells of 2 x 2."""
+    rows, columns = springs.shape
+    half = (rows + 1) // 2, (columns + 1) // 2
+    in_rows = _in_series(springs.right)
+    in_columns = np.ascontiguousarray(_in_series(springs.down.T).T)
+    ties = springs.ties
+    top, foot, which = join_ends(ties.top, ties.foot, columns, half)
+    apart = which >= 0
+    stiffness = np.bincount(which[apart], ties.stiffness[apart], len(top)).astype(np.float32)
+    network = Springs(
+        _side_by_side(in_rows),
+        np.ascontiguousarray(_side_by_side(in_columns.T).T),
+        block_sums(springs.ground),
+        Ties(top, foot, stiffness),
+    )
+    return Cells(network, springs.shape, in_rows, in_columns, which, ties.stiffness)
+
+
+def _in_series(stiffness: F4) -> F4:
+    """The springs of a row, half of one, a whole one and half of the next, one behind the other.
+
+    Beyond the last pixel of a row whose number is odd, none gives way.
+    """
+    gives = np.asarray(np.float32(1) / np.maximum(stiffness, WEAKEST), np.float32)
+    return np.asarray(np.float32(1) / _one_by_one(gives), np.float32)
+
+
+def _one_by_one(steps: F4) -> F4:
+    """The sums of half a step, a whole one and half of the next, between the cells of a row."""
+    if steps.shape[1] % 2 == 0:
+        steps = np.pad(steps, ((0, 0), (0, 1)))
+    first, middle, last = steps[:, 0:-1:2], steps[:, 1::2], steps[:, 2::2]
+    return np.asarray(np.float32(0.5) * first + middle + np.float32(0.5) * last, np.float32)
+
+
+def _side_by_side(rows: F4) -> F4:
+    """The sums of each two rows."""
+    if len(rows) % 2:
+        rows = np.pad(rows, ((0, 1), (0, 0)))
+    return np.asarray(rows[0::2] + rows[1::2])
