@@ -1,8 +1,9 @@
 """OpenCL programs, each built once a process.
 
 Building one takes hundreds of times what a launch takes.  Programs belong to a context, so all
-queues of a device share one.  Drivers that keep binaries on disk still read the source for each
-program (PoCL: 60 ms), so what they built is kept here too, and taken in a fifteenth of the time.
+queues of a device share one.  PoCL keeps binaries on disk, but reads the source of each program
+all the same (60 ms), so what it built is kept here too, and taken in a fifteenth of the time.
+Of other drivers pyopencl, or the driver itself, keeps them.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from pathlib import Path
 from typing import Any
 
 import pyopencl as cl
-from pyopencl.characterize import has_src_build_cache
 
 from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
 
 MOST = 64
 """Of so many programs a process keeps what was built."""
+MOST_BYTES = 2 * 10**8
+"""Of what is kept on disk: some two thousand programs."""
+READS_SOURCES = "Portable Computing Language"
+"""The platform whose programs are kept on disk here."""
 
 
 @cache
@@ -48,7 +52,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     program = _built(cl.Program(context, source), options)
     if file is not None:
         binaries: Any = program.get_info(cl.program_info.BINARIES)
-        write_kept(file, binaries[0])
+        write_kept(file, binaries[0], MOST_BYTES)
     return program
 
 
@@ -60,13 +64,13 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
 
 
 def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
-    """Where the binary is kept; None where pyopencl does so itself, or nothing is to be."""
+    """Where the binary is kept; None if it is not."""
     folder = kept_folder()
-    if folder is None or not has_src_build_cache(device):
+    if folder is None or device.platform.name != READS_SOURCES:
         return None
     of = (
         device.platform.name, device.platform.version, device.name, device.version,
         device.driver_version, source, options, os.environ.get("PYOPENCL_BUILD_OPTIONS"),
     )  # fmt: skip
     key = hashlib.blake2b(repr(of).encode(), digest_size=16).hexdigest()
-    return folder / f"program-{key}{SUFFIX}"
+    return folder / "programs" / f"{key}{SUFFIX}"

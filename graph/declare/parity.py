@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import typing
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -137,6 +137,11 @@ def _demands(node: Node) -> list[tuple[str, ...]]:
 
 def compare(node: Node, device: DeviceBackend, case: Case) -> str | None:
     """Run one case on NumPy and on a device; return None, or what differs."""
+    return compare_on(node, [device], case)
+
+
+def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str | None:
+    """The same on several devices, with NumPy's result made once; the first difference."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
     wanted = EVERYTHING if case.wanted is None else Wanted(frozenset(case.wanted))
@@ -145,14 +150,27 @@ def compare(node: Node, device: DeviceBackend, case: Case) -> str | None:
     changed = _changed(inputs, kept)
     if changed:
         return f"the NumPy function changed its input '{changed}'"
-    poisoned, device.poison = device.poison, RUBBISH
-    try:
-        found, inputs = _on_device(node, device, case, inputs, wanted)
-    finally:
-        device.poison = poisoned
-    changed = _changed(inputs, kept)
-    if changed:
-        return f"the kernel changed its input '{changed}'"
+    for device in devices:
+        poisoned, device.poison = device.poison, RUBBISH
+        try:
+            found, after = _on_device(node, device, case, inputs, wanted)
+        finally:
+            device.poison = poisoned
+        changed = _changed(after, kept)
+        if changed:
+            return f"the kernel changed its input '{changed}'"
+        wrong = _difference(node, reference, found, wanted)
+        if wrong:
+            return wrong
+    return None
+
+
+def _difference(
+    node: Node,
+    reference: Mapping[str, NDArray[Any]],
+    found: Mapping[str, NDArray[Any]],
+    wanted: Wanted,
+) -> str | None:
     for name, expected in reference.items():
         if name not in wanted:
             continue

@@ -1,8 +1,8 @@
 """Files that are kept from start to start, and may go at any time.
 
 A file is written beside its place and moved there, so two writers and a kill leave whole files;
-its content is checked when it is read.  The files that were read longest ago go when all
-together are too large.
+its content is checked when it is read.  The files of a folder that were read longest ago go when
+all together are too large.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import platformdirs
 FOLDER = "TACTOGRAPH_CACHE"
 """The environment variable that names another folder, or is ``off``."""
 MOST_BYTES = 10**9
-"""Of all files together."""
+"""Of all files of a folder together."""
 SUFFIX = ".kept"
 _MAGIC = b"tactograph kept 1\n"
 _ABANDONED_S = 3600.0
@@ -50,9 +50,10 @@ def read_kept(file: Path) -> bytes | None:
     return body
 
 
-def write_kept(file: Path, body: bytes) -> None:
+def write_kept(file: Path, body: bytes, most_bytes: int | None = None) -> None:
     """Keep something; a full disk or a read-only one is no reason to fail."""
-    if len(body) > MOST_BYTES // 4:
+    most = MOST_BYTES if most_bytes is None else most_bytes
+    if len(body) > most // 4:
         return
     stage: Path | None = None
     with suppress(OSError):
@@ -63,13 +64,13 @@ def write_kept(file: Path, body: bytes) -> None:
             check = f"{zlib.crc32(body):08x}"
             stream.write(_MAGIC + check.encode() + b"\n" + body)
         stage.replace(file)
-        _make_room(file)
+        _make_room(file, most)
     if stage is not None:
         with suppress(OSError):
             stage.unlink(missing_ok=True)
 
 
-def _make_room(new: Path) -> None:
+def _make_room(new: Path, most: int) -> None:
     """Delete what was read longest ago, and what a killed writer left."""
     stats = []
     for file in new.parent.iterdir():
@@ -82,5 +83,5 @@ def _make_room(new: Path) -> None:
                 file.unlink(missing_ok=True)
         elif file.suffix == SUFFIX:
             total += size
-            if total > MOST_BYTES and file != new:
+            if total > most and file != new:
                 file.unlink(missing_ok=True)
