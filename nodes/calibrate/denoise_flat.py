@@ -71,7 +71,7 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
         mean = sum(others[1:], others[0]) / np.float32(len(others))
         spread = 1.4826 * np.median(np.abs(band))
         mark = (np.abs(band) > MARK * spread) & (band * mean > CONFIRMED * band * band)
-        found = found + np.where(mark, np.float32(1), share) * band
+        found = np.asarray(found + np.where(mark, np.float32(1), share) * band, np.float32)
     return found
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted, start_at
-from tactograph.nodes.calibrate._film_misfit import Held, misfit
+from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
@@ -70,3 +70,11 @@ def test_few_presses_state_more_than_many() -> None:
     *_, one = misfit([part], NOWHERE_ELSE, PIXEL)
     *_, many = misfit([part] * 12, NOWHERE_ELSE, PIXEL)
     assert one > 3 * many
+
+
+@pytest.mark.parametrize("brighter", [0.02, 0.04])
+def test_brightness_that_the_model_does_not_know_makes_a_film_uneven(brighter: float) -> None:
+    """All LEDs alike; noise of single pixels is none of it."""
+    part = held(0.01, gain=1 + brighter)
+    assert unevenness([part], PIXEL) == pytest.approx(2.5 * brighter, rel=0.1)
+    assert unevenness([held(0.01)], PIXEL) < 2.5e-3
