@@ -121,7 +121,8 @@ def _left(
         left = np.where(counts, plane[rows, columns] - shown, np.float32(0))
         product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
-    return _by_block(product / np.float32(len(lights))), _by_block(pairs)
+    mean = np.asarray(product / np.float32(len(lights)), np.float32)
+    return _by_block(mean), _by_block(pairs)
 
 
 def _reach(found: NDArray[np.bool_], lag: int) -> slice:
