@@ -125,7 +125,7 @@ def height_error(
     bend: Annotated[float, Ge(0)] = 0.25,
     floor: Annotated[float, Gt(0)] = 0.07,
     rise_px: Annotated[float, Gt(0)] = 0.5,
-    flat_noise: Annotated[float, Ge(0)] = 1.0,
+    flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
@@ -184,8 +184,8 @@ def height_error(
         K x H x W, the light that the film throws on itself, which `light` is without; and as the
         pass before had it.
     flat_noise
-        Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
-        it is the mean of n.
+        Noise of the flat frame as a share of a touch's: 1 if it is one frame as taken, 0.6 if
+        a calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
     aperture
         Error of a step, in px, per difference of the slopes at its ends.
     kink
