@@ -176,7 +176,7 @@ static floats turned_right(
     if (W < 3) return none;
     const floats before = load_within_border(want + y * W, x - 1, count, W - 1, REPLICATE);
     const floats after = load_within_border(want + y * W, x + 1, count, W - 1, REPLICATE);
-    return fabs(after - before) * (column == 0.0f | column == (float)(W - 2) ? one : half_);
+    return fabs(after - before) * ((column == 0.0f | column == (float)(W - 2)) ? one : half_);
 }
 
 static floats turned_down(

@@ -15,7 +15,7 @@ LANED __kernel void height_slopes(
     const int i = y * W + x, below = min(y + 1, H - 1), above = max(y - 1, 0);
     __global const float *row = height + y * W;
     const floats one = 1.0f, two = 2.0f, column = (float)x + LANE_NUMBERS;
-    const floats across = column == 0.0f | column == (float)(W - 1) ? one : two;
+    const floats across = (column == 0.0f | column == (float)(W - 1)) ? one : two;
     const floats p = (load_within_border(row, x + 1, count, W, REPLICATE) -
                       load_within_border(row, x - 1, count, W, REPLICATE)) / across / pixel;
     const floats q = (load_floats(height + below * W + x, count) -

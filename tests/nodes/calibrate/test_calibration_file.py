@@ -51,6 +51,7 @@ FILM = Film(
     albedo=0.6,
     camera=0.015,
     grain=0.012,
+    uneven=0.02,
 )
 NOISE, LENS = random(2), random(8) / 100
 
