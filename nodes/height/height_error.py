@@ -100,7 +100,7 @@ class _Response(NamedTuple):
 
 
 @node(
-    tolerance=Close(1e-6, 4e-3, why="conjugate gradients end at a residual, added up in another order"),
+    tolerance=Close(1e-6, 2e-3, why="conjugate gradients add up in another order"),
     sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
 )
 def height_error(
@@ -121,7 +121,7 @@ def height_error(
     bounced: Light | None = None,
     earlier: Light | None = None,
     *,
-    robust: Annotated[float, Gt(0)] = 2.5,
+    robust: Annotated[float, Ge(0.1)] = 2.5,
     bend: Annotated[float, Ge(0)] = 0.25,
     floor: Annotated[float, Gt(0)] = 0.07,
     rise_px: Annotated[float, Gt(0)] = 0.5,

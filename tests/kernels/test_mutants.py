@@ -65,7 +65,7 @@ MUTANTS = {
         "height above the centre": ("? z - sqrt(", "? z - 0.0f * sqrt("),
     },
     "height_slopes": {
-        "border not one-sided": ("(float)(W - 1) ? one : two", "(float)(W - 1) ? two : two"),
+        "border not one-sided": ("(float)(W - 1)) ? one : two", "(float)(W - 1)) ? two : two"),
         "not divided by the pixel": ("max(below - above, 1) / pixel", "max(below - above, 1)"),
         "mask inverted": ("<= steepest", "> steepest"),
     },
