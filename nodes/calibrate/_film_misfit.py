@@ -10,7 +10,7 @@ from scipy.special import ndtri, stdtrit
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._ball_normals import ball_normals
-from tactograph.nodes.calibrate._film_fit import Balls, Fitted
+from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted
 from tactograph.nodes.light._film import direct_share, predict, touch_gain, turned
 from tactograph.nodes.light._near_light import F8
 
@@ -53,8 +53,8 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
     Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
     distance is the covariance of what the model leaves, apart from what it leaves all around a
     ball alike: normals that lean too much, or too little.  Both are stated for one more press:
-    the model errs in common by what a few presses could not tell it (variance 1 + 1/n), and a
-    level from n tilts is Student's, not normal.
+    what n presses could not tell the model adds 1/n to the variance, and a tilt known from n
+    presses follows Student's law, not the normal one.
 
     Parameters
     ----------
@@ -110,16 +110,15 @@ def unevenness(held: list[Held], pixel: float) -> float:
     total = _Sums(lags, *(np.zeros(1) for _ in range(3)))
     for part in held:
         film, balls = part.fitted.film, part.balls
-        n, x, y, z = balls.seen(part.fitted.shifts, film.camera)
-        made = predict(film, n, x, y, np.maximum(z, film.contact))
-        lit = made > 1 - direct_share(film)[:, None] + LEAST_LIT
-        left = np.where(lit, balls.light - film.albedo * balls.bounced - made, 0)
-        made = np.where(lit, made, 0)
+        seen = predicted(balls, part.fitted)
+        made = seen - film.albedo * balls.bounced
+        lit = made > film.diffuse[:, None] + LEAST_LIT
+        left, made = np.where(lit, balls.light - seen, 0), np.where(lit, made, 0)
         brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), LEAST_LIT)
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel
-            _add(total, place, np.zeros((1, at.sum())), brightness[None, at])
+            _add(total, place, np.empty((0, at.sum())), brightness[None, at])
     return CAUTION * _root(float(total.light[0] / max(total.pairs[0], 1)))
 
 

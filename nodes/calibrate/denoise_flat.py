@@ -11,6 +11,7 @@ from numpy.polynomial.chebyshev import chebvander
 from tactograph.graph import node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.light._block_sums import block_sums
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
 """Standard deviations of the Gaussians between which detail is judged."""
@@ -65,10 +66,14 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
     calm = [_calm(of_press[-1]) for of_press in shown] if bands else []
     for i, band in enumerate(bands):
         others = [of_press[i] for of_press in shown]
-        shared = sum((_by_block(band * o) * c).sum() for o, c in zip(others, calm, strict=True))
-        whole = sum((_by_block(band * band) * c).sum() for c in calm)
+        shared = sum(
+            (block_sums(band * other, BLOCK) * c).sum()
+            for other, c in zip(others, calm, strict=True)
+        )
+        square = block_sums(band * band, BLOCK)
+        whole = sum((square * c).sum() for c in calm)
         share = np.float32(np.clip(shared / whole, 0, 1)) if whole > 0 else np.float32(1)
-        mean = sum(others[1:], others[0]) / np.float32(len(others))
+        mean = np.mean(others, axis=0)
         spread = 1.4826 * np.median(np.abs(band))
         mark = (np.abs(band) > MARK * spread) & (band * mean > CONFIRMED * band * band)
         found = np.asarray(found + np.where(mark, np.float32(1), share) * band, np.float32)
@@ -98,12 +103,5 @@ def _trend(plane: F4) -> F4:
 
 def _calm(band: F4) -> F4:
     """1 for the blocks that vary least, 0 for the others."""
-    rough = _by_block(band * band)
+    rough = block_sums(band * band, BLOCK)
     return np.asarray(rough <= np.median(rough), np.float32)
-
-
-def _by_block(plane: F4) -> F4:
-    """The sums over whole blocks."""
-    rows, columns = (side // BLOCK for side in plane.shape)
-    blocks = plane[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
-    return np.asarray(blocks.sum(axis=(1, 3)), np.float32)

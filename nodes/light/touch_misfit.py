@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node, warn
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, Misfit, PixelSize, Slope
+from tactograph.nodes.light._block_sums import block_sums
 from tactograph.nodes.light._near_light import expected_light, places, vectors_at
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def _left(
         product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
     mean = np.asarray(product / np.float32(len(lights)), np.float32)
-    return _by_block(mean), _by_block(pairs)
+    return block_sums(mean, BLOCK), block_sums(pairs, BLOCK)
 
 
 def _reach(found: NDArray[np.bool_], lag: int) -> slice:
@@ -130,13 +131,6 @@ def _reach(found: NDArray[np.bool_], lag: int) -> slice:
     there = np.flatnonzero(found)
     first, last = (int(there[0]), int(there[-1])) if there.size else (0, 0)
     return slice(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK + lag)
-
-
-def _by_block(plane: F4) -> F4:
-    """The sums over whole blocks."""
-    rows, columns = (side // BLOCK for side in plane.shape)
-    blocks = plane[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK)
-    return np.asarray(blocks.sum(axis=(1, 3)), np.float32)
 
 
 @touch_misfit.opencl()

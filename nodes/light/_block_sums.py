@@ -1,0 +1,17 @@
+"""Sums over square blocks of pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.nodes import F4
+
+
+def block_sums(plane: F4, side: int) -> F4:
+    """Return the sums of an H x W plane over whole blocks of `side` x `side` pixels.
+
+    Rows and columns that fill no block are left out.
+    """
+    rows, columns = (length // side for length in plane.shape)
+    blocks = plane[: rows * side, : columns * side].reshape(rows, side, columns, side)
+    return np.asarray(blocks.sum(axis=(1, 3)), np.float32)
