@@ -275,7 +275,7 @@ MUTANTS = {
             "degree * (degree + 1) / 2 + power",
         ),
         "one row for all": ("+ row * K * SHADES * POWERS", ""),
-        "still too soon": ("turned > still", "turned > 100.0f * still"),
+        "still too soon": ("least = still * square", "least = 100.0f * still * square"),
     },
     "integrate_dct": {
         "half of the divergence": ("- LOAD_LANES(p + x - 1)", ""),
