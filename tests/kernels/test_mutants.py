@@ -256,8 +256,9 @@ MUTANTS = {
         "off-diagonal sign": ("(c * u - b * v)", "(c * u + b * v)"),
     },
     "smooth_light": {
-        "rows only": ("load_within_border(row, x + i - 2", "load_within_border(row, x"),
-        "shifted": ("within_border(y + j - 2", "within_border(y + j - 1"),
+        "rows only": ("load_within_border(row, x + i - REACH", "load_within_border(row, x"),
+        "shifted": ("within_border(top + j - REACH", "within_border(top + j - 1"),
+        "the first row's for all": ("along[y + j]", "along[j]"),
         "one plane for all": ("light + k * H * W", "light"),
     },
     "solve_reflectance_map": {
