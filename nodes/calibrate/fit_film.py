@@ -178,8 +178,8 @@ def fit_film(
     }
     whole = sample_balls(*given, most=None, bare=bare)
     held = _held_out(trial, best, whole, bad)
-    typed["misfit"] = misfit(held, np.asarray(others - lights, np.float64), pixel)
-    typed["uneven"] = unevenness(held, pixel)
+    typed["uneven"] = uneven = unevenness(held, pixel)
+    typed["misfit"] = misfit(held, np.asarray(others - lights, np.float64), pixel, uneven)
     typed["grain"] = grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
