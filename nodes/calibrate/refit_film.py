@@ -190,7 +190,7 @@ def refit_film(
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
-    given = (light, flat, circle, radius, of, film.lights, noise, pixel, steepest)
+    given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
     balls = sample_balls(*given, most=SAMPLES)
     known = _known(precise, flat, before, pixel, shift_px)
     best, error, folds = _choose(known, balls)

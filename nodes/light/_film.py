@@ -223,7 +223,7 @@ def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array)
     if film.refraction == 1:
         return np.asarray(lit)
     lx, ly, lz = dx / away, dy / away, dz / away
-    vx, vy, vz = _to_pupil(film.camera, x, y, z)
+    vx, vy, vz = to_pupil(film.camera, x, y, z)
     hx, hy, hz = lx + vx, ly + vy, lz + vz
     half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
     c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
@@ -231,13 +231,11 @@ def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array)
     c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
     v_h = (vx * hx + vy * hy + vz * hz) * half
     base = film.base * let_in(film, c_i) * let_in(film, c_o) / np.pi
-    glint = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
-    hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
-    return np.asarray(lit * (base + glint * hidden / (4 * c_i * c_o)))
+    return np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
 
 
-def _to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """The unit vector from the film to the pupil, at 1 / `camera` mm above the film."""
+def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """Return the unit vector from the film to the pupil, at 1 / `camera` mm above the film."""
     vx, vy, vz = -camera * x, -camera * y, 1 - camera * z
     scale = 1 / np.sqrt(vx * vx + vy * vy + vz * vz)
     return vx * scale, vy * scale, vz * scale
@@ -249,6 +247,17 @@ def fresnel(cosine: Array, index: float) -> Array:
     first, second = (g - cosine) / (g + cosine), cosine * (g + cosine) - 1
     other = second / (cosine * (g - cosine) + 1)
     return np.asarray(0.5 * first * first * (1 + other * other))
+
+
+def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
+    """Return what the coat's microfacets mirror: the second part of equation F2.
+
+    By the cosines of the normal to the light, to the eye and to the direction h between them, and
+    that of the eye to h.
+    """
+    spread = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
+    hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
+    return np.asarray(spread * hidden / (4 * c_i * c_o))
 
 
 def let_in(film: Film, cosine: Array) -> Array:
