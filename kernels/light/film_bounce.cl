@@ -168,6 +168,7 @@ LANED __kernel void coated_near_and_far(
     on.normal = n;
     on.eye = to_pupil(&film, place.x, place.y, place.z);
     on.let_out = let_in_at(&film, dot_(n, on.eye));
+    on.unhidden = unhidden(&film, dot_(n, on.eye));
     for (int k = 0; k < LEDS; ++k) on.total[k] = 0.0f;
     const Around a = around(row, column, h, w, rim, near);
     FOR_ALL_AROUND(a, &on, sources, N, far, h, w, rim, add_coated_source)
