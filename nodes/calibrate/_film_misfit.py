@@ -87,7 +87,10 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
     reach = _half_way(lags, normal) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
-    level, known = _root(normal[0] - chance), np.mean([_led_tilt(part, others, uneven) for part in held])
+    level, known = (
+        _root(normal[0] - chance),
+        np.mean([_led_tilt(part, others, uneven) for part in held]),
+    )
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
     level *= float(np.sqrt(1 + 1 / len(held)))
     tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
@@ -133,7 +136,9 @@ def _led_tilt(part: Held, others: F8, uneven: float) -> float:
     light, outward = predict(film, truth, x, y, z), _outward(truth)
     found = []
     for away in others:
-        n = turned(film._replace(lights=cast(F4, film.lights + away)), light, truth, (x, y, z), uneven)
+        n = turned(
+            film._replace(lights=cast(F4, film.lights + away)), light, truth, (x, y, z), uneven
+        )
         found.append(((n - truth) * outward).sum() / np.square(outward).sum())
     return float(np.square(found).mean())
 

@@ -15,10 +15,11 @@ distribution; Walter et al., Microfacet models for refraction, 2007)::
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
 
 with h between the direction l to the light and v to the pupil, T what a rough coat lets through
-(`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of the normal (the paper's equation 4), each
-less its value at rest, c polynomials of degree 2 in the place, w fades them out where n_z is
-below what was pressed: there the physical part stands alone.  P_0 is the film at rest that
-the same pixel sees.  ``kernels/headers/film.clh`` holds the same.
+(`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of
+the normal (the paper's equation 4), each less its value at rest, c polynomials of degree 2 in the
+place, w fades them out where n_z is below what was pressed: there the physical part stands alone.
+P_0 is the film at rest that the same pixel sees.  ``kernels/headers/film.clh`` holds
+the same.
 """
 
 from __future__ import annotations

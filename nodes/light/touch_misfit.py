@@ -60,8 +60,9 @@ def touch_misfit(
     """Widen the model's misfit where a touch departs more than the calibration's presses did.
 
     LEDs say more than a normal and the film's brightness: what neither explains, and neighbours
-    share, is the model's; the median over blocks of pixels counts.  Normals err in proportion to it, as they
-    did on the presses; what the touch leaves beyond those adds to their misfit, as squares.
+    share, is the model's; the median over blocks of pixels counts.  Normals err in proportion to
+    it, as they did on the presses; what the touch leaves beyond those adds to their misfit, as
+    squares.
 
     Parameters
     ----------
@@ -195,7 +196,9 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     height = rng.uniform(0, 0.1, (H, W)).astype(np.float32)
     x, y = (places(side, np.float32(0.05)) for side in (W, H))
     vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)
-    departs = np.sin(np.arange(H) / 11)[:, None] * np.sin(np.arange(W) / 17 + 1)
+    turn = np.arange(K)[:, None, None]
+    down, across = np.arange(H)[:, None] / 11, np.arange(W) / 17
+    departs = np.sin(down + turn) * np.sin(across + 1 + 2 * turn)
     light = expected_light(vectors, slope) * (1 + 0.1 * departs)
     return {
         "light": (light + rng.normal(0, 0.01, light.shape)).astype(np.float32),
