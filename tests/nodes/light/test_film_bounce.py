@@ -167,7 +167,8 @@ def test_a_coat_mirrors_an_led_from_a_flank_to_the_film_at_its_foot() -> None:
     )
     x = (np.indices((160, 160))[1] - 79.5) * PIXEL
     foot = np.abs(distance(160) - 3.3) < 0.3
-    lit, behind = ((glossy / dull)[foot & (side * x > 2)].mean() for side in (1, -1))
+    sides = [foot & (side * x > 2) for side in (1, -1)]
+    lit, behind = (glossy[side].mean() / dull[side].mean() for side in sides)
     assert lit > 1.5 * behind
 
 
