@@ -135,8 +135,7 @@ LANED __kernel void coat(
     const int N)
 {
     GRID_LANES(i, count, N)
-    const Film film = {.lights = lights, .diffuse = diffuse, .base = base,
-                       .roughness = roughness, .refraction = refraction, .camera = camera};
+    const Film film = COATED_FILM;
     emit(&film, cells + i, sources + i, N, count);
 }
 
@@ -153,28 +152,15 @@ LANED __kernel void coated_near_and_far(
     const float gain)
 {
     GRID_PARTS_OF_ROWS(row, column, count, h, w)
-    const Film film = {.lights = lights, .diffuse = diffuse, .base = base,
-                       .roughness = roughness, .refraction = refraction, .camera = camera};
+    const Film film = COATED_FILM;
     const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
     const int at = (row + rim) * columns + rim + column;
-    __global const float *here = sources + at, *normal = here + SOURCE_NORMAL * N;
-    CoatedCells on;
-    on.film = &film;
-    const Vector place = {load_floats(here, count), load_floats(here + N, count),
-                          load_floats(here + 2 * N, count)};
-    const Vector n = {load_floats(normal, count), load_floats(normal + N, count),
-                      load_floats(normal + 2 * N, count)};
-    on.at = place;
-    on.normal = n;
-    on.eye = to_pupil(&film, place.x, place.y, place.z);
-    on.let_out = let_in_at(&film, dot_(n, on.eye));
-    on.unhidden = unhidden(&film, dot_(n, on.eye));
-    for (int k = 0; k < LEDS; ++k) on.total[k] = 0.0f;
+    CoatedCells on = coated_cells(&film, sources + at, N, count);
     const Around a = around(row, column, h, w, rim, near);
     FOR_ALL_AROUND(a, &on, sources, N, far, h, w, rim, add_coated_source)
     for (int k = 0; k < LEDS; ++k) {
         const floats rest = load_floats(table + at + (CELL_REST + k) * N, count) *
-                            reflectance_at_rest(&film, k, place.x, place.y);
+                            reflectance_at_rest(&film, k, on.at.x, on.at.y);
         store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
     }
 }

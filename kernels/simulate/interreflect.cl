@@ -1,7 +1,10 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "group.clh"
+#include "near_light.clh"
 #include "radiosity.clh"
+#include "film.clh"
+#include "coated_bounce.clh"
 
 #define FAINTEST 1e-6f
 
@@ -69,6 +72,42 @@ LANED __kernel void bounce(
     for (int k = 0; k < LEDS; ++k) {
         const floats rest = load_floats(here + (CELL_REST + k) * N, count);
         store_floats(gain * total[k] / rest, bounced + (k * h + row) * w + column, count);
+    }
+}
+
+// N cells as sources of a film with a coat.
+LANED __kernel void coat(
+    __global const float *restrict table,
+    __global float *restrict sources,
+    __global const float *restrict lights, __global const float *restrict diffuse,
+    const float base, const float roughness, const float refraction, const float camera,
+    const int N)
+{
+    GRID_LANES(i, count, N)
+    const Film film = COATED_FILM;
+    emit(&film, table + i, sources + i, N, count);
+}
+
+// `bounce` of a film with a coat.
+LANED __kernel void coated_bounce(
+    __global const float *restrict table,
+    __global const float *restrict sources,
+    __global float *restrict bounced,
+    __global const float *restrict lights, __global const float *restrict diffuse,
+    const float base, const float roughness, const float refraction, const float camera,
+    const int h, const int w, const int rim,
+    const float gain)
+{
+    GRID_PARTS_OF_ROWS(row, column, count, h, w)
+    const Film film = COATED_FILM;
+    const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
+    const int at = (row + rim) * columns + rim + column;
+    CoatedCells on = coated_cells(&film, sources + at, N, count);
+    for (int j = 0; j < N; ++j) add_coated_source(&on, sources + j, N);
+    for (int k = 0; k < LEDS; ++k) {
+        const floats rest = load_floats(table + at + (CELL_REST + k) * N, count) *
+                            reflectance_at_rest(&film, k, on.at.x, on.at.y);
+        store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
     }
 }
 

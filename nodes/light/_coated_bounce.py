@@ -67,6 +67,11 @@ def coated_arriving(film: Film) -> Arriving:
     return arriving
 
 
+def source_rows(leds: int) -> int:
+    """Return the rows of the kernels' table of sources: SOURCE_ROWS."""
+    return 7 + 5 * leds
+
+
 def _surface(film: Film, at: F4, normal: F4) -> _Surface:
     normal = normal / np.sqrt((normal * normal).sum(0))
     eye = np.stack(to_pupil(film.camera, *at))

@@ -137,13 +137,19 @@ def matt_arriving(at: F4, normal: F4, places: F4, areas: F4, sources: F4) -> F4:
     return np.asarray(sources @ (arriving * leaving / (square * square)).T)
 
 
-def all_on_all(places: F4, areas: F4, sources: F4, targets: NDArray[np.intp]) -> F4:
+def all_on_all(
+    places: F4,
+    areas: F4,
+    sources: F4,
+    targets: NDArray[np.intp],
+    arriving: Arriving = matt_arriving,
+) -> F4:
     """Return what all cells throw on those of the frame: K x cells, without albedo / pi."""
     at, normal = places.T.copy(), areas.T.copy()
 
     def on(block: slice) -> F4:
         here = targets[block]
-        return matt_arriving(at[:, here], normal[:, here], at, normal, sources)
+        return arriving(at[:, here], normal[:, here], at, normal, sources)
 
     return np.concatenate(in_blocks(on, len(targets), len(places)), axis=1)
 

@@ -11,7 +11,7 @@ from annotated_types import Interval
 from tactograph.graph import Close, InputError, node
 from tactograph.nodes import Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._coated_bounce import coated_arriving
+from tactograph.nodes.light._coated_bounce import coated_arriving, source_rows
 from tactograph.nodes.light._radiosity import (
     BLOCK,
     cell_grid,
@@ -147,7 +147,7 @@ def _launch(run: Launch) -> None:
         )
     else:
         coat = [of[f"film.{name}"] for name in COAT]
-        sources = [run.scratch((7 + 5 * count, number)) for number in (cells, blocks)]
+        sources = [run.scratch((source_rows(count), number)) for number in (cells, blocks)]
         for plane, sent, number in zip((table, far), sources, (cells, blocks), strict=True):
             arguments = plane, sent, *coat, number
             run.kernel("coat", run.in_lanes(number), *arguments, constants=constants)

@@ -11,11 +11,15 @@ from annotated_types import Interval
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
 from tactograph.nodes.light._between_cells import between_cells
+from tactograph.nodes.light._coated_bounce import coated_arriving, source_rows
+from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light._radiosity import (
+    Arriving,
     all_on_all,
     cell_grid,
     cells_of,
     framed,
+    matt_arriving,
     means,
 )
 
@@ -36,10 +40,13 @@ def interreflect(
     lights: LightPositions,
     pixel: PixelSize,
     *,
-    albedo: Annotated[float, Interval(ge=0, le=0.95)] = 0.0,
+    albedo: Annotated[float, Interval(ge=0, le=0.95)] = 0.7,
     bounces: Annotated[int, Interval(ge=1, le=50)] = 8,
     cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
     rim_mm: Annotated[float, Interval(ge=0, le=50)] = 2.0,
+    coat_alpha: Annotated[float, Interval(ge=0, le=1)] = 0.0,
+    refractive_index: Annotated[float, Interval(gt=1, le=3)] = 1.5,
+    camera_mm: Annotated[float, Interval(ge=0, le=1e6)] = 0.0,
 ) -> Light:
     """Return the light of a film that lights itself, bounce after bounce.
 
@@ -66,6 +73,8 @@ def interreflect(
         Most cells, squares of as many pixels as it takes; time grows with the square.
     rim_mm
         How far the film goes on beyond the frame, flat and at rest.
+    coat_alpha, refractive_index, camera_mm
+        As of `render`: roughness of a coat, 0 for none, its index, and the height of the pupil.
     """
     if albedo == 0:
         return light.copy()
@@ -75,11 +84,21 @@ def interreflect(
     relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
     direct = means(relative, grid.factor).reshape(len(light), -1)
     gain = np.float32(albedo) / np.float32(math.pi)
+    arriving: Arriving = matt_arriving
+    if coat_alpha > 0:
+        film = matt_film(lights)._replace(
+            base=albedo,
+            roughness=coat_alpha,
+            refraction=refractive_index,
+            camera=1 / camera_mm if camera_mm else 0.0,
+        )
+        arriving = coated_arriving(film)
     bounced = np.zeros_like(direct)
     for _ in range(bounces):
         sources = irradiance.copy()
         sources[:, inside] *= direct + bounced
-        bounced = gain * all_on_all(places, areas, sources, inside) / irradiance[:, inside]
+        thrown = all_on_all(places, areas, sources, inside, arriving)
+        bounced = gain * thrown / irradiance[:, inside]
     planes = bounced.reshape(len(light), grid.rows, grid.columns)
     return light + rest * between_cells(planes, height.shape, grid.factor)
 
@@ -114,11 +133,27 @@ def _launch(run: Launch) -> None:
         run.kernel("lay_out", (all_cells,), *arguments, local=local, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)
     gain = float(np.float32(settings["albedo"]) / np.float32(math.pi))
+    camera = settings["camera_mm"]
+    none = run.keep("no diffuse share", lambda: run.upload(np.zeros(count, np.float32)))
+    coat = (
+        lights, none, settings["albedo"], settings["coat_alpha"], settings["refractive_index"],
+        1 / camera if camera else 0.0,
+    )  # fmt: skip
+    coated = settings["coat_alpha"] > 0 and settings["albedo"] > 0
+    sources = run.scratch((source_rows(count), all_cells if coated else 1))
     for bounce in range(settings["bounces"]):
         if bounce:
             every = grid.rows * grid.columns
             run.kernel("add_bounce", (every,), direct, bounced, table, *shape, constants=constants)
-        run.kernel("bounce", work, table, bounced, *shape, gain, local=local, constants=constants)
+        if not coated:
+            arguments = table, bounced, *shape, gain
+            run.kernel("bounce", work, *arguments, local=local, constants=constants)
+            continue
+        run.kernel(
+            "coat", run.in_lanes(all_cells), table, sources, *coat, all_cells, constants=constants
+        )
+        arguments = table, sources, bounced, *coat, *shape, gain
+        run.kernel("coated_bounce", work, *arguments, local=local, constants=constants)
     arguments = light, rest, bounced, out, *size, grid.factor, *shape[:2]
     run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
 

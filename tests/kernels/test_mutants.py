@@ -229,6 +229,7 @@ MUTANTS = {
         "one bounce": ("bounced[k * h * w + i]", "0.0f * bounced[k * h * w + i]"),
         "as if lit evenly": ("direct[(CELL_REST + k) * N + cell]", "1.0f"),
         "added as it is": ("load_floats(rest + i, count) * added", "added"),
+        "no mirror between places": ("* open * facets(film, n,", "* 0.0f * facets(film, n,"),
     },
     "light_noise": {
         "shot noise forgotten": ("noise[0] * MORE_OF(light, none) + noise[1]", "noise[1]"),

@@ -35,7 +35,7 @@ def test_bounces_inside_a_sphere_add_up_to_a_geometric_series() -> None:
     assert found[0, 30, 30] / 0.6 == pytest.approx(1 / (1 - share), rel=0.01)
 
 
-FILM = matt_film(FAR)._replace(albedo=0.7)
+FILM = matt_film(FAR)._replace(albedo=0.7, base=0.7)
 
 
 def test_a_flat_film_keeps_its_light() -> None:
@@ -44,16 +44,18 @@ def test_a_flat_film_keeps_its_light() -> None:
     np.testing.assert_array_equal(found, even(flat))
 
 
-def test_what_measures_the_bounce_finds_the_light_that_was_given() -> None:
+@pytest.mark.parametrize("alpha", [0.0, 0.3])
+def test_what_measures_the_bounce_finds_the_light_that_was_given(alpha: float) -> None:
     height = imprint()
     rng = np.random.default_rng(0)
     rest = even(height) * rng.uniform(0.9, 1.1, (len(FAR), 1, 1)).astype(np.float32)
     light = rest * np.linspace(0.2, 1.3, 91, dtype=np.float32)
-    seen = interreflect(light, rest, height, FAR, PIXEL, albedo=0.7, cells=2100)
+    seen = interreflect(light, rest, height, FAR, PIXEL, albedo=0.7, cells=2100, coat_alpha=alpha)
     assert np.abs(seen - light).max() > 0.03
     # Far cells that count in blocks leave up to a per cent of the light beside the steepest walls.
+    film = FILM._replace(roughness=alpha, refraction=1.5) if alpha else FILM
     for near, error in ((8, 1e-3), (1, 0.015)):
-        bounced = film_bounce(seen / rest, height, FILM, PIXEL, cells=2100, near=near)
+        bounced = film_bounce(seen / rest, height, film, PIXEL, cells=2100, near=near)
         np.testing.assert_allclose(seen / rest - bounced, light / rest, atol=error)
 
 
