@@ -105,6 +105,7 @@ MUTANTS = {
         ),
         "other pixels a row off": ("ints row = TO_INTS(", "ints row = 2 + TO_INTS("),
         "a list without its end": ("number - i));", "max(number - i - 1, 1)));"),
+        "sets dearer than they are": ("+ light_of(&here, out)", "+ 2.0f * light_of(&here, out)"),
     },
     "coarsen": {
         "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
