@@ -208,7 +208,8 @@ class HeightSolver:
             pixel = run.put(found.knot_pixel)
             run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
         self._knot_tie, entries = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
-        self._knots = knot, run.put(found.knot_start), run.put(found.knot_other), entries
+        marks = run.scratch((total // run.lanes,), np.uint8)
+        self._knots = marks, knot, run.put(found.knot_start), run.put(found.knot_other), entries
 
     @property
     def rises(self) -> int:
@@ -341,8 +342,7 @@ class HeightSolver:
             "imbalance", by_rows, *network, self._knot_tie, *wants, self._z, self._force,
             self._lifted, first, rows, columns, stride,
         )  # fmt: skip
-        self._cycle(stack)
-        energy, share, moved = self._gain(stack), 0.0, False
+        energy, share, moved = self._cycle(stack), 0.0, False
         for _ in range(steps):
             if energy <= enough or energy <= 0:
                 break
@@ -357,8 +357,7 @@ class HeightSolver:
                 "advance", size, self._direction, self._moved, stack.inverse, self._z,
                 self._force, self._lifted, self._stretch, *there, energy,
             )  # fmt: skip
-            self._cycle(stack)
-            before, energy = energy, self._gain(stack)
+            before, energy = energy, self._cycle(stack)
             share = energy / before
         to = run.in_row_lanes(rows, columns)
         run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
@@ -373,25 +372,32 @@ class HeightSolver:
         )  # fmt: skip
         return float(run.download(self._parts).sum(dtype=float))
 
-    def _gain(self, stack: Stack) -> float:
-        """The energy that is left to gain."""
-        run, top = self._run, stack.top
-        product = self._force, self._height, self._parts
-        run.kernel("product_parts", (PARTS,), *product, top.first, top.size)
-        return float(run.download(self._parts).sum(dtype=float))
+    def _cycle(self, stack: Stack) -> float:
+        """One multigrid cycle: from the force on the first level to its height.
 
-    def _cycle(self, stack: Stack) -> None:
-        """One multigrid cycle: from the force on the first level to its height."""
-        at, steps = 0, stack.steps
-        while at < len(steps):
-            end = at + 1
+        Returns the energy that is left to gain.
+        """
+        run, top, *steps = self._run, stack.top, *stack.steps
+        planes = self._force, self._height
+        last_is_large = not self._is_small(steps[-1])
+        at, end = 0, len(steps) - last_is_large
+        while at < end:
+            behind = at + 1
             if not self._is_small(steps[at]):
                 self._large_step(stack, steps[at])
             else:
-                while end < len(steps) and self._is_small(steps[end]):
-                    end += 1
-                self._small_steps(stack, at, end)
-            at = end
+                while behind < end and self._is_small(steps[behind]):
+                    behind += 1
+                self._small_steps(stack, at, behind)
+            at = behind
+        if last_is_large:
+            run.kernel(
+                "smooth_and_sum", (PARTS,), *self._network(stack), *planes, self._lifted,
+                self._parts, *top.there,
+            )  # fmt: skip
+        else:
+            run.kernel("product_parts", (PARTS,), *planes, self._parts, top.first, top.size)
+        return float(run.download(self._parts).sum(dtype=float))
 
     def _is_small(self, step: Step) -> bool:
         return self._levels[step.level].size <= self._one_group

@@ -321,6 +321,9 @@ MUTANTS = {
         "window off by one": ("z[y * W + x] : 0.0f", "z[y * W + max(x - 1, 0)] : 0.0f"),
         "rows of another length": ("z + first + row * S + x", "z + first + row * W + x"),
         "springs beyond the frame": ("return filled(count) ? found : none;", "return found;"),
+        "ties not marked": ("if (mark & TIED)", "if (0)"),
+        "film at rest not marked": ("ANY(held != 0.0f) ? HELD : 0", "0"),
+        "the energy's sign": ("total += LOAD_LANES(force + i)", "total -= LOAD_LANES(force + i)"),
         "the coarsest level ignored": (
             "total += LOAD_LANES(dense",
             "total += 0.0f * LOAD_LANES(dense",
