@@ -335,13 +335,36 @@ class HeightSolver:
         """Improve `height` in place, as `conjugate_gradients` does; return whether it moved."""
         run, (rows, columns) = self._run, stack.shape
         network = self._network(stack)
-        first, _, stride = there = stack.top.there
-        by_rows, size = run.in_row_lanes(rows, stride), run.in_lanes(stack.top.size)
+        first, _, stride = stack.top.there
+        by_rows = run.in_row_lanes(rows, stride)
         run.kernel("take_height", by_rows, height, self._z, first, rows, columns, stride)
         run.kernel(
             "imbalance", by_rows, *network, self._knot_tie, *wants, self._z, self._force,
             self._lifted, first, rows, columns, stride,
         )  # fmt: skip
+        if self._is_small(stack.steps[0]):
+            moved = self._small_gradients(stack, steps, enough)
+        else:
+            moved = self._gradients(stack, steps, enough)
+        to = run.in_row_lanes(rows, columns)
+        run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
+        return moved
+
+    def _small_gradients(self, stack: Stack, steps: int, enough: float) -> bool:
+        """The steps where the first level is small, too: a launch each, and no wait between."""
+        run, gain = self._run, self._run.scratch((3,))
+        planes = self._direction, self._moved, self._z, gain
+        for number in range(steps + 1):
+            run.kernel(
+                "small_step", (run.group,), *self._cycle_there(stack), 0, len(stack.steps),
+                *planes, *stack.top.there, enough, int(number == 0), local=(run.group,),
+            )  # fmt: skip
+        return bool(run.download(gain)[2])
+
+    def _gradients(self, stack: Stack, steps: int, enough: float) -> bool:
+        """The steps where the first level is large: what is left to gain comes down."""
+        run, there, network = self._run, stack.top.there, self._network(stack)
+        size = run.in_lanes(stack.top.size)
         energy, share, moved = self._cycle(stack), 0.0, False
         for _ in range(steps):
             if energy <= enough or energy <= 0:
@@ -359,8 +382,6 @@ class HeightSolver:
             )  # fmt: skip
             before, energy = energy, self._cycle(stack)
             share = energy / before
-        to = run.in_row_lanes(rows, columns)
-        run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
         return moved
 
     def energy(self, stack: Stack, wants: Wants) -> float:
@@ -373,43 +394,43 @@ class HeightSolver:
         return float(run.download(self._parts).sum(dtype=float))
 
     def _cycle(self, stack: Stack) -> float:
-        """One multigrid cycle: from the force on the first level to its height.
+        """One multigrid cycle: from the force on the first level, a large one, to its height.
 
         Returns the energy that is left to gain.
         """
-        run, top, *steps = self._run, stack.top, *stack.steps
-        planes = self._force, self._height
-        last_is_large = not self._is_small(steps[-1])
-        at, end = 0, len(steps) - last_is_large
-        while at < end:
-            behind = at + 1
+        run, (*steps, _) = self._run, stack.steps
+        at = 0
+        while at < len(steps):
+            end = at + 1
             if not self._is_small(steps[at]):
                 self._large_step(stack, steps[at])
             else:
-                while behind < end and self._is_small(steps[behind]):
-                    behind += 1
-                self._small_steps(stack, at, behind)
-            at = behind
-        if last_is_large:
-            run.kernel(
-                "smooth_and_sum", (PARTS,), *self._network(stack), *planes, self._lifted,
-                self._parts, *top.there,
-            )  # fmt: skip
-        else:
-            run.kernel("product_parts", (PARTS,), *planes, self._parts, top.first, top.size)
+                while end < len(steps) and self._is_small(steps[end]):
+                    end += 1
+                self._small_steps(stack, at, end)
+            at = end
+        run.kernel(
+            "smooth_and_sum", (PARTS,), *self._network(stack), self._force, self._height,
+            self._lifted, self._parts, *stack.top.there,
+        )  # fmt: skip
         return float(run.download(self._parts).sum(dtype=float))
 
     def _is_small(self, step: Step) -> bool:
         return self._levels[step.level].size <= self._one_group
 
-    def _small_steps(self, stack: Stack, first: int, end: int) -> None:
-        run, (count,), dense = self._run, self._dense_at.shape, stack.dense
+    def _cycle_there(self, stack: Stack) -> tuple[Any, ...]:
+        """What the kernels of small levels are told."""
+        (count,), dense = self._dense_at.shape, stack.dense
         assert dense is not None
-        run.kernel(
-            "small_levels", (run.group,), *self._network(stack), self._force, self._height,
-            self._lifted, self._kept, dense, self._dense_at, count, dense.shape[1],
-            self._levels_there, stack.steps_there, first, end, local=(run.group,),
+        return (
+            *self._network(stack), self._force, self._height, self._lifted, self._kept,
+            dense, self._dense_at, count, dense.shape[1], self._levels_there, stack.steps_there,
         )  # fmt: skip
+
+    def _small_steps(self, stack: Stack, first: int, end: int) -> None:
+        run = self._run
+        there = self._cycle_there(stack)
+        run.kernel("small_levels", (run.group,), *there, first, end, local=(run.group,))
 
     def _large_step(self, stack: Stack, step: Step) -> None:
         run, level, network = self._run, self._levels[step.level], self._network(stack)
