@@ -202,14 +202,12 @@ class HeightSolver:
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(found.member_start), run.put(found.members)
-        knot = run.scratch((total,), np.int32)
-        run.kernel("no_knots", (total,), knot, total)
-        if found.knot_pixel.size:
-            pixel = run.put(found.knot_pixel)
-            run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
-        self._knot_tie, entries = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
-        marks = run.scratch((total // run.lanes,), np.uint8)
-        self._knots = marks, knot, run.put(found.knot_start), run.put(found.knot_other), entries
+        runs = total // run.lanes
+        starts = np.append(0, np.cumsum(np.bincount(found.knot_own // run.lanes, minlength=runs)))
+        marks = run.scratch((runs,), np.uint8)
+        self._knot_tie, stiffness = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
+        own, other = run.put(found.knot_own), run.put(found.knot_other)
+        self._knots = marks, run.put(starts.astype(np.int32)), own, other, stiffness
 
     @property
     def rises(self) -> int:
@@ -504,15 +502,13 @@ def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
 class _TieLevels(NamedTuple):
     """The ties of all levels, one after another.
 
-    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_pixel[n]` is an end of
-    the ties `knot_tie[knot_start[n]:...]`, with ~t where it is the foot of t; their other ends
-    are the pixels `knot_other[knot_start[n]:...]`.
+    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_own[n]` is an end of
+    the tie `knot_tie[n]`, with ~t where it is the foot of t; the other end is `knot_other[n]`.
     """
 
     member_start: I4
     members: I4
-    knot_pixel: I4
-    knot_start: I4
+    knot_own: I4
     knot_tie: I4
     knot_other: I4
 
@@ -533,10 +529,10 @@ def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
     ends = np.stack([np.concatenate(tops), np.concatenate(feet)], axis=1)
     member_start, members = _grouped(np.concatenate(owners), np.concatenate(finest), count)
     numbers = np.arange(count)
-    pixels, group = np.unique(np.concatenate([ends[:, 0], ends[:, 1]]), return_inverse=True)
-    knot_start, knot_tie = _grouped(group, np.concatenate([numbers, ~numbers]), pixels.size)
-    other = np.where(knot_tie >= 0, ends[knot_tie, 1], ends[~knot_tie, 0])
-    found = member_start, members, pixels, knot_start, knot_tie, other
+    order = np.argsort(np.concatenate([ends[:, 0], ends[:, 1]]), kind="stable")
+    knot_tie = np.concatenate([numbers, ~numbers])[order]
+    own, other = (np.concatenate([ends[:, n], ends[:, 1 - n]])[order] for n in (0, 1))
+    found = member_start, members, own, knot_tie, other
     return _TieLevels(*(array.astype(np.int32) for array in found))
 
 
