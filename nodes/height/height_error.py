@@ -514,13 +514,14 @@ def _launch(run: Launch) -> None:
     for number in range(ERRORS):
         keys, (p, q) = drawn[number], slopes[number % 2]
         if number % 2 == 0:
-            pair, wave = slice(number, number + 2), _wave(number)
+            behind, wave = number + 2, _wave(number)
             run.kernel(
                 "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
                 of["slope"], of["lights"], of["others"], by_p, by_q, *slopes[0], *slopes[1],
                 lights, rows, columns, *solver.place, pixel, number, settings["flat_noise"],
-                *(np.uint32(keys.light) for keys in drawn[pair]), misfit, bounced, earlier,
-                *SIGNS[pair], *SETTLING[pair], *LEANING[pair],
+                *(np.uint32(each.light) for each in drawn[number:behind]),
+                misfit, bounced, earlier, *SIGNS[number:behind], *SETTLING[number:behind],
+                *LEANING[number:behind],
                 wave.across, wave.down, 0.0, 0.25, wave.length,
             )  # fmt: skip
         run.kernel(
