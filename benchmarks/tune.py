@@ -23,8 +23,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+
+from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.tune.controls import control_of
 from tactograph.graph.tune.tuning import Tuning
 
 SLIDERS = {
@@ -36,14 +40,18 @@ SIZE = {"width_px": 640, "height_px": 480, "pixel_size_mm": 0.0357}
 
 COUNT = """
 window.pictures = 0;
-window.last = "";
-setInterval(() => {
-    const now = document.querySelector('[data-testid=picture] img').src;
-    if (now !== window.last) window.pictures++;
-    window.last = now;
-}, 5);
+(() => {
+    let last = "";
+    const count = () => {
+        const picture = document.querySelector('[data-testid=picture] img');
+        if (picture.complete && picture.src !== last) window.pictures++;
+        last = picture.src;
+        requestAnimationFrame(count);
+    };
+    count();
+})()
 """
-"""Counts the pictures that the page shows."""
+"""Counts the frames that show another picture than the frame before."""
 
 
 def main() -> None:
@@ -130,7 +138,7 @@ def in_browser(graph: str, given: dict[str, str], folder: Path, seconds: float) 
     assert server.stdout is not None
     address = server.stdout.readline().strip()
     browser = Browser(folder / "profile")
-    node, parameter, _ = SLIDERS[graph][0]
+    node, parameter, middle = SLIDERS[graph][0]
     try:
         time.sleep(5)
         browser.open(address)
@@ -138,16 +146,45 @@ def in_browser(graph: str, given: dict[str, str], folder: Path, seconds: float) 
         browser.click(f'[data-node="{node}"] rect')
         browser.wait(f"document.querySelector('[data-testid=param-{parameter}]') !== null")
         browser.look(COUNT)
-        there_and_back = [0.3 + 0.002 * step for step in (*range(200), *range(200, 0, -1))]
-        start = time.perf_counter()
+        # Around the middle every value gives another height; further up none does.
+        ends = (_part(graph, node, parameter, factor * middle) for factor in (0.2, 1.8))
+        there = np.linspace(*ends, 100).tolist()
+        processes = (server.pid, browser.pid)
+        start, before = time.perf_counter(), [_processor_ms(each) for each in processes]
         while time.perf_counter() - start < seconds:
-            browser.drag(f"[data-testid=param-{parameter}]", there_and_back[:200])
-        pictures = browser.look("window.pictures") / (time.perf_counter() - start)
-        print(f"{graph} {node}.{parameter}: {pictures:.1f} pictures/s in chromium")
+            browser.drag(f"[data-testid=param-{parameter}]", [*there, *there[::-1]])
+        pictures, wall = browser.look("window.pictures"), time.perf_counter() - start
+        spent = [_processor_ms(each) - ms for each, ms in zip(processes, before, strict=True)]
+        print(
+            f"{graph} {node}.{parameter}: {pictures / wall:.1f} pictures/s in chromium; "
+            f"{spent[0] / pictures:.0f} ms of the processor each, and {spent[1] / pictures:.0f} "
+            "in the browser"
+        )
     finally:
         browser.close()
         server.terminate()
         server.wait(timeout=30)
+
+
+def _part(graph: str, node: str, parameter: str, value: float) -> float:
+    """Where a value lies on its slider, 0 to 1."""
+    entry = read_graph(graph).nodes[node]
+    declared = find_node(entry.op).parameters[parameter]
+    now = entry.settings.get(parameter, declared.default)
+    return control_of(declared, now).place(value) / 1000
+
+
+def _processor_ms(process: int) -> float:
+    """Processor time of a process and of those that it has started."""
+    folder = Path(f"/proc/{process}")
+    fields = (folder / "stat").read_text().rpartition(")")[2].split()
+    own = 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    started = [each for task in (folder / "task").iterdir() for each in _started(task)]
+    return own + sum(map(_processor_ms, started))
+
+
+def _started(task: Path) -> list[int]:
+    return [int(each) for each in (task / "children").read_text().split()]
 
 
 def _values(middle: float, count: int) -> Iterator[float]:

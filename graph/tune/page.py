@@ -28,17 +28,23 @@ from tactograph.graph.plan.draw import COLOURS
 from tactograph.graph.plan.draw_svg import to_svg
 from tactograph.graph.run.result import Result
 from tactograph.graph.tune.controls import Control, control_of
+from tactograph.graph.tune.follow import Follow
 from tactograph.graph.tune.guard import Guard
+from tactograph.graph.tune.picture_view import PictureView, Pointed
 from tactograph.graph.tune.pictures import Picture, draw, draw_difference, gradient, planes_of
 from tactograph.graph.tune.tuning import Shown, Tuning
 
 LOOK_EVERY_S = 0.025
 """How often the page asks whether there is something new."""
+SLIDE_EVERY_S = 0.02
+"""How often a slider that is drawn says where it is; NiceGUI's own does so 20 times a second."""
 DRAW_EVERY_S = 0.5
 """How often the drawing takes up new times, and the file is looked at."""
 VIEWS = ("result", "beside", "wipe", "difference")
 AS_FILE = "as the graph says"
 LINES = ("#1f5fa8", "#d1495b")
+KEEP = "(e) => { Vue.toRaw(element).props.value = e.target.value"
+TELL = "emit(e.target.value)"
 
 
 def serve(tuning: Tuning, *, port: int, token: str, show: bool) -> None:
@@ -53,6 +59,7 @@ def serve(tuning: Tuning, *, port: int, token: str, show: bool) -> None:
         show=f"/?token={token}" if show else False,
         reload=False,
         show_welcome_message=False,
+        tailwind=False,  # a script that looks through the whole page at every change
         fastapi_docs=False,
         uvicorn_logging_level="critical",
     )
@@ -65,7 +72,6 @@ class _Page:
         self.tuning = tuning
         self.seen = -1
         self.drawn = -1
-        self.told: dict[str, ui.html] = {}
         self.node_shown: tuple[Any, ...] = ()
         self.output = ""
         self.view = "result"
@@ -77,11 +83,12 @@ class _Page:
         self.port = ""
         css = (resources.files("tactograph.graph.tune") / "page.css").read_text(encoding="utf-8")
         ui.add_css(css)
+        self.follow = Follow(ui.context.client)
         ui.colors(primary="#1f5fa8", accent="#d1495b")
         self._head()
         self.error = ui.label().classes("t-error").props("data-testid=error")
         self.error.set_visibility(False)
-        with ui.column().classes("w-full gap-3 p-3"):
+        with ui.column().classes("w-full gap-3 q-pa-sm"):
             self._graph()
             with ui.row().classes("w-full gap-3 no-wrap items-start"):
                 self._result()
@@ -95,12 +102,13 @@ class _Page:
         with ui.row().classes("t-head items-center gap-4 no-wrap"):
             with ui.column().classes("gap-0"):
                 ui.label(tuning.base.name).classes("t-brand")
-                self.about = ui.label().classes("t-quiet")
+                self.about = ui.html("", sanitize=False).classes("t-quiet")
             with ui.row().classes("items-center gap-1 no-wrap"):
                 back = ui.button(icon="chevron_left", on_click=lambda: self._go(-1))
                 back.props("flat dense round color=white data-testid=previous")
                 back.set_visibility(bool(tuning.captures))
-                self.where = ui.label().style("min-width: 90px; text-align: center")
+                self.where = ui.html("", sanitize=False)
+                self.where.style("min-width: 90px; text-align: center")
                 self.where.props("data-testid=capture")
                 ui.button(icon="chevron_right", on_click=lambda: self._go(1)).props(
                     "flat dense round color=white data-testid=next"
@@ -109,7 +117,8 @@ class _Page:
                     self.playing = ui.button(icon="play_arrow", on_click=self._play)
                     self.playing.props("flat dense round color=white data-testid=play")
             ui.space()
-            self.figures = ui.row().classes("gap-0 no-wrap").props("data-testid=figures")
+            self.figures = ui.html("", sanitize=False).classes("row no-wrap")
+            self.figures.props("data-testid=figures")
             beside = {"": "no graph beside", **{name: name for name in shipped_names()}}
             now = tuning.asked.beside
             if now is not None:
@@ -154,28 +163,22 @@ class _Page:
                     {view: view for view in VIEWS}, value=self.view, on_change=self._view_chosen
                 ).props("dense no-caps unelevated data-testid=view")
             with ui.row().classes("w-full gap-2 no-wrap items-stretch"):
-                self.image = (
-                    ui.interactive_image(
-                        on_mouse=self._over_result,
-                        events=["mousemove", "mousedown"],
-                        cross="#ffffff66",
-                    )
-                    .classes("t-picture")
-                    .style("flex: 1 1 auto; min-width: 0")
-                )
-                self.image.props("data-testid=picture")
+                self.image = PictureView(self._over_result).props("data-testid=picture")
                 self.bar = ui.element("div").classes("t-bar")
                 self.scale = ui.html("", sanitize=False).classes("t-scale")
-                with ui.column().classes("gap-1").style("flex: 1 1 180px; min-width: 150px"):
-                    self.under = ui.label().classes("t-under").props("data-testid=value")
+                with ui.column().classes("gap-1").style("flex: 1 1 150px; min-width: 150px"):
+                    self.under = ui.html("", sanitize=False).classes("t-under")
+                    self.under.props("data-testid=value")
                     self.section = ui.html("", sanitize=False).classes("t-section w-full")
                     self.section.props("data-testid=section")
 
-    def _look(self) -> None:
+    async def _look(self) -> None:
         """Take up what is new; called often, it costs nothing where there is nothing."""
-        shown = self.tuning.shown
-        if shown.number == self.seen:
-            return
+        if self.tuning.shown.number != self.seen:
+            self._take_up(self.tuning.shown)
+        await self.follow.send()
+
+    def _take_up(self, shown: Shown) -> None:
         self.seen = shown.number
         self.error.set_text(shown.error)
         self.error.set_visibility(bool(shown.error))
@@ -191,9 +194,10 @@ class _Page:
         tuning = self.tuning
         changes = len(tuning.changes())
         changed = f"{changes} change{'s' if changes != 1 else ''}" if changes else "as in the file"
-        self.about.set_text(f"{tuning.graph.hash} · {changed}")
+        self.follow.html(self.about, f"{tuning.graph.hash} · {changed}")
         place = tuning.capture
-        self.where.set_text(place.name if place else f"item {tuning.asked.item + 1}")
+        where = escape(place.name) if place else f"item {tuning.asked.item + 1}"
+        self.follow.html(self.where, where)
         figures = [
             (name, figure)
             for value in result.outputs.values()
@@ -203,15 +207,11 @@ class _Page:
         ]
         shown_figures = [("ms", f"{result.total:.0f}"), ("updates/s", f"{len(tuning.rates)}")]
         shown_figures += [(name.replace("_", " "), f"{figure:.3g}") for name, figure in figures[:4]]
-        if self.told.keys() != {name for name, _ in shown_figures}:
-            self.figures.clear()
-            with self.figures:
-                self.told = {
-                    name: ui.html("", sanitize=False).classes("t-figure")
-                    for name, _ in shown_figures
-                }
-        for name, text in shown_figures:
-            self.told[name].set_content(f"<b>{escape(text)}</b><span>{escape(name)}</span>")
+        cells = (
+            f'<div class="t-figure"><b>{escape(text)}</b><span>{escape(name)}</span></div>'
+            for name, text in shown_figures
+        )
+        self.follow.html(self.figures, "".join(cells))
 
     def _draw_graph(self) -> None:
         shown = self.tuning.shown
@@ -259,18 +259,17 @@ class _Page:
         if other is not None and other.shape != mine.shape:
             other = None
         self.picture = picture = self._composed(mine, other, unit)
-        self.image.set_source(picture.uri)
         width, height = picture.size
         row, column = int(self.row * (height - 1)), int(self.column * (width - 1))
         dashed = f'x1="0" x2="{width}" y1="{row}" y2="{row}" stroke-dasharray="6 4"'
         line = f'<line {dashed} stroke="white"/>'
         if self.view == "wipe":
             line += f'<line x1="{column}" x2="{column}" y2="{height}" stroke="white"/>'
-        self.image.set_content(line)
+        self.follow.picture(self.image, picture.uri, picture.size, line)
         self.image.style(f"max-width: calc(42vh * {width / height:.3f})")
-        _draw_scale(picture, self.bar, self.scale)
+        self._draw_scale(picture, self.bar, self.scale)
         lines = [mine[row], *([other[row]] if other is not None else [])]
-        self.section.set_content(_section_svg(lines, unit, row))
+        self.follow.html(self.section, _section_svg(lines, unit, row))
 
     def _composed(self, mine: NDArray[Any], other: NDArray[Any] | None, unit: str) -> Picture:
         """The picture of the chosen view; that of the result where there is nothing beside."""
@@ -285,16 +284,28 @@ class _Page:
         joined[:, column:] = other[:, column:]
         return draw(joined, unit)
 
-    def _over_result(self, event: events.MouseEventArguments) -> None:
+    def _over_result(self, mouse: Pointed) -> None:
         picture = self.picture
         if picture is None:
             return
-        self.under.set_text(_under(picture, event.image_x, event.image_y))
-        if event.type == "mousedown" or event.buttons & 1:
+        self.follow.html(self.under, escape(_under(picture, mouse)))
+        if mouse.pressed:
             width, height = picture.size
-            self.column = min(max(event.image_x / max(width - 1, 1), 0.0), 1.0)
-            self.row = min(max(event.image_y / max(height - 1, 1), 0.0), 1.0)
+            self.column = min(max(mouse.x / max(width - 1, 1), 0.0), 1.0)
+            self.row = min(max(mouse.y / max(height - 1, 1), 0.0), 1.0)
             self._draw_result()
+
+    def _draw_scale(self, picture: Picture, bar: ui.element, scale: ui.html) -> None:
+        """The colour bar beside a picture, with its ends and its middle."""
+        if picture.kind == "labels":
+            self.follow.background(bar, "none")
+            self.follow.html(scale, f"<span>{escape(picture.unit)}</span>")
+            return
+        colours = "RdBu_r" if picture.kind == "difference" else "viridis"
+        self.follow.background(bar, f"linear-gradient(to top, {gradient(colours)})")
+        middle = (picture.low + picture.high) / 2
+        marks = (f"{picture.high:.4g} {picture.unit}", f"{middle:.4g}", f"{picture.low:.4g}")
+        self.follow.html(scale, "".join(f"<span>{escape(mark)}</span>" for mark in marks))
 
     def _node_panel(self) -> None:
         """Everything about the chosen node, made anew when another is chosen."""
@@ -363,18 +374,13 @@ class _Page:
         self.ports = ui.toggle(ports, value=ports[0])
         self.ports.props("dense no-caps unelevated size=sm data-testid=ports")
         self.ports.on_value_change(lambda: self._draw_inside(self.tuning.shown))
-        with ui.row().classes("w-full gap-2 no-wrap items-stretch t-inside"):
-            self.inside_picture = (
-                ui.interactive_image(
-                    on_mouse=self._over_inside, events=["mousemove"], cross="#ffffff66"
-                )
-                .classes("t-picture")
-                .props("data-testid=inside")
-                .style("flex: 1 1 auto; min-width: 0")
-            )
+        inside = ui.element("div").classes("t-inside w-full")
+        with inside, ui.row().classes("w-full gap-2 no-wrap items-stretch"):
+            self.inside_picture = PictureView(self._over_inside).props("data-testid=inside")
             self.inside_bar = ui.element("div").classes("t-bar")
             self.inside_scale = ui.html("", sanitize=False).classes("t-scale")
-        self.inside_under = ui.label().classes("t-under").props("data-testid=inside-value")
+        self.inside_under = ui.html("", sanitize=False).classes("t-under")
+        self.inside_under.props("data-testid=inside-value")
         self.inside_text = ui.label().classes("t-help").style("white-space: pre-line")
         self.inside_text.props("data-testid=inside-text")
         ui.separator()
@@ -393,21 +399,18 @@ class _Page:
             return
         words = _words(value)
         if control.kind == "slider":
-            slider = ui.slider(min=0, max=1000, step=1, value=round(control.place(value)))
-            slider.props(mark).style("flex: 1 1 auto")
-        # A plain element: NiceGUI's own input sends every value back, which a slider outruns.
+            slider = ui.element("input").classes("t-slider")
+            slider.props(f"type=range min=0 max=1000 value={round(control.place(value))} {mark}")
+        # Plain elements: NiceGUI's own send every value back, which a slider outruns.
         field = ui.element("input").classes("t-field").props(f'value="{words}" {mark}-text')
         if control.kind == "slider":
 
-            def moved(event: events.ValueChangeEventArguments[Any]) -> None:
-                now = self.tuning.settings(node)[name]
-                if round(control.place(float(now))) == event.value:
-                    return  # it was typed
-                found = control.value(float(event.value))
-                field.props(f'value="{_words(found)}"')
+            def moved(event: events.GenericEventArguments) -> None:
+                found = control.value(float(event.args))
+                self.follow.value(field, _words(found))
                 self._set(node, name, found)
 
-            slider.on_value_change(moved)
+            slider.on("input", moved, throttle=SLIDE_EVERY_S, js_handler=f"{KEEP}; {TELL} }}")
 
         def typed(event: events.GenericEventArguments) -> None:
             text = str(event.args)
@@ -416,14 +419,13 @@ class _Page:
             except TactographError as error:
                 ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
             now = self.tuning.settings(node)[name]
-            field.props(f'value="{_words(now)}"')
-            field.update()
+            self.follow.value(field, _words(now))
             if control.kind == "slider":
-                slider.set_value(round(control.place(float(now))))
+                self.follow.value(slider, str(round(control.place(float(now)))))
 
         # What is half typed must outlast the page's other updates.
-        field.on("input", js_handler="(e) => { element.props.value = e.target.value }")
-        field.on("change", typed, js_handler="(e) => emit(e.target.value)")
+        field.on("input", js_handler=f"{KEEP} }}")
+        field.on("change", typed, js_handler=f"(e) => {{ {TELL} }}")
 
     def _draw_inside(self, shown: Shown) -> None:
         name = self.tuning.asked.node
@@ -446,10 +448,10 @@ class _Page:
         if planes:
             side = planes[0] if len(planes) == 1 else np.concatenate(planes[:4], axis=1)
             self.inside = draw(side, declared.unit)
-            self.inside_picture.set_source(self.inside.uri)
+            self.follow.picture(self.inside_picture, self.inside.uri, self.inside.size, "")
             width, height = self.inside.size
             self.inside_picture.style(f"max-width: calc(26vh * {width / height:.3f})")
-            _draw_scale(self.inside, self.inside_bar, self.inside_scale)
+            self._draw_scale(self.inside, self.inside_bar, self.inside_scale)
         elif isinstance(value, dict):
             said += "\n" + "\n".join(f"{k}: {v}" for k, v in list(value.items())[:30])
         elif isinstance(value, np.ndarray):
@@ -460,9 +462,9 @@ class _Page:
             said += "\nnot there for this item"
         self.inside_text.set_text(said)
 
-    def _over_inside(self, event: events.MouseEventArguments) -> None:
+    def _over_inside(self, mouse: Pointed) -> None:
         if self.inside is not None:
-            self.inside_under.set_text(_under(self.inside, event.image_x, event.image_y))
+            self.follow.html(self.inside_under, escape(_under(self.inside, mouse)))
 
     def _choose(self, name: str) -> None:
         if name in self.tuning.graph.nodes:
@@ -507,10 +509,12 @@ class _Page:
             ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
 
     def _seldom(self) -> None:
-        """Take up what may come late: the file, and the times in the drawing."""
-        if self.tuning.reload():
+        """Take up what may come late: the file, and, where the hand rests, the drawing's times."""
+        base = self.tuning.base
+        if self.tuning.reload() and self.tuning.base is not base:
             self._node_panel()
-        if self.drawn != self.tuning.shown.number:
+        shown = self.tuning.shown
+        if shown.asked is not None and self.drawn != shown.number:
             self._draw_graph()
 
     def _ask_name(self) -> None:
@@ -550,29 +554,16 @@ class _Page:
         return result.plan.tasks[value.node].node.outputs[value.port].unit
 
 
-def _draw_scale(picture: Picture, bar: ui.element, scale: ui.html) -> None:
-    """The colour bar beside a picture, with its ends and its middle."""
-    if picture.kind == "labels":
-        bar.style("background: none; border: none")
-        scale.set_content(f"<span>{escape(picture.unit)}</span>")
-        return
-    colours = "RdBu_r" if picture.kind == "difference" else "viridis"
-    bar.style(f"background: linear-gradient(to top, {gradient(colours)})")
-    middle = (picture.low + picture.high) / 2
-    marks = (f"{picture.high:.4g} {picture.unit}", f"{middle:.4g}", f"{picture.low:.4g}")
-    scale.set_content("".join(f"<span>{escape(mark)}</span>" for mark in marks))
-
-
 def _words(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return ",".join(map(str, value)) if isinstance(value, tuple | list) else str(value)
 
 
-def _under(picture: Picture, x: float, y: float) -> str:
+def _under(picture: Picture, mouse: Pointed) -> str:
     """Place and value under the cursor."""
     height, width = picture.array.shape
-    column, row = math.floor(x), math.floor(y)
+    column, row = math.floor(mouse.x), math.floor(mouse.y)
     if not (0 <= column < width and 0 <= row < height):
         return ""
     value = picture.array[row, column]

@@ -1,7 +1,10 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "group.clh"
+#include "near_light.clh"
 #include "radiosity.clh"
+#include "film.clh"
+#include "coated_bounce.clh"
 
 #define BLOCK 4
 #define SPAN 16
@@ -66,6 +69,34 @@ static void add_source(Cells *on, __global const float *there, const int N)
     for (int k = 0; k < LEDS; ++k) on->total[k] += factor * there[(CELL_LIGHT + k) * N];
 }
 
+// The cells, and blocks of cells, that those in rows and columns from `top` and `left` on see.
+typedef struct {
+    int edge, down, across, top, bottom, left, right;
+} Around;
+
+static Around around(
+    const int row, const int column, const int h, const int w, const int rim, const int near)
+{
+    const int down = (h + BLOCK - 1) / BLOCK, across = (w + BLOCK - 1) / BLOCK;
+    const int span = column / SPAN * (SPAN / BLOCK);
+    const Around a = {
+        min(rim, 2), down, across,
+        max(0, row / BLOCK - near), min(down, row / BLOCK + near + 1),
+        max(0, span - near), min(across, span + SPAN / BLOCK + near)};
+    return a;
+}
+
+// Calls `add(on, table, N)` for each cell nearby and each block farther away.
+#define FOR_ALL_AROUND(a, on, table, N, far, h, w, rim, add)                                     \
+    for (int y = BLOCK * a.top; y < min(BLOCK * a.bottom, h); ++y)                               \
+        for (int x = BLOCK * a.left; x < min(BLOCK * a.right, w); ++x)                           \
+            add(on, table + (y + rim) * (w + 2 * rim) + rim + x, N);                             \
+    const int wide = a.across + 2 * a.edge, M = wide * (a.down + 2 * a.edge);                    \
+    for (int j = 0; j < M; ++j) {                                                                \
+        const int y = j / wide - a.edge, x = j % wide - a.edge;                                  \
+        if (y < a.top || y >= a.bottom || x < a.left || x >= a.right) add(on, far + j, M);       \
+    }
+
 // What all cells throw on LANES cells of a row of the frame, those far away block by block.
 LANED __kernel void near_and_far(
     __global const float *restrict table,
@@ -87,20 +118,63 @@ LANED __kernel void near_and_far(
     on.ny /= length_;
     on.nz /= length_;
     for (int k = 0; k < LEDS; ++k) on.total[k] = 0.0f;
-    const int edge = min(rim, 2), down = (h + BLOCK - 1) / BLOCK, across = (w + BLOCK - 1) / BLOCK;
-    const int span = column / SPAN * (SPAN / BLOCK);
-    const int top = max(0, row / BLOCK - near), bottom = min(down, row / BLOCK + near + 1);
-    const int left = max(0, span - near), right = min(across, span + SPAN / BLOCK + near);
-    for (int y = BLOCK * top; y < min(BLOCK * bottom, h); ++y)
-        for (int x = BLOCK * left; x < min(BLOCK * right, w); ++x)
-            add_source(&on, table + (y + rim) * columns + rim + x, N);
-    const int wide = across + 2 * edge, M = wide * (down + 2 * edge);
-    for (int j = 0; j < M; ++j) {
-        const int y = j / wide - edge, x = j % wide - edge;
-        if (y < top || y >= bottom || x < left || x >= right) add_source(&on, far + j, M);
-    }
+    const Around a = around(row, column, h, w, rim, near);
+    FOR_ALL_AROUND(a, &on, table, N, far, h, w, rim, add_source)
     for (int k = 0; k < LEDS; ++k) {
         const floats rest = load_floats(here + (CELL_REST + k) * N, count);
+        store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
+    }
+}
+
+// N cells, or blocks of them, as sources of a film with a coat.
+LANED __kernel void coat(
+    __global const float *restrict cells,
+    __global float *restrict sources,
+    __global const float *restrict lights, __global const float *restrict diffuse,
+    const float base, const float roughness, const float refraction, const float camera,
+    const int N)
+{
+    GRID_LANES(i, count, N)
+    const Film film = {.lights = lights, .diffuse = diffuse, .base = base,
+                       .roughness = roughness, .refraction = refraction, .camera = camera};
+    emit(&film, cells + i, sources + i, N, count);
+}
+
+// `near_and_far` of a film with a coat.
+LANED __kernel void coated_near_and_far(
+    __global const float *restrict table,
+    __global const float *restrict sources,
+    __global const float *restrict far,
+    __global float *restrict bounced,
+    __global const float *restrict lights, __global const float *restrict diffuse,
+    const float base, const float roughness, const float refraction, const float camera,
+    const int h, const int w, const int rim,
+    const int near,
+    const float gain)
+{
+    GRID_PARTS_OF_ROWS(row, column, count, h, w)
+    const Film film = {.lights = lights, .diffuse = diffuse, .base = base,
+                       .roughness = roughness, .refraction = refraction, .camera = camera};
+    const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
+    const int at = (row + rim) * columns + rim + column;
+    __global const float *here = sources + at, *normal = here + SOURCE_NORMAL * N;
+    CoatedCells on;
+    on.film = &film;
+    const Vector place = {load_floats(here, count), load_floats(here + N, count),
+                          load_floats(here + 2 * N, count)};
+    const Vector n = {load_floats(normal, count), load_floats(normal + N, count),
+                      load_floats(normal + 2 * N, count)};
+    on.at = place;
+    on.normal = n;
+    on.eye = to_pupil(&film, place.x, place.y, place.z);
+    on.let_out = let_in_at(&film, dot_(n, on.eye));
+    on.unhidden = unhidden(&film, dot_(n, on.eye));
+    for (int k = 0; k < LEDS; ++k) on.total[k] = 0.0f;
+    const Around a = around(row, column, h, w, rim, near);
+    FOR_ALL_AROUND(a, &on, sources, N, far, h, w, rim, add_coated_source)
+    for (int k = 0; k < LEDS; ++k) {
+        const floats rest = load_floats(table + at + (CELL_REST + k) * N, count) *
+                            reflectance_at_rest(&film, k, place.x, place.y);
         store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
     }
 }

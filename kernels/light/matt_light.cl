@@ -53,7 +53,7 @@ LANED __kernel void matt_light(
     places(at, H, W, pixel, &u, &v);
     const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
     const Places here = {u * nearer, v * nearer, z, u, v};
-    const Vector eye = eye_from(&film, here.x, here.y, z);
+    const Vector eye = to_pupil(&film, here.x, here.y, z);
     const floats touched = touch_gain(&film, z), per_touch_there = 1.0f / touched;
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
     Vector n = unit(-p, -q, (floats)1.0f);

@@ -5,13 +5,16 @@
 
 #define TILTED 0.1f
 #define BLOCK 16
+#define NOISE 0.01f
 
-// What no normal explains of the light, and 1 where all LEDs and a tilted film tell; else 0.
+// What neither a normal nor the film's brightness explains of the light, and 1 where all LEDs and a
+// tilted film tell; else 0.
 LANED __kernel void leave(
     __global const float *restrict light, __global const float *restrict slope,
     __global const float *restrict height, __global const uchar *restrict used,
     __global const float *restrict lights, __global float *restrict left,
-    __global float *restrict counts, const int K, const int H, const int W, const float pixel)
+    __global float *restrict counts, const int K, const int H, const int W, const float pixel,
+    const float uneven)
 {
     const int size = H * W;
     GRID_LANES(at, count, size)
@@ -22,11 +25,19 @@ LANED __kernel void leave(
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
     floats x, y;
     places(at, H, W, pixel, &x, &y);
+    floats along = 0.0f, whole = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const Vector v = light_vector(lights + 3 * k, x, y, z);
+        const floats shown = (v.z - v.x * p - v.y * q) * nz;
+        along += shown * (load_floats(light + k * size + at, count) - shown);
+        whole += shown * shown;
+    }
+    const floats brighter = along * brightness_share(whole, NOISE * NOISE, uneven);
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats shown = (v.z - v.x * p - v.y * q) * nz;
         const floats departs = load_floats(light + k * size + at, count) - shown;
-        store_floats(tells ? departs : none, left + k * size + at, count);
+        store_floats(tells ? departs - brighter * shown : none, left + k * size + at, count);
     }
     store_floats(tells ? one : none, counts + at, count);
 }

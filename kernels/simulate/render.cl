@@ -164,6 +164,14 @@ float fresnel(const float cosine_, const float index)
     return 0.5f * (across * across + along * along);
 }
 
+// Share that a rough coat lets through, averaged over the facets seen.
+float let_in(const float cosine_, const Coat coat)
+{
+    const float lean = 0.25f * coat.alpha * coat.alpha * (1.0f - cosine_ * cosine_);
+    const float mean = cosine_ + lean / sqrt(cosine_ * cosine_ + (2.0f / 3.14159265f) * lean);
+    return 1.0f - fresnel(fmin(mean, 1.0f), coat.index);
+}
+
 // Smith's share of facets that others do not hide, Walter's rational approximation.
 float unhidden(const float cosine_, const float alpha)
 {
@@ -194,8 +202,7 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
     const float spread = exp((square - 1.0f) / (square * rough)) / (rough * square * square);
     const float mirrored = fresnel(between, coat.index) * spread * unhidden(lit, coat.alpha)
         * unhidden(seen, coat.alpha);
-    const float matt =
-        n_l * (1.0f - fresnel(lit, coat.index)) * (1.0f - fresnel(seen, coat.index));
+    const float matt = n_l * let_in(lit, coat) * let_in(seen, coat);
     // Beckmann's distribution has 1 / pi, which that of pi / albedo cancels.
     return matt + mirrored / (4.0f * coat.albedo * seen);
 }

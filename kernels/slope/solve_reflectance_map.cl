@@ -34,7 +34,8 @@ static floats at_place(__global const float *polynomial, const floats u)
 }
 
 // Gauss-Newton for the slope that explains the light under a reflectance that varies.  A
-// work-item does LANES pixels of a row.
+// work-item does LANES pixels of a row.  Its steps wait for divisions and roots, so lengths are
+// compared by their squares.
 LANED __kernel void solve(
     __global const float *restrict light,
     __global const float *restrict flat,
@@ -66,7 +67,7 @@ LANED __kernel void solve(
         const floats square = 1.0f + p * p + q * q;
         const floats w = 1.0f / sqrt(square);
         const floats x = -p * w, y = -q * w, z = w;
-        const floats cube = w / square;
+        const floats cube = w * w * w;
         const floats xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
         const floats xq = yp, yq = q * q * cube - w, zq = -q * cube;
         floats a = prior, b = none, c = prior, s = -prior * p, t = -prior * q;
@@ -91,15 +92,18 @@ LANED __kernel void solve(
         const floats smallest = 1e-12f, whole = 1.0f;
         floats determinant = a * c - b * b;
         determinant = MORE_OF(determinant, smallest);
-        const floats dp = (c * s - b * t) / determinant;
-        const floats dq = (a * t - b * s) / determinant;
-        floats turned = sqrt(dp * dp + dq * dq);
-        turned = MORE_OF(turned, smallest);
-        floats shrink = limit * square / turned;
-        shrink = LESS_OF(shrink, whole);
+        const floats inverse = 1.0f / determinant;
+        const floats dp = (c * s - b * t) * inverse;
+        const floats dq = (a * t - b * s) * inverse;
+        const floats turned = dp * dp + dq * dq, longest = limit * square, least = still * square;
+        floats shrink = whole;
+        if (ANY(turned > longest * longest)) {
+            shrink = longest / sqrt(MORE_OF(turned, smallest));
+            shrink = LESS_OF(shrink, whole);
+        }
         p += moving ? dp * shrink : none;
         q += moving ? dq * shrink : none;
-        moving = moving && turned > still * square;
+        moving = moving && turned > least * least;
         if (!ANY(moving)) break;
     }
     store_floats(p, out + at, count);

@@ -26,14 +26,14 @@ class BallNormals(NamedTuple):
     place: tuple[F8, F8, F8]
 
 
-def ball_normals(balls: Balls, fitted: Fitted) -> BallNormals:
-    """Find the normal of every sample from its light, by a fitted film."""
+def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNormals:
+    """Find the normal of every sample from its light, by a fitted film so uneven in brightness."""
     film = fitted.film
     truth, x, y, z = balls.seen(fitted.shifts, film.camera)
     direct, place = balls.light - film.albedo * balls.bounced, (x, y, np.maximum(z, film.contact))
     n = truth
     for _ in range(STEPS):
-        n = turned(film, direct, n, place)
+        n = turned(film, direct, n, place, uneven)
     return BallNormals(truth, n, direct, place)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, U1
+from tactograph.nodes import F4, U1, Film
 from tactograph.nodes.calibrate._film_fit import FAINT, Balls
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import cut
@@ -35,7 +35,7 @@ def sample_balls(
     circle: F4,
     radius: F4,
     of: NDArray[np.int32],
-    lights: F4,
+    film: Film,
     noise: F4,
     pixel: float,
     steepest: float,
@@ -52,8 +52,10 @@ def sample_balls(
         K x H x W, the film at rest.
     circle, radius, of
         B x 3 in px, B in mm, and the press that each ball is in.
-    lights, noise, pixel
-        K x 3 in mm, (shot, read), mm per px.
+    film
+        With LEDs and a coat that throw light from film to film.
+    noise, pixel
+        (shot, read), mm per px.
     steepest
         Steeper samples are left out.
     most
@@ -67,7 +69,7 @@ def sample_balls(
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     thrown = {
-        i: _unit_bounce(presses[i], sigma, circle[of == i], radius[of == i], lights, pixel)
+        i: _unit_bounce(presses[i], sigma, circle[of == i], radius[of == i], film, pixel)
         for i in np.unique(of)
     }
     found: list[tuple[NDArray[Any], ...]] = []
@@ -105,7 +107,7 @@ def sample_balls(
     )
 
 
-def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, lights: F4, pixel: float) -> F4:
+def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, film: Film, pixel: float) -> F4:
     """The light that balls in a film of albedo 1 throw on it and on the film around them.
 
     Less what `level_touches` has taken for drift: they brighten the film at rest, too.
@@ -117,7 +119,7 @@ def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, lights: F4, pixel
         rim = float(contact) * pixel
         depth = np.sqrt(np.maximum(size**2 - square, 0)) - np.sqrt(max(size**2 - rim**2, 0))
         height = np.where(square < rim**2, depth, height).astype(np.float32)
-    thrown = film_bounce(press, height, lights, pixel, USUAL_ALBEDO)
+    thrown = film_bounce(press, height, film._replace(albedo=USUAL_ALBEDO), pixel)
     drift = film_drift(coarsen(1 + thrown), sigma, degree=DEGREE, rough=ROUGH)
     level = drift_gain(drift, height.shape) - 1
     return (thrown - level * press) / np.float32(USUAL_ALBEDO)

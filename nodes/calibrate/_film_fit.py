@@ -59,7 +59,7 @@ SHARED = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
     "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
     "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
-    "refraction": Unknown(1.4, 0.15, 1.05, 2.0, 1e-3),
+    "refraction": Unknown(1.5, 0.05, 1.3, 1.6, 1e-3),
     "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
 }

@@ -13,6 +13,7 @@ from tactograph.nodes.calibrate._ball_normals import ball_normals
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted
 from tactograph.nodes.light._film import direct_share, predict, touch_gain, turned
 from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.light.touch_misfit import brighter
 
 NEAREST_PX = 2
 """The noise of pixels so far apart is independent, after a lens was undistorted, too."""
@@ -47,7 +48,7 @@ class _Sums(NamedTuple):
     pairs: F8
 
 
-def misfit(held: list[Held], others: F8, pixel: float) -> F4:
+def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     """Return (level, width, light, bounce, tilt) as a `Misfit` has them.
 
     Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
@@ -71,7 +72,7 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
     total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
     tilts, spread, count = [], 0.0, 0
     for part in held:
-        errors, left, truth = left_over(part)
+        errors, left, truth = left_over(part, uneven)
         spread += float(np.square(errors).sum())
         count += errors.shape[1]
         for ball in np.unique(part.balls.ball):
@@ -86,10 +87,15 @@ def misfit(held: list[Held], others: F8, pixel: float) -> F4:
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
     reach = _half_way(lags, normal) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
-    level, known = _root(normal[0] - chance), np.mean([_led_tilt(part, others) for part in held])
+    level, known = (
+        _root(normal[0] - chance),
+        np.mean([_led_tilt(part, others, uneven) for part in held]),
+    )
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
     level *= float(np.sqrt(1 + 1 / len(held)))
     tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
+    presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
+    tilt = float(np.hypot(tilt, level / np.sqrt(presses)))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
 
 
@@ -122,7 +128,7 @@ def unevenness(held: list[Held], pixel: float) -> float:
     return CAUTION * _root(float(total.light[0] / max(total.pairs[0], 1)))
 
 
-def _led_tilt(part: Held, others: F8) -> float:
+def _led_tilt(part: Held, others: F8, uneven: float) -> float:
     """Mean square of what LEDs that lie elsewhere do to `tilt`."""
     film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % EVERY == 0)
     truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
@@ -130,7 +136,9 @@ def _led_tilt(part: Held, others: F8) -> float:
     light, outward = predict(film, truth, x, y, z), _outward(truth)
     found = []
     for away in others:
-        n = turned(film._replace(lights=cast(F4, film.lights + away)), light, truth, (x, y, z))
+        n = turned(
+            film._replace(lights=cast(F4, film.lights + away)), light, truth, (x, y, z), uneven
+        )
         found.append(((n - truth) * outward).sum() / np.square(outward).sum())
     return float(np.square(found).mean())
 
@@ -143,13 +151,15 @@ def _outward(normal: F8) -> F8:
     return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
 
 
-def left_over(held: Held) -> tuple[F8, F8, F8]:
+def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
     """Return errors of the normals and true ones, 3 x N; between, the light left, as if matt."""
     film = held.fitted.film
-    truth, found, direct, place = ball_normals(held.balls, held.fitted)
+    truth, found, direct, place = ball_normals(held.balls, held.fitted, uneven)
     left = direct - predict(film, found, *place)
-    matt = touch_gain(film, place[2]) * direct_share(film)[:, None]
-    return found - truth, left / matt, truth
+    gain = touch_gain(film, place[2])
+    matt, diffuse = gain * direct_share(film)[:, None], gain * film.diffuse[:, None]
+    left, shown = left / matt, (direct - left - diffuse) / matt
+    return found - truth, left - brighter(left, shown, uneven) * shown, truth
 
 
 def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:

@@ -5,6 +5,7 @@ Long because the choice of a model is one procedure: grow, bend, judge on held-o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
@@ -16,6 +17,7 @@ from tactograph.graph import Port, SizeLimit, node, warn
 from tactograph.nodes import (
     F4,
     Albedo,
+    Film,
     Grain,
     Light,
     LightPlaces,
@@ -28,7 +30,7 @@ from tactograph.nodes import (
     Vergence,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
-from tactograph.nodes.calibrate._ball_samples import grain, sample_balls
+from tactograph.nodes.calibrate._ball_samples import SAMPLES, grain, sample_balls
 from tactograph.nodes.calibrate._film_fit import (
     PARTS,
     Balls,
@@ -43,6 +45,7 @@ from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.capture._sheet import SheetLight, SheetMask
+from tactograph.nodes.light._film import matt_film
 
 SURELY = 15000
 """Samples at which a misfit is measured."""
@@ -152,10 +155,14 @@ def fit_film(
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
-    given = light, flat, circle, radius, of, lights, noise, pixel, steepest
-    balls = sample_balls(*given, bare=bare)
+
+    def samples(film: Film, most: int | None = SAMPLES) -> Balls:
+        found = light, flat, circle, radius, of, film, noise, pixel, steepest
+        return sample_balls(*found, most=most, bare=bare)
+
+    balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
-    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width)
+    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, samples)
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
@@ -163,7 +170,7 @@ def fit_film(
     closed = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
         closed.add("camera")
-    best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
+    trial, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
     best, balls, bad = _without_bad(trial, best)
@@ -176,10 +183,10 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    whole = sample_balls(*given, most=None, bare=bare)
+    whole = samples(film, most=None)
     held = _held_out(trial, best, whole, bad)
-    typed["misfit"] = misfit(held, np.asarray(others - lights, np.float64), pixel)
-    typed["uneven"] = unevenness(held, pixel)
+    typed["uneven"] = uneven = unevenness(held, pixel)
+    typed["misfit"] = misfit(held, np.asarray(others - lights, np.float64), pixel, uneven)
     typed["grain"] = grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
@@ -196,6 +203,8 @@ class _Trial(NamedTuple):
     rest: Rest | None
     shift_mm: float
     width_mm: float
+    samples: Callable[[Film], Balls]
+    """The same, with the light that a film throws on itself."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to some."""
@@ -262,8 +271,11 @@ def _held_out(trial: _Trial, best: _Model, whole: Balls, bad: NDArray[np.bool_])
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
 
 
-def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metrics]:
-    """Take one part after another into the model, as long as that pays."""
+def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Model, Metrics]:
+    """Take one part after another into the model, as long as that pays.
+
+    What a coat throws from film to film is known as soon as the coat is.
+    """
     best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
     while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
@@ -276,7 +288,11 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Model, Metri
         if not _pays(better.error, best.error, trial):
             break
         best = better
-    return best, errors | {"film_heldout_deg": best.error}
+        if best.fitted.film.refraction > 1:
+            trial = trial._replace(balls=trial.samples(best.fitted.film))
+            best = _judge(trial, best.parts, trial.fit(best.parts, best.fitted))
+            errors[f"film_heldout_deg/{best}"] = best.error
+    return trial, best, errors | {"film_heldout_deg": best.error}
 
 
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:

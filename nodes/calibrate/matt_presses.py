@@ -37,7 +37,7 @@ def matt_presses(
     """
     rows, made = flat.shape[1], []
     for press, p_q, z in zip(cut(light, rows), cut(slope, rows), cut(height, rows), strict=True):
-        bounced = film_bounce(press, z, film.lights, pixel, film.albedo)
+        bounced = film_bounce(press, z, film, pixel)
         sigma = np.ones_like(press)
         made.append(matt_light(press, sigma, p_q, z, film, pixel, bounced).light)
     return np.concatenate(made, axis=1)

@@ -190,7 +190,7 @@ def refit_film(
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
-    given = (light, flat, circle, radius, of, film.lights, noise, pixel, steepest)
+    given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
     balls = sample_balls(*given, most=SAMPLES)
     known = _known(precise, flat, before, pixel, shift_px)
     best, error, folds = _choose(known, balls)
@@ -207,7 +207,8 @@ def refit_film(
     ]
     away = np.asarray(film.others - film.lights, np.float64)
     held = [part for part in held if part.balls.u.size]
-    found, uneven = misfit(held, away, pixel), unevenness(held, pixel)
+    uneven = unevenness(held, pixel)
+    found = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": error}
     thicker = best.changed.get("thicker", 0.0)

@@ -11,14 +11,15 @@ s grows from 1 to `gain` where an object touches the film and lifts it by `conta
 irradiance times the reflectance of a rough dielectric coat over a matt base (Beckmann's
 distribution; Walter et al., Microfacet models for refraction, 2007)::
 
-    e(n, P) = max(n.l, 0) / |L - P|^2 [k_d (1 - F(n.l)) (1 - F(n.v)) / pi
+    e(n, P) = max(n.l, 0) / |L - P|^2 [k_d T(n.l) T(n.v) / pi
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
 
-with h between the direction l to the light and v to the pupil; a `refraction` of 1 has F = 0 and
-is the matt film.  B are the second-order harmonics of the normal (the paper's equation 4), each
-less its value at rest, c polynomials of degree 2 in the place, w fades them out where n_z is
-below what was pressed: there the physical part stands alone.  P_0 is the film at rest that
-the same pixel sees.  ``kernels/headers/film.clh`` holds the same.
+with h between the direction l to the light and v to the pupil, T what a rough coat lets through
+(`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of
+the normal (the paper's equation 4), each less its value at rest, c polynomials of degree 2 in the
+place, w fades them out where n_z is below what was pressed: there the physical part stands alone.
+P_0 is the film at rest that the same pixel sees.  ``kernels/headers/film.clh`` holds
+the same.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ FLATTEST = 0.1
 """Smallest n_z of a normal that is tried."""
 DIM, LIT = 0.05, 0.2
 """Matt light at which an LED begins to count for the normal, and at which it counts in full."""
+NOISE = 0.01
+"""Of a pixel's light, as a share of it."""
 DARKEST = 0.05
 """Smallest 1 - b that is divided by."""
 
@@ -126,7 +129,9 @@ def direct_share(film: Film) -> Array:
     return np.maximum(1 - film.diffuse, DARKEST)
 
 
-def turned(film: Film, light: Array, n: Array, place: tuple[Array, Array, Array]) -> Array:
+def turned(
+    film: Film, light: Array, n: Array, place: tuple[Array, Array, Array], uneven: float = 0.0
+) -> Array:
     """Return normals that explain the light better: one Gauss-Newton step.
 
     In the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).  LEDs whose direct light
@@ -142,6 +147,9 @@ def turned(film: Film, light: Array, n: Array, place: tuple[Array, Array, Array]
         3 x N, unit normals.
     place
         x, y, z in mm.
+    uneven
+        Standard deviation of the film's brightness, as a share, against light of which each LED
+        tells with `NOISE`.
     """
     nx, ny, nz = n
     none = np.zeros_like(nx)
@@ -153,9 +161,14 @@ def turned(film: Film, light: Array, n: Array, place: tuple[Array, Array, Array]
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
     shown = (light / touch_gain(film, place[2]) - diffuse) / direct
     weight = np.clip((shown - DIM) / (LIT - DIM), 0, 1) / np.maximum(light, LIT) ** 2
-    left = weight * (light - before)
-    a, b, c = ((weight * f * g).sum(0) for f, g in ((by_s, by_s), (by_s, by_t), (by_t, by_t)))
-    g, h = (by_s * left).sum(0), (by_t * left).sum(0)
+    share = uneven**2 / (NOISE**2 + uneven**2 * (weight * before * before).sum(0))
+    along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
+
+    def told(f: Array, g: Array, i: int, j: int) -> Array:
+        return np.asarray((weight * f * g).sum(0) - share * along[i] * along[j])
+
+    a, b, c = told(by_s, by_s, 0, 0), told(by_s, by_t, 0, 1), told(by_t, by_t, 1, 1)
+    g, h = told(by_s, light - before, 0, 2), told(by_t, light - before, 1, 2)
     # A single LED, or two in line, leave a direction open: it stays where it is.
     held = 1e-3 * (a + c) + 1e-6
     a, c = a + held, c + held
@@ -211,26 +224,19 @@ def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array)
     if film.refraction == 1:
         return np.asarray(lit)
     lx, ly, lz = dx / away, dy / away, dz / away
-    vx, vy, vz = _to_pupil(film.camera, x, y, z)
+    vx, vy, vz = to_pupil(film.camera, x, y, z)
     hx, hy, hz = lx + vx, ly + vy, lz + vz
     half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
     c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
     c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
     c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
     v_h = (vx * hx + vy * hy + vz * hz) * half
-    base = (
-        film.base
-        * (1 - fresnel(c_i, film.refraction))
-        * (1 - fresnel(c_o, film.refraction))
-        / np.pi
-    )
-    glint = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
-    hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
-    return np.asarray(lit * (base + glint * hidden / (4 * c_i * c_o)))
+    base = film.base * let_in(film, c_i) * let_in(film, c_o) / np.pi
+    return np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
 
 
-def _to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """The unit vector from the film to the pupil, at 1 / `camera` mm above the film."""
+def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """Return the unit vector from the film to the pupil, at 1 / `camera` mm above the film."""
     vx, vy, vz = -camera * x, -camera * y, 1 - camera * z
     scale = 1 / np.sqrt(vx * vx + vy * vy + vz * vz)
     return vx * scale, vy * scale, vz * scale
@@ -242,6 +248,28 @@ def fresnel(cosine: Array, index: float) -> Array:
     first, second = (g - cosine) / (g + cosine), cosine * (g + cosine) - 1
     other = second / (cosine * (g - cosine) + 1)
     return np.asarray(0.5 * first * first * (1 + other * other))
+
+
+def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
+    """Return what the coat's microfacets mirror: the second part of equation F2.
+
+    By the cosines of the normal to the light, to the eye and to the direction h between them, and
+    that of the eye to h.
+    """
+    spread = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
+    hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
+    return np.asarray(spread * hidden / (4 * c_i * c_o))
+
+
+def let_in(film: Film, cosine: Array) -> Array:
+    """Return the share of light that a rough coat lets through to its base, and out again.
+
+    1 - F, averaged over the microfacets that light sees: at grazing angles those that lean towards
+    it.  Within 0.03 of that average for a roughness up to 0.4.
+    """
+    lean = 0.25 * film.roughness**2 * (1 - cosine * cosine)
+    mean = cosine + lean / np.sqrt(cosine * cosine + 2 / np.pi * lean)
+    return 1 - fresnel(np.minimum(mean, 1), film.refraction)
 
 
 def beckmann(cosine: Array, roughness: float) -> Array:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -121,18 +122,35 @@ def means(planes: F4, factor: int) -> F4:
     return sums
 
 
+Arriving = Callable[[F4, F4, F4, F4, F4], F4]
+"""What N sources (places, area vectors, light) throw on M places with normals: K x M."""
+
+
+def matt_arriving(at: F4, normal: F4, places: F4, areas: F4, sources: F4) -> F4:
+    """Return what N sources throw on M places with normals of any length: K x M."""
+    dx, dy, dz = (there - here[:, None] for there, here in zip(places, at, strict=True))
+    square = dx * dx + dy * dy + dz * dz + NEAREST
+    nx, ny, nz = (normal / np.sqrt((normal * normal).sum(axis=0)))[..., None]
+    sx, sy, sz = areas
+    arriving = np.maximum(nx * dx + ny * dy + nz * dz, np.float32(0))
+    leaving = np.maximum(-(sx * dx + sy * dy + sz * dz), np.float32(0))
+    return np.asarray(sources @ (arriving * leaving / (square * square)).T)
+
+
 def all_on_all(places: F4, areas: F4, sources: F4, targets: NDArray[np.intp]) -> F4:
     """Return what all cells throw on those of the frame: K x cells, without albedo / pi."""
     at, normal = places.T.copy(), areas.T.copy()
 
     def on(block: slice) -> F4:
         here = targets[block]
-        return _arriving(at[:, here], normal[:, here], at, normal, sources)
+        return matt_arriving(at[:, here], normal[:, here], at, normal, sources)
 
     return np.concatenate(in_blocks(on, len(targets), len(places)), axis=1)
 
 
-def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F4:
+def near_and_far(
+    places: F4, areas: F4, sources: F4, grid: Grid, near: int, arriving: Arriving = matt_arriving
+) -> F4:
     """Return what `all_on_all` does for the frame's cells, those far away put into blocks.
 
     SPAN cells side by side, and the block rows they lie in, see all cells at most `near` blocks
@@ -151,8 +169,8 @@ def near_and_far(places: F4, areas: F4, sources: F4, grid: Grid, near: int) -> F
             at, normal = (part[here].reshape(3, -1) for part in fine[:2])
             around, far = _around(top, left, grid, near)
             near_by = [part[around].reshape(len(part), -1) for part in fine]
-            shown = _arriving(at, normal, *near_by)
-            shown += _arriving(at, normal, *(part[:, far] for part in blocks))
+            shown = arriving(at, normal, *near_by)
+            shown += arriving(at, normal, *(part[:, far] for part in blocks))
             found[here] = shown.reshape(found[here].shape)
     return found.reshape(len(sources), -1)
 
@@ -188,14 +206,3 @@ def _blocks(places: F4, areas: F4, sources: F4, grid: Grid) -> list[F4]:
         planes = np.add.reduceat(planes, starts, axis)
     place, vector, light = planes[:3], planes[3:6], planes[6:]
     return [place / vector[2], vector, light / vector[2]]
-
-
-def _arriving(at: F4, normal: F4, places: F4, areas: F4, sources: F4) -> F4:
-    """Return what N sources throw on M places with normals of any length: K x M."""
-    dx, dy, dz = (there - here[:, None] for there, here in zip(places, at, strict=True))
-    square = dx * dx + dy * dy + dz * dz + NEAREST
-    nx, ny, nz = (normal / np.sqrt((normal * normal).sum(axis=0)))[..., None]
-    sx, sy, sz = areas
-    arriving = np.maximum(nx * dx + ny * dy + nz * dz, np.float32(0))
-    leaving = np.maximum(-(sx * dx + sy * dy + sz * dz), np.float32(0))
-    return np.asarray(sources @ (arriving * leaving / (square * square)).T)

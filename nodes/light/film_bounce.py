@@ -9,13 +9,15 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Close, InputError, node
-from tactograph.nodes import Albedo, Height, Light, LightPositions, PixelSize, Slope
+from tactograph.nodes import Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._between_cells import between_cells
+from tactograph.nodes.light._coated_bounce import coated_arriving
 from tactograph.nodes.light._radiosity import (
     BLOCK,
     cell_grid,
     cells_of,
     framed,
+    matt_arriving,
     means,
     near_and_far,
     rim_blocks,
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 MOST_ALBEDO = 0.95
+COAT = "lights", "diffuse", "base", "roughness", "refraction", "camera"
+"""What of a film makes its coat."""
 
 
 @node(
@@ -34,9 +38,8 @@ MOST_ALBEDO = 0.95
 def film_bounce(
     light: Light,
     height: Height,
-    lights: LightPositions,
+    film: Film,
     pixel: PixelSize,
-    albedo: Albedo,
     before: Light | None = None,
     slope: Slope | None = None,
     *,
@@ -57,7 +60,8 @@ def film_bounce(
     Kanade 1991).  E_j is the light relative to the film at rest times the irradiance of the
     film at rest, which falls off with the inverse square and the cosine.  The result is
     relative to the film at rest again; taken off `light`, it leaves what comes from the LED.
-    A flat film lights itself nowhere.  Cells do not hide one another.
+    A flat film lights itself nowhere.  Cells do not hide one another.  A film with a coat
+    mirrors light, too (`_coated_bounce`).
 
     Parameters
     ----------
@@ -65,12 +69,10 @@ def film_bounce(
         K x H x W, as seen, 1 on the film at rest.
     height
         H x W, mm.
-    lights
-        K x 3, mm.
+    film
+        The LEDs' and the film's properties.  Of an `albedo` of 0 the result is 0; 0.95 is the most.
     pixel
         mm per px of `light` and `height`.
-    albedo
-        Share of the light that the film reflects, 0 to 0.95; with 0 the result is 0.
     before
         K x H x W, the result of the round before, where height and bounce are found in turns.
     slope
@@ -97,16 +99,17 @@ def film_bounce(
     InputError
         If the albedo is none.
     """
-    _check(albedo)
-    if albedo == 0:
+    _check(film.albedo)
+    if film.albedo == 0:
         return np.zeros_like(light)
     grid = cell_grid(height.shape, pixel, cells, rim_mm)
-    places, areas, rest = cells_of(height, lights, np.float32(pixel), grid, slope)
+    places, areas, rest = cells_of(height, film.lights, np.float32(pixel), grid, slope)
     sources = rest.copy()
     inside = framed(grid)
     sources[:, inside] *= means(light, grid.factor).reshape(len(light), -1)
-    gain = np.float32(albedo) / np.float32(math.pi)
-    bounced = gain * near_and_far(places, areas, sources, grid, near) / rest[:, inside]
+    gain = np.float32(film.albedo) / np.float32(math.pi)
+    arriving = matt_arriving if film.refraction == 1 else coated_arriving(film)
+    bounced = gain * near_and_far(places, areas, sources, grid, near, arriving) / rest[:, inside]
     planes = bounced.reshape(len(light), grid.rows, grid.columns)
     found = between_cells(planes, height.shape, grid.factor)
     return found if before is None else before + np.float32(share) * (found - before)
@@ -115,42 +118,53 @@ def film_bounce(
 @film_bounce.opencl()
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
-    light, height, lights, pixel, albedo = (
-        run.inputs[name] for name in ("light", "height", "lights", "pixel", "albedo")
-    )
-    settings, out, constants = run.settings, run.outputs["film_bounce"], {"LEDS": count}
+    of, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
+    lights, pixel, albedo = (of[name] for name in ("film.lights", "pixel", "film.albedo"))
+    constants = {"LEDS": count}
     _check(albedo)
     if albedo == 0:
         work = run.in_lanes(count, *size)
         run.kernel("nothing", work, out, count * math.prod(size), constants=constants)
         return
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
-    table = run.scratch((6 + 2 * count, math.prod(grid.whole)))
+    cells = math.prod(grid.whole)
+    table = run.scratch((6 + 2 * count, cells))
     edge = rim_blocks(grid.rim)
-    blocks = [math.ceil(side / BLOCK) + 2 * edge for side in (grid.rows, grid.columns)]
-    far = run.scratch((6 + count, math.prod(blocks)))
+    blocks = math.prod(math.ceil(s / BLOCK) + 2 * edge for s in (grid.rows, grid.columns))
+    far = run.scratch((6 + count, blocks))
     bounced = run.scratch((count, grid.rows, grid.columns))
     shape = grid.rows, grid.columns, grid.rim
     local = (run.group,)
-    slope = run.inputs.get("slope")
-    arguments = light, height, slope, lights, pixel, table, *size, grid.factor, *shape, grid.rim_mm
-    run.kernel("lay_out", (math.prod(grid.whole),), *arguments, local=local, constants=constants)
+    arguments = of["light"], of["height"], of.get("slope"), lights, pixel, table, *size
+    arguments = *arguments, grid.factor, *shape, grid.rim_mm
+    run.kernel("lay_out", (cells,), *arguments, local=local, constants=constants)
+    run.kernel("put_together", (blocks,), table, far, *shape, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)
-    gain = float(np.float32(albedo) / np.float32(math.pi))
-    run.kernel("put_together", (math.prod(blocks),), table, far, *shape, constants=constants)
-    arguments = table, far, bounced, *shape, settings["near"], gain
-    run.kernel("near_and_far", work, *arguments, local=local, constants=constants)
+    rest = *shape, settings["near"], float(np.float32(albedo) / np.float32(math.pi))
+    if of["film.refraction"] == 1:
+        run.kernel(
+            "near_and_far", work, table, far, bounced, *rest, local=local, constants=constants
+        )
+    else:
+        coat = [of[f"film.{name}"] for name in COAT]
+        sources = [run.scratch((7 + 5 * count, number)) for number in (cells, blocks)]
+        for plane, sent, number in zip((table, far), sources, (cells, blocks), strict=True):
+            arguments = plane, sent, *coat, number
+            run.kernel("coat", run.in_lanes(number), *arguments, constants=constants)
+        arguments = table, *sources, bounced, *coat, *rest
+        run.kernel("coated_near_and_far", work, *arguments, local=local, constants=constants)
     work = run.in_row_lanes(count, *size)
-    share = settings["share"]
-    arguments = bounced, run.inputs.get("before"), out, *size, grid.factor, *shape[:2], share
+    arguments = bounced, of.get("before"), out, *size, grid.factor, *shape[:2], settings["share"]
     run.kernel("interpolate", work, *arguments, constants=constants)
 
 
 @film_bounce.example
 def _example(rng: np.random.Generator, K: int, **_: int) -> dict[str, Any]:
-    """LEDs in front of the film."""
+    """LEDs in front of the film; one in two has no coat."""
     sideways = rng.uniform(-20, 20, (K, 2))
-    return {"lights": np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)}
+    lights = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)
+    matt = {"film.refraction": 1.0} if rng.random() < 1 / 2 else {}
+    return {"film.lights": lights, **matt}
 
 
 def _check(albedo: float) -> None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light
 
 TAPS = (0.0625, 0.25, 0.375, 0.25, 0.0625)
 """Binomial: close to a Gaussian of one pixel's standard deviation."""
+TALL = 4
+"""Rows that a work-item of the kernel does."""
 
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-6, why="a sum of 25 terms"))
@@ -36,4 +39,10 @@ def _along(light: F4, axis: int) -> F4:
     return np.asarray(total, np.float32)
 
 
-smooth_light.opencl(grid="K H W", lanes="rows")
+@smooth_light.opencl()
+def _launch(run: Launch) -> None:
+    """A work-item does `TALL` rows."""
+    count, rows, columns = (run.sizes[name] for name in "KHW")
+    arguments = run.inputs["light"], run.outputs["smooth_light"], count, rows, columns
+    grid = run.in_row_lanes(count, -(-rows // TALL), columns)
+    run.kernel("smooth_light", grid, *arguments, constants={"TALL": TALL})

@@ -8,9 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node, warn
-from tactograph.nodes import F4, Height, Labels, Light, LightPositions, Misfit, PixelSize, Slope
+from tactograph.nodes import (
+    F4,
+    Height,
+    Labels,
+    Light,
+    LightPositions,
+    Misfit,
+    PixelSize,
+    Slope,
+    Uneven,
+)
 from tactograph.nodes.light._block_sums import block_sums
-from tactograph.nodes.light._near_light import expected_light, places, vectors_at
+from tactograph.nodes.light._film import NOISE
+from tactograph.nodes.light._near_light import (
+    brightness_share,
+    expected_light,
+    places,
+    vectors_at,
+)
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -39,12 +55,14 @@ def touch_misfit(
     lights: LightPositions,
     misfit: Misfit,
     pixel: PixelSize,
+    uneven: Uneven,
 ) -> Misfit:
     """Widen the model's misfit where a touch departs more than the calibration's presses did.
 
-    Three LEDs or more say more than a normal: what no normal explains, and neighbours share, is
-    the model's; the median over blocks of pixels counts.  Normals err in proportion to it, as they
-    did on the presses; what the touch leaves beyond those adds to their misfit, as squares.
+    LEDs say more than a normal and the film's brightness: what neither explains, and neighbours
+    share, is the model's; the median over blocks of pixels counts.  Normals err in proportion to
+    it, as they did on the presses; what the touch leaves beyond those adds to their misfit, as
+    squares.
 
     Parameters
     ----------
@@ -60,13 +78,15 @@ def touch_misfit(
         Of the calibration.
     pixel
         mm per px.
+    uneven
+        Standard deviation of the film's brightness, as `label_lights` had it.
 
     Returns
     -------
     ndarray
         The misfit of this touch.  A warning says so where the light departs clearly more.
     """
-    total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel))
+    total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
     return _widened(misfit, total, known)
 
 
@@ -108,22 +128,32 @@ def _left(
     lights: LightPositions,
     pixel: float,
     lag: int,
+    uneven: float,
 ) -> tuple[F4, F4]:
-    """By block, the products of what no normal explains of neighbours, and how many count."""
+    """By block, the products of what is not explained of neighbours, and how many count."""
     p, q = slope
     counts = (used == (1 << len(lights)) - 1) & (p * p + q * q > TILTED * TILTED)
     rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
     counts, slopes = counts[rows, columns], slope[:, rows, columns]
     x = places(height.shape[1], np.float32(pixel))[None, columns]
     y = places(height.shape[0], np.float32(pixel))[rows, None]
+    shown = expected_light(vectors_at(lights, x, y, height[rows, columns]), slopes)
+    departs = light[:, rows, columns] - shown
+    departs -= brighter(departs, shown, uneven) * shown
     product: F4 | np.float32 = np.float32(0)
-    for led, plane in zip(lights, light, strict=True):
-        (shown,) = expected_light(vectors_at(led[None], x, y, height[rows, columns]), slopes)
-        left = np.where(counts, plane[rows, columns] - shown, np.float32(0))
+    for plane in departs:
+        left = np.where(counts, plane, np.float32(0))
         product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
     mean = np.asarray(product / np.float32(len(lights)), np.float32)
     return block_sums(mean, BLOCK), block_sums(pairs, BLOCK)
+
+
+def brighter(departs: F4, shown: F4, uneven: float) -> F4:
+    """Return by what share the film is brighter than light shows that departs by so much."""
+    noise = np.float32(NOISE * NOISE)
+    share = brightness_share((shown * shown).sum(axis=0), noise, np.float32(uneven))
+    return np.asarray((departs * shown).sum(axis=0) * share)
 
 
 def _reach(found: NDArray[np.bool_], lag: int) -> slice:
@@ -144,6 +174,7 @@ def _launch(run: Launch) -> None:
     run.kernel(
         "leave", run.in_lanes(height, width), of["light"], of["slope"], of["height"], of["used"],
         of["lights"], left, counts, count, height, width, pixel,
+        of["uneven"],
     )  # fmt: skip
     rows, columns = blocks = tuple(max(side - lag, 0) // BLOCK for side in (height, width))
     total, known = run.scratch(blocks), run.scratch(blocks)
@@ -165,7 +196,9 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     height = rng.uniform(0, 0.1, (H, W)).astype(np.float32)
     x, y = (places(side, np.float32(0.05)) for side in (W, H))
     vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)
-    departs = np.sin(np.arange(H) / 11)[:, None] * np.sin(np.arange(W) / 17 + 1)
+    turn = np.arange(K)[:, None, None]
+    down, across = np.arange(H)[:, None] / 11, np.arange(W) / 17
+    departs = np.sin(down + turn) * np.sin(across + 1 + 2 * turn)
     light = expected_light(vectors, slope) * (1 + 0.1 * departs)
     return {
         "light": (light + rng.normal(0, 0.01, light.shape)).astype(np.float32),
@@ -174,5 +207,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "used": np.where(rng.random((H, W)) < 0.1, 1, (1 << K) - 1).astype(np.uint8),
         "lights": lights.astype(np.float32),
         "pixel": 0.05,
+        "uneven": 0.03,
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
     }

@@ -380,7 +380,7 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     square = upright * upright
     spread = np.exp((square - ONE) / (square * alpha * alpha)) / (alpha * alpha * square * square)
     mirrored = _fresnel(between, index) * spread * _unhidden(lit, alpha) * _unhidden(seen, alpha)
-    matt = cosine * (ONE - _fresnel(lit, index)) * (ONE - _fresnel(seen, index))
+    matt = cosine * _let_in(lit, alpha, index) * _let_in(seen, alpha, index)
     # Beckmann's distribution has 1 / pi, which that of pi / albedo cancels.
     return matt + mirrored / (np.float32(4 * film.albedo) * seen)
 
@@ -401,6 +401,13 @@ def _fresnel(cosine: F4, index: np.float32) -> F4:
     across = (cosine - index * inside) / (cosine + index * inside)
     along = (inside - index * cosine) / (inside + index * cosine)
     return np.asarray(np.float32(0.5) * (across * across + along * along))
+
+
+def _let_in(cosine: F4, alpha: np.float32, index: np.float32) -> F4:
+    """Share that a rough coat lets through, averaged over the facets seen (`light/_film`)."""
+    lean = np.float32(0.25) * alpha * alpha * (ONE - cosine * cosine)
+    mean = cosine + lean / np.sqrt(cosine * cosine + np.float32(2 / np.pi) * lean)
+    return np.asarray(ONE - _fresnel(np.minimum(mean, ONE), index))
 
 
 def _unhidden(cosine: F4, alpha: np.float32) -> F4:

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from tactograph.nodes import F4, Confidence, Height, HeightError, Labels, Light
+from tactograph.nodes import F4, Confidence, Contacts, Height, HeightError, Labels, Light
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
 
 BAND = 1.645
@@ -64,22 +64,57 @@ def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, fi
 
 
 def draw_shadow(shadow: Labels, image: Light, file: Path) -> None:
-    """The labels over the mean image: a colour per shadowed LED, white for several."""
+    """The shadowed LEDs over the mean image."""
+    _draw_leds(shadow, image, "in shadow", file)
+
+
+def draw_highlight(highlight: Labels, image: Light, file: Path) -> None:
+    """The mirrored LEDs over the mean image."""
+    _draw_leds(highlight, image, "mirrored", file)
+
+
+def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
+    """The contacts over the mean image, each in a colour and with its number."""
+    figure, axes = _over(image)
+    colours = ListedColormap(LED_COLOURS)
+    turn = np.ma.masked_where(contact == 0, (contact - 1.0) % colours.N)
+    axes.imshow(turn, cmap=colours, vmin=-0.5, vmax=colours.N - 0.5, alpha=0.75)
+    numbers, areas = np.unique(contact[contact > 0], return_counts=True)
+    for number in numbers:
+        # A pixel of the contact itself: the centroid of a ring is not.
+        rows, columns = np.nonzero(contact == number)
+        nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+        place = (float(columns[nearest]), float(rows[nearest]))
+        axes.annotate(
+            str(number), place, ha="center", va="center", weight="bold",
+            bbox={"boxstyle": "circle", "facecolor": "white", "edgecolor": "none"},
+        )  # fmt: skip
+    share = areas.sum() / contact.size
+    many = f"{len(numbers)} contact{'' if len(numbers) == 1 else 's'}"
+    axes.set(title=f"{many}: {share:.1%} of the pixels")
+    FigureCanvasAgg(figure).print_png(file)
+
+
+def _draw_leds(bits: Labels, image: Light, what: str, file: Path) -> None:
+    """A colour per LED whose bit is set, white for several."""
     count = image.shape[0]
-    numbers = _label_numbers(shadow, count)
-    figure, axes = _one_plane()
-    axes.imshow(image.mean(axis=0), cmap="gray", vmin=0)
+    numbers = _label_numbers(bits, count)
+    figure, axes = _over(image)
     colours = ListedColormap([*LED_COLOURS[:count], "#ffffff"])
     norm = BoundaryNorm(np.arange(0.5, count + 2), colours.N)
     drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
     bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))
     bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(count)), "several"])
-    axes.set(
-        title=f"in shadow: {(numbers > 0).mean():.1%} of the pixels",
-        xlabel="x / px",
-        ylabel="y / px",
-    )
+    axes.set(title=f"{what}: {(numbers > 0).mean():.1%} of the pixels")
     FigureCanvasAgg(figure).print_png(file)
+
+
+def _over(image: Light) -> tuple[Figure, Axes]:
+    """The mean image in grey, to draw on."""
+    figure, axes = _one_plane()
+    axes.imshow(image.mean(axis=0), cmap="gray", vmin=0)
+    axes.set(xlabel="x / px", ylabel="y / px")
+    return figure, axes
 
 
 def _one_plane() -> tuple[Figure, Axes]:

@@ -55,10 +55,12 @@ def write_result(
 
     ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
     y up, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
-    pixel), ``height.png`` and ``shadow_view.png`` for people, ``result.json``; with an error
-    ``error.npy`` and ``error.png`` too, with highlights ``highlight.png`` (bits as in
-    ``shadow.png``), with a confidence ``confidence.npy`` (float32, 0 to 1) and
-    ``confidence.png``, with contacts ``contact.png`` (8 bit, the contact's number, 0: none).
+    pixel), ``height.png`` for people, ``result.json``; with an error ``error.npy`` and
+    ``error.png`` too, with highlights ``highlight.png`` (bits as in ``shadow.png``), with a
+    confidence ``confidence.npy`` (float32, 0 to 1) and ``confidence.png``, with contacts
+    ``contact.png`` (8 bit, the contact's number, 0: none).  ``shadow.png``, ``highlight.png``
+    and ``contact.png`` hold numbers and look black; beside each is a picture of them for
+    people, ``shadow_view.png`` and so on.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ def write_result(
     shadow
         H x W, the shadowed LEDs.
     image
-        K x H x W, what was captured; the background of ``shadow_view.png``.
+        K x H x W, what was captured; the background of ``shadow_view.png`` and its like.
     pixel
         mm per px.
     metrics
@@ -131,8 +133,10 @@ def write_result(
             # Matplotlib takes longer to load than a touch to compute.
             from tactograph.nodes.write._result_pictures import (
                 draw_confidence,
+                draw_contact,
                 draw_error,
                 draw_height,
+                draw_highlight,
                 draw_shadow,
             )
 
@@ -142,6 +146,10 @@ def write_result(
             if confidence is not None:
                 draw_confidence(confidence, pixel, target / "confidence.png")
             draw_shadow(shadow, image, target / "shadow_view.png")
+            if highlight is not None:
+                draw_highlight(highlight, image, target / "highlight_view.png")
+            if contact is not None:
+                draw_contact(contact, image, target / "contact_view.png")
         text = json.dumps(
             {**provenance.as_dict(), "capture": name, "grid": grid, "metrics": metrics}, indent=1
         )

@@ -16,7 +16,13 @@ from tactograph.nodes import F4
 from tests.conftest import SHARED, MadeOnce, Raytraced
 from tests.pipelines.test_accuracy import run
 
-RIGS = {"hand_perspective": 5.0, "hand_lens": 5.0, "hand_bounce": 15.0, "hand_gloss": 15.0}
+RIGS = {
+    "hand_perspective": 5.0,
+    "hand_lens": 5.0,
+    "hand_bounce": 15.0,
+    "hand_gloss": 5.0,
+    "hand": 20.0,
+}
 """Root mean square error in um of a ball that is pressed in softly by 2.2 mm."""
 PARTS = {
     "hand_perspective": "reconstruct_orthographic",

@@ -80,8 +80,9 @@ def test_shadows_measure_what_no_slope_shows(metrics: Figures, rig: str) -> None
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
+    # One ball calibrates: what it cannot tell of other touches widens the band.
     found = metrics("precise", "near33", shape)
-    assert found["in_90_percent_band"] == pytest.approx(90, abs=5)
+    assert 85 < found["in_90_percent_band"] < 97
 
 
 @pytest.mark.parametrize("shape", ["sphere", "cat"])

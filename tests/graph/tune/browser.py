@@ -27,6 +27,7 @@ class Browser:
             stderr=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
+        self.pid = self._process.pid
         told = folder / "DevToolsActivePort"
         self._until(lambda: told.exists() and len(told.read_text().splitlines()) == 2, "chromium")
         port, path = told.read_text().splitlines()
@@ -60,14 +61,19 @@ class Browser:
         self._mouse("mousePressed", x, y)
         self._mouse("mouseReleased", x, y)
 
-    def drag(self, selector: str, parts: list[float], down: float = 0.5) -> None:
-        """Press at the first part of an element's width, go through the others, let go."""
+    def drag(self, selector: str, parts: list[float], down: float = 0.5, hold: str = "") -> None:
+        """Press at the first part of an element's width, go through the others, let go.
+
+        Before letting go, wait until the script `hold` is true.
+        """
         box = self._box(selector)
         ys = box["y"] + down * box["height"]
         xs = [box["x"] + part * box["width"] for part in parts]
         self._mouse("mousePressed", xs[0], ys)
         for x in xs[1:]:
             self._mouse("mouseMoved", x, ys)
+        if hold:
+            self.wait(hold)
         self._mouse("mouseReleased", xs[-1], ys)
 
     def hover(self, selector: str, across: float, down: float) -> None:
@@ -78,8 +84,12 @@ class Browser:
     def type(self, selector: str, text: str) -> None:
         """Replace an input's text, and leave it."""
         self.look(f"(e => {{ e.focus(); e.select() }})(document.querySelector(`{selector}`))")
-        self._do("Input.insertText", text=text)
+        self.insert(text)
         self.look(f"document.querySelector(`{selector}`).blur()")
+
+    def insert(self, text: str) -> None:
+        """Type where the keys go to, and stay there."""
+        self._do("Input.insertText", text=text)
 
     def picture(self, file: Path) -> None:
         shot = self._do("Page.captureScreenshot", format="png")

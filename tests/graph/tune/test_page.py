@@ -141,10 +141,24 @@ def test_a_slider_is_moved_and_the_result_follows(page: Page) -> None:
     page.browser.wait(f"document.querySelector('{element('inside')} img').naturalWidth > 100")
     picture = f"document.querySelector('{element('picture')} img').src"
     before = page.browser.look(picture)
-    page.browser.drag(element("param-threshold"), [0.29, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
-    page.browser.wait(f"{picture} !== `{before}`")
     typed = f"document.querySelector('{element('param-threshold-text')}').value"
-    page.browser.wait(f"parseFloat({typed}) > 5")
+    page.browser.drag(
+        element("param-threshold"),
+        [0.29, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9],
+        hold=f"{picture} !== `{before}` && parseFloat({typed}) > 5",
+    )
+
+
+def test_a_half_typed_value_outlasts_what_the_page_shows_meanwhile(page: Page) -> None:
+    choose(page, "shadow")
+    field = f"document.querySelector('{element('param-threshold-text')}')"
+    page.browser.look(f"{field}.focus(), {field}.select()")
+    page.browser.insert("4.")
+    (page.folder / "mine.yaml").write_text(VARIANT.replace("threshold: 3.5", "treshold: 3.5"))
+    wait_for(page, "error", "mine.yaml:6:12")
+    assert page.browser.look(f"{field}.value") == "4."
+    (page.folder / "mine.yaml").write_text(VARIANT)
+    page.browser.wait(f"document.querySelector('{element('error')}').innerText === ''")
 
 
 def test_a_wrong_value_is_told_and_changes_nothing(page: Page) -> None:

@@ -40,7 +40,7 @@ def held(noise: float = 0.0, **changed: Any) -> Held:
 
 
 def test_noise_is_no_misfit() -> None:
-    level, _, light, bounce, tilt = misfit([held(0.01)], NOWHERE_ELSE, PIXEL)
+    level, _, light, bounce, tilt = misfit([held(0.01)], NOWHERE_ELSE, PIXEL, 0.0)
     assert level < 1e-3
     assert light < 1e-3
     assert tilt < 1e-3
@@ -49,8 +49,8 @@ def test_noise_is_no_misfit() -> None:
 
 def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small() -> None:
     diffuse = np.full(len(LIGHTS), 0.05)
-    *_, tilt = misfit([held(0.01, diffuse=diffuse)], NOWHERE_ELSE, PIXEL)
-    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], NOWHERE_ELSE, PIXEL)
+    *_, tilt = misfit([held(0.01, diffuse=diffuse)], NOWHERE_ELSE, PIXEL, 0.0)
+    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], NOWHERE_ELSE, PIXEL, 0.0)
     assert tilt > 0.01
     assert twice == pytest.approx(2 * tilt, rel=0.2)
 
@@ -61,14 +61,14 @@ def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
         part = held(0.01)
         film = part.fitted.film._replace(albedo=albedo)
         parts.append(part._replace(fitted=part.fitted._replace(film=film)))
-    assert misfit(parts, NOWHERE_ELSE, PIXEL)[3] == pytest.approx(0.03 / 0.63, rel=1e-3)
+    assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(0.03 / 0.63, rel=1e-3)
 
 
 def test_few_presses_state_more_than_many() -> None:
     """What a model leaves on one press tells little of what it will leave on the next."""
     part = held(0.01, diffuse=np.full(len(LIGHTS), 0.05))
-    *_, one = misfit([part], NOWHERE_ELSE, PIXEL)
-    *_, many = misfit([part] * 12, NOWHERE_ELSE, PIXEL)
+    *_, one = misfit([part], NOWHERE_ELSE, PIXEL, 0.0)
+    *_, many = misfit([part] * 12, NOWHERE_ELSE, PIXEL, 0.0)
     assert one > 3 * many
 
 

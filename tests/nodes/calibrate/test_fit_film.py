@@ -30,7 +30,7 @@ def press(film: Film, centre: tuple[float, float], seed: int) -> F4:
     direct = direct.reshape(-1, *SIZE).astype(np.float32)
     light = direct
     for _ in range(6):
-        light = direct + film_bounce(light, seen, film.lights, PIXEL, film.albedo)
+        light = direct + film_bounce(light, seen, film, PIXEL)
     rng = np.random.default_rng(seed)
     return (light + rng.normal(0, 0.004, light.shape)).astype(np.float32)
 

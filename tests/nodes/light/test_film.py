@@ -11,6 +11,7 @@ from tactograph.nodes.light._film import (
     beckmann,
     fresnel,
     is_affine,
+    let_in,
     masking,
     predict,
     turned,
@@ -52,6 +53,22 @@ def test_a_dielectric_mirrors_what_fresnel_says(index: float) -> None:
     assert fresnel(np.array(0.0), index) == pytest.approx(1)
     cosines = np.linspace(0, 1, 50)
     assert (np.diff(fresnel(cosines, index)) < 0).all()
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("index", [1.3, 1.5])
+def test_a_rough_coat_lets_in_what_its_microfacets_do_on_average(
+    roughness: float, index: float
+) -> None:
+    """Facets of Beckmann's distribution, weighted by how large light sees them."""
+    x, y = RNG.normal(0, roughness / np.sqrt(2), (2, 200_000))
+    film = MATT._replace(roughness=roughness, refraction=index)
+    for cosine in (0.05, 0.1, 0.2, 0.4, 0.7, 1.0):
+        seen = np.maximum(cosine - np.sqrt(1 - cosine**2) * x, 0)
+        through = 1 - fresnel(np.minimum(seen / np.sqrt(1 + x * x + y * y), 1), index)
+        mean = (seen * through).sum() / seen.sum()
+        assert let_in(film, np.float64(cosine)) == pytest.approx(mean, abs=0.06)
+    assert let_in(film, np.float64(1.0)) == pytest.approx(1 - fresnel(np.array(1.0), index))
 
 
 @pytest.mark.parametrize("roughness", [0.1, 0.3, 0.5])

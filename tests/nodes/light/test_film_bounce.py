@@ -12,13 +12,18 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
+from tactograph.nodes.light._film import let_in, matt_film
 from tactograph.nodes.light.film_bounce import film_bounce
 
 RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1
 FAR = np.float32([[0, 0, 1e5], [2e4, 0, 1e5], [0, -3e4, 1e5]])
 """LEDs so far away that they light the film evenly."""
+
+
+def film(albedo: float, lights: F4 = FAR, **coat: float) -> Film:
+    return matt_film(lights)._replace(albedo=albedo, **coat)
 
 
 def ones(height: F4) -> F4:
@@ -40,7 +45,7 @@ def bump(side: int = 120, radius: float = 2.5, rise: float = 1.0) -> F4:
 @pytest.mark.parametrize("level", [0.0, 1.3])
 def test_a_flat_film_lights_itself_nowhere(level: float) -> None:
     height = np.full((40, 50), level, np.float32)
-    found = film_bounce(ones(height), height, FAR, PIXEL, 0.9, rim_mm=0.0)
+    found = film_bounce(ones(height), height, film(0.9), PIXEL, rim_mm=0.0)
     assert (found == 0).all()
 
 
@@ -56,7 +61,7 @@ def imprint(depth: float, radius: float = 4.0) -> tuple[F4, NDArray[np.bool_]]:
 def test_a_ball_s_imprint_is_lit_evenly_by_its_own_area(depth: float) -> None:
     # Inside a sphere every point lights every other alike: by its area over that of the sphere.
     height, middle = imprint(depth)
-    found = film_bounce(ones(height), height, FAR, PIXEL, 0.6, cells=121 * 121, near=8)
+    found = film_bounce(ones(height), height, film(0.6), PIXEL, cells=121 * 121, near=8)
     expected = 0.6 * depth / (2 * 4.0)
     assert found[:, middle].mean() == pytest.approx(expected, rel=0.06)
     assert found[:, middle].std() < 0.02 * expected
@@ -66,7 +71,9 @@ def test_under_a_near_led_what_is_lit_more_throws_more() -> None:
     # Inside the sphere the sum still is the same everywhere, so that its share is not.
     height, middle = imprint(1.2)
     lights = np.float32([[-4, 0, 9]])
-    found = film_bounce(ones(height)[:1], height, lights, PIXEL, 0.6, cells=121 * 121, near=8)[0]
+    found = film_bounce(
+        ones(height)[:1], height, film(0.6, lights), PIXEL, cells=121 * 121, near=8
+    )[0]
     y, x = (np.indices((121, 121)) - 60) * PIXEL
     rest = ((x + 4) ** 2 + y**2 + 9**2) ** -1.5
     assert found[middle].std() > 0.1 * found[middle].mean()
@@ -77,7 +84,7 @@ def test_a_slope_sees_the_film_at_rest_below_its_own_plane() -> None:
     # A plane seen at an angle from the normal fills (1 - cos) / 2 of what a slope sees.
     height, albedo = bump(), 0.5
     p = np.gradient(height, PIXEL, axis=1)
-    found = film_bounce(ones(height), height, FAR, PIXEL, albedo, cells=120 * 120, rim_mm=50.0)
+    found = film_bounce(ones(height), height, film(albedo), PIXEL, cells=120 * 120, rim_mm=50.0)
     ring = (distance(120) > 1.4) & (distance(120) < 1.8)
     q = np.gradient(height, PIXEL, axis=0)
     expected = albedo * (1 - 1 / np.sqrt(1 + p * p + q * q)) / 2
@@ -87,7 +94,7 @@ def test_a_slope_sees_the_film_at_rest_below_its_own_plane() -> None:
 def test_film_beyond_the_frame_lights_what_is_inside() -> None:
     height = bump(60)
     without, with_rim = (
-        film_bounce(ones(height), height, FAR, PIXEL, 0.7, rim_mm=r).mean() for r in (0.0, 4.0)
+        film_bounce(ones(height), height, film(0.7), PIXEL, rim_mm=r).mean() for r in (0.0, 4.0)
     )
     assert with_rim > 1.1 * without
 
@@ -96,7 +103,7 @@ def test_the_bounce_grows_with_albedo_and_light_alike() -> None:
     height = bump()
     light = np.random.default_rng(0).random((3, *height.shape), np.float32)
     once, more, brighter = (
-        film_bounce(gain * light, height, FAR, PIXEL, albedo, rim_mm=0.0)
+        film_bounce(gain * light, height, film(albedo), PIXEL, rim_mm=0.0)
         for gain, albedo in ((1, 0.4), (1, 0.8), (2, 0.4))
     )
     np.testing.assert_allclose(more, 2 * once, rtol=1e-5)
@@ -105,14 +112,14 @@ def test_the_bounce_grows_with_albedo_and_light_alike() -> None:
 
 def test_cells_hardly_matter() -> None:
     height = bump(160, radius=6.0, rise=2.0)
-    few, many = (film_bounce(ones(height), height, FAR, PIXEL, 0.7, cells=c) for c in (1600, 6400))
+    few, many = (film_bounce(ones(height), height, film(0.7), PIXEL, cells=c) for c in (1600, 6400))
     assert np.abs(few - many).mean() < 0.08 * many.mean()
     assert few.shape == many.shape == (3, 160, 160)
 
 
 def test_a_film_that_reflects_nothing_has_no_bounce() -> None:
     height = bump()
-    assert not film_bounce(ones(height), height, FAR, PIXEL, 0.0).any()
+    assert not film_bounce(ones(height), height, film(0.0), PIXEL).any()
 
 
 def test_on_a_device_too_a_film_that_reflects_nothing_has_no_bounce(device: OpenCL) -> None:
@@ -120,9 +127,10 @@ def test_on_a_device_too_a_film_that_reflects_nothing_has_no_bounce(device: Open
     prepared = device.prepare(
         film_bounce, {"cells": 100, "rim_mm": 2.0, "share": 0.5}, {"K": 3, "H": 33, "W": 33}
     )
-    uploaded = {"light": ones(height), "height": height, "lights": FAR}
-    inputs = {name: device.upload(array) for name, array in uploaded.items()}
-    out, _ = prepared.launch({**inputs, "pixel": PIXEL, "albedo": 0.0})
+    black = {f"film.{name}": value for name, value in film(0.0)._asdict().items()}
+    given = {"light": ones(height), "height": height, "pixel": PIXEL, **black}
+    arrays = {name: isinstance(value, np.ndarray) for name, value in given.items()}
+    out, _ = prepared.launch({n: device.upload(v) if arrays[n] else v for n, v in given.items()})
     assert not device.download(out["film_bounce"]).any()
 
 
@@ -130,15 +138,48 @@ def test_on_a_device_too_a_film_that_reflects_nothing_has_no_bounce(device: Open
 def test_what_no_film_reflects_is_refused(albedo: float) -> None:
     height = bump(20)
     with pytest.raises(InputError, match="film_bounce: albedo is"):
-        film_bounce(ones(height), height, FAR, PIXEL, albedo)
+        film_bounce(ones(height), height, film(albedo), PIXEL)
 
 
 def test_a_round_goes_a_share_of_the_way_from_the_one_before() -> None:
     height = bump()
-    now = film_bounce(ones(height), height, FAR, PIXEL, 0.7)
+    now = film_bounce(ones(height), height, film(0.7), PIXEL)
     before = np.random.default_rng(0).random(now.shape, np.float32)
-    found = film_bounce(ones(height), height, FAR, PIXEL, 0.7, before, share=0.25)
+    found = film_bounce(ones(height), height, film(0.7), PIXEL, before, share=0.25)
     np.testing.assert_allclose(found, 0.75 * before + 0.25 * now, rtol=1e-5, atol=1e-6)
+
+
+def test_a_coat_that_does_not_refract_throws_as_a_matt_film() -> None:
+    height, lights = bump(60), np.float32([[-6, 2, 20], [5, 5, 25]])
+    light = ones(height)[:2]
+    nearly = film(0.7, lights, base=0.7, roughness=0.3, refraction=1 + 1e-4)
+    matt = film_bounce(light, height, film(0.7, lights), PIXEL, near=8)
+    found = film_bounce(light, height, nearly, PIXEL, near=8)
+    np.testing.assert_allclose(found, matt, rtol=2e-3, atol=2e-6)
+
+
+def test_a_coat_mirrors_an_led_over_the_top_to_the_film_behind() -> None:
+    # Light from 60 degrees above leaves film that leans 30 degrees away from it level.
+    height, led = bump(160, radius=3.0, rise=1.8), np.float32([[5.8e4, 0, 1e5]])
+    coats = [{"base": base, "roughness": 0.2, "refraction": 1.5} for base in (50.0, 0.7)]
+    dull, glossy = (
+        film_bounce(ones(height)[:1], height, film(0.7, led, **coat), PIXEL)[0] for coat in coats
+    )
+    x = (np.indices((160, 160))[1] - 79.5) * PIXEL
+    foot = np.abs(distance(160) - 3.3) < 0.3
+    sides = [foot & (side * x > 2) for side in (1, -1)]
+    lit, behind = (glossy[side].mean() / dull[side].mean() for side in sides)
+    assert behind > 1.5 > 1.1 > lit
+
+
+def test_less_light_of_a_coated_film_reaches_what_it_grazes() -> None:
+    # A mirror too rough to show: what is left is what the coat lets in and out.
+    height = bump(120, rise=0.1)
+    coat = {"base": 5.0, "roughness": 0.1, "refraction": 1.5}
+    matt, coated = (film_bounce(ones(height), height, film(0.7, **c), PIXEL)[0] for c in ({}, coat))
+    ring = (distance(120) > 0.3) & (distance(120) < 0.6)
+    grazing = let_in(film(0.7, **coat), np.float32(0.1))
+    assert coated[ring].mean() < grazing * matt[ring].mean()
 
 
 def relative_light(rig: str, scene: str) -> tuple[F4, dict[str, float]]:
@@ -171,7 +212,7 @@ def test_without_the_bounce_a_ray_tracer_s_film_is_the_one_without(scene: str, m
     alone, _ = relative_light("hand_ideal", scene)
     height = np.load(RAYTRACED / "hand_bounce" / scene / "truth_height_mm.npy")
     lights, pixel = np.float32(facts["lights_mm"]), facts["pixel_size_mm"]
-    bounced = film_bounce(seen, height, lights, pixel, 0.7, cells=4800)
+    bounced = film_bounce(seen, height, film(0.7, lights), pixel, cells=4800)
 
     def cells(image: F4) -> F4:
         return cv2.resize(image, (80, 60), interpolation=cv2.INTER_AREA)

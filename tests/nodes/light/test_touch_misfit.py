@@ -15,17 +15,22 @@ PIXEL, SHAPE = 0.1, (80, 90)
 LEFT = np.float32([0.004, 1.0, 0.003, 0.02, 0.001])
 
 
-def touch(departure: float, noise: float = 0.0) -> tuple[F4, F4, list[str]]:
-    """The misfit and the warnings of a slope whose first LED is too bright by `departure`."""
+def touch(
+    departure: float | F4, noise: float = 0.0, uneven: float = 0.0
+) -> tuple[F4, F4, list[str]]:
+    """The misfit and the warnings of a slope whose first LED, or all, are too bright."""
     rng = np.random.default_rng(1)
     slope = np.full((2, *SHAPE), 0.3, np.float32)
     height, used = np.zeros(SHAPE, np.float32), np.full(SHAPE, 15, np.uint8)
     light = expected_light(light_vectors(LIGHTS, height, PIXEL), slope)
-    light[0] += np.float32(departure)
+    if isinstance(departure, float):
+        light[0] += np.float32(departure)
+    else:
+        light *= 1 + departure
     light += rng.normal(0, noise, light.shape).astype(np.float32)
     told: list[str] = []
     with collect_warnings(told):
-        found = touch_misfit(light, slope, height, used, LIGHTS, LEFT, PIXEL)
+        found = touch_misfit(light, slope, height, used, LIGHTS, LEFT, PIXEL, uneven)
     return found, light, told
 
 
@@ -46,3 +51,10 @@ def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() ->
     (line,) = told
     assert "departs from the film's model by 2.0 %" in line
     assert "times as wide" in line
+
+
+def test_a_film_that_is_brighter_leaves_little_where_its_brightness_is_unknown() -> None:
+    brighter = np.full(SHAPE, 0.05, np.float32)
+    known, unknown = (touch(brighter, uneven=u)[0] for u in (0.0, 0.1))
+    assert known[2] > 0.03
+    assert unknown[2] < 0.1 * known[2]

@@ -38,7 +38,7 @@ class Peer:
 
         kinds = {each.__name__: each for each in (DiagnosticArray, Image, PointCloud2, String)}
         self.heard: dict[str, Any] = {}
-        self._wanted = set(topics)
+        self.topics = set(topics)
         self._context = rclpy.Context()
         self._context.init()
         self.node = rclpy.create_node("peer", context=self._context)
@@ -56,7 +56,12 @@ class Peer:
     @property
     def waits(self) -> bool:
         """Whether something is still to be heard."""
-        return self._wanted != set(self.heard) and time.monotonic() < self._end
+        return self.topics != set(self.heard) and self.in_time
+
+    @property
+    def in_time(self) -> bool:
+        """Whether it is worth waiting on."""
+        return time.monotonic() < self._end
 
     def close(self) -> dict[str, Any]:
         """Leave ROS; what was heard, as plain data."""
@@ -133,6 +138,33 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
     return peer.close()
 
 
+def listen(topics: str, frame: str) -> dict[str, Any]:
+    """Hear topics until something touches the film; publish a colour image meanwhile, if any."""
+    from sensor_msgs.msg import Image
+
+    peer = Peer(json.loads(topics))
+    publisher = peer.node.create_publisher(Image, "/pad/frames", 4)
+    (contacts,) = (topic for topic in peer.topics if topic.endswith("contacts"))
+    while peer.waits or (peer.in_time and not peer.heard[contacts].width):
+        if frame:
+            colours = np.load(frame)
+            message = Image(height=colours.shape[0], width=colours.shape[1], encoding="bgr8")
+            message.header.stamp = peer.node.get_clock().now().to_msg()
+            message.step, message.data = colours[0].nbytes, colours.tobytes()
+            publisher.publish(message)
+        time.sleep(0.03)
+    return peer.close()
+
+
+def command(*words: str) -> dict[str, Any]:
+    """What a user types, in a Python that has ROS."""
+    from tactograph.graph.command import main
+
+    sys.argv = ["tactograph", *words]
+    main()
+    return {}
+
+
 def refuse(_: str) -> dict[str, Any]:
     """What the node says of a name that ROS refuses."""
     from tactograph.graph import InputError
@@ -149,4 +181,5 @@ DIAGNOSTICS = {"/diagnostics": "DiagnosticArray"}
 
 if __name__ == "__main__":
     tasks = {"publish": publish, "graph": graph, "refuse": refuse}
+    tasks |= {"listen": listen, "command": command}
     print(json.dumps(tasks[sys.argv[1]](*sys.argv[2:])))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -21,10 +22,13 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.live._calibrated_film import CalibratedFilm
+from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
+from tactograph.nodes.live._simulated_sensor import read_scene
 from tactograph.nodes.recording._ros import image_message
 from tactograph.nodes.recording._ros_node import RosNode
 from tactograph.nodes.recording.read_ros2 import RosTouches
 from tests.conftest import MadeOnce
+from tests.nodes.live import oneshot
 
 PEER = Path(__file__).with_name("ros2_peer.py")
 HAS_ROS = importlib.util.find_spec("rclpy") is not None
@@ -36,8 +40,8 @@ PIXEL_MM = 0.05
 SIZE = {"width_px": 80, "height_px": 60, "pixel_size_mm": 2 / 7}
 
 
-def ask(task: str, *words: object) -> dict[str, Any]:
-    """Let the peer do something under ROS, and return what it heard."""
+def started(task: str, *words: object) -> subprocess.Popen[str]:
+    """Let the peer do something under ROS."""
     folders = [path for path in sys.path if path.endswith("site-packages")]
     command = [str(ROS_PYTHON), str(PEER), os.pathsep.join(folders), task, *map(str, words)]
     # Nobody beyond this machine, and none of the other tests, is to hear of it.
@@ -46,11 +50,16 @@ def ask(task: str, *words: object) -> dict[str, Any]:
         "ROS_LOCALHOST_ONLY": "1",
         "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
     }
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=100, check=False, env={**os.environ, **own}
-    )
-    assert done.returncode == 0, done.stderr
-    heard: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(command, **pipes, text=True, env={**os.environ, **own})
+
+
+def ask(task: str, *words: object) -> dict[str, Any]:
+    """Let the peer do something under ROS, and return what it heard."""
+    with started(task, *words) as peer:
+        out, said = peer.communicate(timeout=100)
+    assert peer.returncode == 0, said
+    heard: dict[str, Any] = json.loads(out.splitlines()[-1])
     return heard
 
 
@@ -122,6 +131,11 @@ def sensor(made_once: MadeOnce) -> Path:
     return made_once("ros2_sensor", make)
 
 
+@pytest.fixture
+def mini(made_once: MadeOnce) -> Path:
+    return made_once("mini.npz", oneshot.calibrated)
+
+
 @needs_ros
 def test_camera_images_on_a_topic_give_heights_on_another(sensor: Path) -> None:
     heard = ask("graph", sensor / "cal.npz", sensor / "touch")
@@ -131,6 +145,59 @@ def test_camera_images_on_a_topic_give_heights_on_another(sensor: Path) -> None:
     # The stamp is that of the camera's image.
     assert heard["/tactograph/height"]["header"]["stamp"]["sec"] in (1_699_999_999, 1_700_000_000)
     assert len(points(heard["/tactograph/contacts"])["x"]) == 1
+
+
+def heard_of(words: list[str], frame: Path | None = None) -> dict[str, Any]:
+    """What a listener hears of a graph that a user runs elsewhere, and ends by Ctrl-C."""
+    kinds = {"height": "Image", "contact": "Image", "contacts": "PointCloud2", "touch": "String"}
+    topics = {f"/pad/{name}": kind for name, kind in kinds.items()}
+    with started("command", "run", *words, "namespace=pad", "--quiet") as run:
+        try:
+            heard = ask("listen", json.dumps(topics), frame or "")
+        finally:
+            run.send_signal(signal.SIGINT)
+            _, said = run.communicate(timeout=60)
+    assert set(heard) == set(topics), said
+    assert run.returncode == 0, said
+    return {name: heard[f"/pad/{name}"] for name in kinds}
+
+
+@needs_ros
+def test_a_live_sensor_is_heard_in_another_process(sensor: Path, tmp_path: Path) -> None:
+    scene = "&".join(f"{name}={value}" for name, value in SIZE.items())
+    heard = heard_of(
+        [
+            "live_ros2", f"calibration={sensor / 'cal.npz'}", f"out={tmp_path}", "port=simulated",
+            f"camera=simulated?{scene}&radius_mm=5&depth_mm=1.2&press_s=2&path_mm=1",
+        ]
+    )  # fmt: skip
+    height = 1000 * picture(heard["height"], "<f4")
+    depth = 1000 * points(heard["contacts"])["z"]
+    assert depth == pytest.approx([height.max()], abs=0.3)
+    assert 0 < depth < 1.4
+    assert heard["touch"]["data"].isdecimal()
+
+
+@needs_ros
+def test_a_live_one_shot_sensor_is_heard_in_another_process(mini: Path, tmp_path: Path) -> None:
+    heard = heard_of(
+        ["live_oneshot_ros2", f"calibration={mini}", f"out={tmp_path}", f"camera={oneshot.MOVING}"]
+    )
+    height = 1000 * picture(heard["height"], "<f4")
+    depth = 1000 * points(heard["contacts"])["z"]
+    assert depth == pytest.approx([height.max()], abs=0.3)
+    assert 0 < depth < 1
+
+
+@needs_ros
+def test_colour_images_on_a_topic_give_heights_on_another(mini: Path, tmp_path: Path) -> None:
+    touch = SimulatedColourSensor(read_scene(oneshot.MOVING, ColourScene), start=0.0)
+    deepest = 0.5 * touch.scene.press_s
+    np.save(tmp_path / "frame.npy", touch.picture(deepest, 0))
+    heard = heard_of(["ros2_oneshot", f"calibration={mini}"], tmp_path / "frame.npy")
+    height = 1000 * picture(heard["height"], "<f4")
+    assert np.sqrt(np.mean((height - touch.true_height(deepest)) ** 2)) < 0.03
+    assert (picture(heard["contact"], "u1") == 1).any()
 
 
 @needs_ros

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.simulate.interreflect import interreflect
 
@@ -34,6 +35,9 @@ def test_bounces_inside_a_sphere_add_up_to_a_geometric_series() -> None:
     assert found[0, 30, 30] / 0.6 == pytest.approx(1 / (1 - share), rel=0.01)
 
 
+FILM = matt_film(FAR)._replace(albedo=0.7)
+
+
 def test_a_flat_film_keeps_its_light() -> None:
     flat = np.zeros((30, 40), np.float32)
     found = interreflect(even(flat), even(flat), flat, FAR, PIXEL, albedo=0.9)
@@ -49,7 +53,7 @@ def test_what_measures_the_bounce_finds_the_light_that_was_given() -> None:
     assert np.abs(seen - light).max() > 0.03
     # Far cells that count in blocks leave up to a per cent of the light beside the steepest walls.
     for near, error in ((8, 1e-3), (1, 0.015)):
-        bounced = film_bounce(seen / rest, height, FAR, PIXEL, 0.7, cells=2100, near=near)
+        bounced = film_bounce(seen / rest, height, FILM, PIXEL, cells=2100, near=near)
         np.testing.assert_allclose(seen / rest - bounced, light / rest, atol=error)
 
 

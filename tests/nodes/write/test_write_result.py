@@ -68,3 +68,24 @@ def test_contacts_are_written_as_their_numbers(tmp_path: Path) -> None:
     )  # fmt: skip
     kept = cv2.imread(str(tmp_path / "contact.png"), cv2.IMREAD_UNCHANGED)
     assert np.array_equal(kept, numbers)
+
+
+def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> None:
+    numbers = np.zeros(SHAPE, np.uint8)
+    numbers[2:4, 3:5], numbers[5:7, 6:9] = 1, 2
+    level, nothing = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8)
+    for name, found in (("free", nothing), ("touched", numbers)):
+        write_result(
+            level, found, np.ones((4, *SHAPE), np.float32), 0.1, {}, "", contact=found,
+            highlight=found, folder=tmp_path / name, mesh=False, provenance=MADE,
+        )  # fmt: skip
+    for what in ("shadow", "highlight", "contact"):
+        views = [tmp_path / name / f"{what}_view.png" for name in ("free", "touched")]
+        free, touched = (colours_of(cv2.imread(str(view))) for view in views)
+        assert len(touched - free) >= 2, what
+
+
+def colours_of(picture: np.ndarray) -> set[int]:
+    """The colours of at least 2000 pixels of a picture."""
+    colours, counts = np.unique(picture @ np.array([1, 256, 65536]), return_counts=True)
+    return set(colours[counts >= 2000].tolist())
