@@ -109,22 +109,45 @@ __kernel void respond(
     }
 }
 
-// An error of the slopes inside the window: the lights' noise, what all pixels of an LED have in
-// common, the LEDs being elsewhere and bounced light uncertain; and normals that lean where the
-// film's model is wrong.
+// The cosine of an angle in turns, by Taylor's series of the sine up to a quarter: within 4e-6.
+static floats cosine_of(const floats turns)
+{
+    const floats x = 6.2831853f * (0.25f - fabs(turns - rint(turns))), square = x * x;
+    const floats inner = fma(square, 2.7557319e-6f, -1.9841270e-4f);
+    return x * fma(square, fma(square, fma(square, inner, 8.3333333e-3f), -0.16666667f), 1.0f);
+}
+
+static floats within(const floats value, const float most)
+{
+    const floats low = -most, high = most, raised = MORE_OF(value, low);
+    return LESS_OF(raised, high);
+}
+
+// Two errors of the slopes inside the window, which share most of what they read: the lights' noise,
+// what all pixels of an LED have in common, the LEDs being elsewhere and bounced light uncertain;
+// and normals that lean where the film's model is wrong, in waves of one direction and length.
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
     __global const float *restrict lights, __global const float *restrict others,
     __global const float *restrict by_p, __global const float *restrict by_q,
-    __global float *restrict p, __global float *restrict q, const int K, const int frame_height,
-    const int frame_width, const int top, const int left, const int H, const int W,
-    const float pixel, const int number, const float flat_noise, const uint key,
-    __global const float *misfit, __global const float *bounced, __global const float *earlier,
-    const int sign_, const int settling, const int leaning, const float across, const float down,
-    const float phase, const float length_)
+    __global float *restrict first_p, __global float *restrict first_q,
+    __global float *restrict second_p, __global float *restrict second_q, const int K,
+    const int frame_height, const int frame_width, const int top, const int left, const int H,
+    const int W, const float pixel, const int number, const float flat_noise,
+    const uint first_key, const uint second_key, __global const float *misfit,
+    __global const float *bounced, __global const float *earlier, const int first_sign,
+    const int second_sign, const int first_settling, const int second_settling,
+    const int first_leaning, const int second_leaning, const float across, const float down,
+    const float first_phase, const float second_phase, const float length_)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
+    const uint keys[2] = {first_key, second_key};
+    const float signs[2] = {(float)first_sign, (float)second_sign};
+    const float settling[2] = {(float)first_settling, (float)second_settling};
+    const float leaning[2] = {(float)first_leaning, (float)second_leaning};
+    const float phases[2] = {first_phase, second_phase};  // in turns
+    __global float *to_p[2] = {first_p, second_p}, *to_q[2] = {first_q, second_q};
     const int frame_size = frame_height * frame_width;
     const int i = row * W + column, from = (top + row) * frame_width + left + column;
     const float middle = 0.5f * (float)(frame_width - 1);
@@ -135,7 +158,7 @@ LANED __kernel void err_slopes(
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
-    floats total_p = 0.0f, total_q = 0.0f;
+    floats p[2] = {0.0f, 0.0f}, q[2] = {0.0f, 0.0f};
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
         const floats flat = flat_noise * load_floats(light + at, count);
@@ -143,29 +166,39 @@ LANED __kernel void err_slopes(
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
         const floats changed =
             bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
-        const Vector there = light_vector(others + 3 * (number * K + k), x, y, z);
+        const floats to_p_ = load_floats(by_p + at, count), to_q_ = load_floats(by_q + at, count);
         const Vector known = light_vector(lights + 3 * k, x, y, z);
-        const floats common = (float)sign_ * wrong * thrown + (float)settling * changed
-            + (there.z - there.x * a - there.y * b) * nz
-            - (known.z - known.x * a - known.y * b) * nz;
-        const floats change = common + noise * drawn_from(k * H * W + i, key);
-        total_p += load_floats(by_p + at, count) * change;
-        total_q += load_floats(by_q + at, count) * change;
+        const floats lit = (known.z - known.x * a - known.y * b) * nz;
+        for (int n = 0; n < 2; ++n) {
+            const Vector there = light_vector(others + 3 * ((number + n) * K + k), x, y, z);
+            const floats common = signs[n] * wrong * thrown + settling[n] * changed
+                + (there.z - there.x * a - there.y * b) * nz - lit;
+            const floats change = common + noise * drawn_from(k * H * W + i, keys[n]);
+            p[n] += to_p_ * change;
+            q[n] += to_q_ * change;
+        }
     }
-    total_p = clamp(total_p, -STEEPEST, STEEPEST);
-    total_q = clamp(total_q, -STEEPEST, STEEPEST);
+    for (int n = 0; n < 2; ++n) {
+        p[n] = within(p[n], STEEPEST);
+        q[n] = within(q[n], STEEPEST);
+    }
     if (misfit) {
-        const float per_mm = 6.2831853f / (length_ * fmax(misfit[1], NARROWEST));
-        const floats turn = per_mm * (across * x + down * y) + phase;
+        const float per_mm = 1.0f / (length_ * fmax(misfit[1], NARROWEST));
         const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT, 1.0f);
-        const floats lean = 1.4142136f * misfit[0] * tilted * cos(turn);
-        const floats steeper = (float)leaning * misfit[4] / fmax(slant, TILTED);
-        const floats along = lean * (across * a + down * b) + steeper * (1.0f + a * a + b * b);
-        total_p = clamp(total_p + lean * across + along * a, -STEEPEST, STEEPEST);
-        total_q = clamp(total_q + lean * down + along * b, -STEEPEST, STEEPEST);
+        const floats steeper = misfit[4] / fmax(slant, TILTED), along_wave = across * a + down * b;
+        const floats steep = 1.0f + a * a + b * b;
+        for (int n = 0; n < 2; ++n) {
+            const floats turns = per_mm * (across * x + down * y) + phases[n];
+            const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
+            const floats along = lean * along_wave + leaning[n] * steeper * steep;
+            p[n] = within(p[n] + lean * across + along * a, STEEPEST);
+            q[n] = within(q[n] + lean * down + along * b, STEEPEST);
+        }
     }
-    store_floats(total_p, p + i, count);
-    store_floats(total_q, q + i, count);
+    for (int n = 0; n < 2; ++n) {
+        store_floats(p[n], to_p[n] + i, count);
+        store_floats(q[n], to_q[n] + i, count);
+    }
 }
 
 // By how much steps to the right, or down, differ from those beside them.

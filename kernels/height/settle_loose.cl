@@ -1,23 +1,37 @@
 #include "common.clh"
+#include "lanes.clh"
+#include "border.clh"
+
+// Heights of a row beside those that a work-item does.
+#define AT(row, dx) load_within_border(row, x + (dx), count, W, REPLICATE)
 
 // Loose pixels move by the least of their departures along the four lines through them.
-__kernel void settle_loose(
+LANED __kernel void settle_loose(
     __global const float *restrict height,
     __global const float *restrict variance,
     __global float *restrict out,
     const int H, const int W,
     const float loose)
 {
-    GRID_2(y, x, H, W)
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
-    const int left = max(x - 1, 0), right = min(x + 1, W - 1);
-    const int above = max(y - 1, 0) * W, here = y * W, below = min(y + 1, H - 1) * W;
-    const float z = height[i];
-    const float a = z - 0.5f * (height[here + right] + height[here + left]);
-    const float b = z - 0.5f * (height[below + x] + height[above + x]);
-    const float c = z - 0.5f * (height[below + right] + height[above + left]);
-    const float d = z - 0.5f * (height[below + left] + height[above + right]);
-    const float least = fmax(fmin(fmin(a, b), fmin(c, d)), 0.0f)
-        + fmin(fmax(fmax(a, b), fmax(c, d)), 0.0f);
-    out[i] = fmin(variance[i], variance[H * W + i]) > loose ? z - least : z;
+    const floats z = load_floats(height + i, count), none = 0.0f;
+    const floats first = load_floats(variance + i, count);
+    const floats second = load_floats(variance + H * W + i, count);
+    const ints moves = LESS_OF(first, second) > loose;
+    if (!ANY(moves)) {
+        store_floats(z, out + i, count);
+        return;
+    }
+    __global const float *here = height + y * W;
+    __global const float *above = height + max(y - 1, 0) * W;
+    __global const float *below = height + min(y + 1, H - 1) * W;
+    const floats a = z - 0.5f * (AT(here, 1) + AT(here, -1));
+    const floats b = z - 0.5f * (AT(below, 0) + AT(above, 0));
+    const floats c = z - 0.5f * (AT(below, 1) + AT(above, -1));
+    const floats d = z - 0.5f * (AT(below, -1) + AT(above, 1));
+    const floats low = LESS_OF(a, b), low_too = LESS_OF(c, d), lowest = LESS_OF(low, low_too);
+    const floats high = MORE_OF(a, b), high_too = MORE_OF(c, d), highest = MORE_OF(high, high_too);
+    const floats least = MORE_OF(lowest, none) + LESS_OF(highest, none);
+    store_floats(moves ? z - least : z, out + i, count);
 }

@@ -33,13 +33,13 @@ LANED __kernel void matt_light(
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
     const floats none = 0.0f, seen = load_floats(height + at, count);
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
-    const floats touched = touch_gain(&film, seen);
+    const floats per_touch = 1.0f / touch_gain(&film, seen);
     floats shown[MOST], scale[MOST];
     for (int k = 0; k < K; ++k) {
         const int i = k * size + at;
         shown[k] = load_floats(light + i, count);
         if (bounced) shown[k] -= load_floats(bounced + i, count);
-        scale[k] = 1.0f / (touched * direct_share(&film, k));
+        scale[k] = per_touch * (1.0f / direct_share(&film, k));
         const floats spread = load_floats(sigma + i, count), grain = film_grain * shown[k];
         store_floats(sqrt(spread * spread + grain * grain) * scale[k], sigma_ + i, count);
         if (affine) {
@@ -53,16 +53,29 @@ LANED __kernel void matt_light(
     places(at, H, W, pixel, &u, &v);
     const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
     const Places here = {u * nearer, v * nearer, z, u, v};
+    const Vector eye = to_pupil(&film, here.x, here.y, z);
+    const floats touched = touch_gain(&film, z), per_touch_there = 1.0f / touched;
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
     Vector n = unit(-p, -q, (floats)1.0f);
     AtPlace known[MOST];
-    for (int k = 0; k < K; ++k) known[k] = at_place(&film, k, &here);
-    for (int step = 0; step < steps; ++step) n = turned(&film, shown, known, n, &here);
+    floats weight[MOST];
     for (int k = 0; k < K; ++k) {
+        const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
+        set_place(known + k, &film, k, eye, &here, touched);
+        weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
+        shown[k] -= touched * diffuse;
+    }
+    for (int step = 0; step < steps; ++step) n = turned(&film, shown, weight, known, n, eye);
+    const Facing facing = facing_of(&film, n, eye);
+    for (int k = 0; k < K; ++k) {
+        __global float *made = light_ + k * size + at;
+        if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MOST_DIFFUSE) {
+            // What a matt film has there, the harmonics stand beside.
+            store_floats((shown[k] - shaded(&film, known + k, &facing, none)) * scale[k], made, count);
+            continue;
+        }
         const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
-        const floats matt = to.x * n.x + to.y * n.y + to.z * n.z;
-        const floats real = predicted(&film, k, known + k, n, &here, touch_gain(&film, z));
-        store_floats(
-            (shown[k] - real) * scale[k] + MORE_OF(matt, none), light_ + k * size + at, count);
+        const floats matt = dot_of(to, n), real = predicted(&film, known + k, &facing);
+        store_floats((shown[k] - real) * scale[k] + MORE_OF(matt, none), made, count);
     }
 }

@@ -369,6 +369,20 @@ static floats excess_of(
     return excess;
 }
 
+// What a set of LEDs left out costs at least: their light is much for a shadow, wherever the surface
+// faces.  An LED below the floor is dark.
+static floats light_of(const Pixels *pixels, const int out)
+{
+    const floats none = 0.0f;
+    floats total = 0.0f;
+    for (int k = 0; k < pixels->K; ++k)
+        if (out >> k & 1) {
+            const floats much = pixels->light[k] * (1.0f / SHADE);
+            total += (pixels->below & (1 << k)) != 0 ? none : much * much;
+        }
+    return total;
+}
+
 // What follows from the light, its spread, and the pixels' places, once these are known.
 static void prepare(
     Pixels *here, const Frame *frame, const Rules *rules, const floats x, const floats y,
@@ -527,8 +541,8 @@ static void any_set(
     Choice best = {{{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}}, 0, INFINITY, 0.0f};
     for (int number = 0; number <= K - 2 && ANY(best.cost > rules->price * number); ++number) {
         for (int out = (1 << number) - 1; out <= all; out = number ? next_set(out) : all + 1) {
-            const ints open = (best.cost > rules->price * number) & (most >= number)
-                & ((here.forced & ~out) == 0);
+            const ints open = (best.cost > rules->price * number + light_of(&here, out))
+                & (most >= number) & ((here.forced & ~out) == 0);
             if (!ANY(open)) continue;
             const int lit = all & ~out;
             const ints labels = lit;

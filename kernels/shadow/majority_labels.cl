@@ -2,6 +2,21 @@
 #include "lanes.clh"
 #include "border.clh"
 
+// Each of eight bits into the lowest of four, and back.
+static ints spread(const ints bits)
+{
+    const ints halves = (bits | bits << 12) & 0x000f000f;
+    const ints quarters = (halves | halves << 6) & 0x03030303;
+    return (quarters | quarters << 3) & 0x11111111;
+}
+
+static ints gathered(const ints spread_)
+{
+    const ints quarters = (spread_ | spread_ >> 3) & 0x03030303;
+    const ints halves = (quarters | quarters >> 6) & 0x000f000f;
+    return (halves | halves >> 12) & 0xff;
+}
+
 // Per LED what the majority of 3 x 3 pixels says; the border goes on beyond the frame.
 LANED __kernel void majority_labels(
     __global const uchar *restrict shadow,
@@ -9,18 +24,12 @@ LANED __kernel void majority_labels(
     const int H, const int W)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const ints none = 0;
-    ints votes = none;  // four bits for each LED hold up to nine votes
+    ints votes = 0x33333333;  // four bits for each LED: three, and nine votes at most
     for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx) {
             __global const uchar *row = shadow + clamp(y + dy, 0, H - 1) * W;
-            const ints label = load_bytes_within_border(row, x + dx, count, W, REPLICATE);
-            for (int bit = 0; bit < 8; ++bit) votes += ((label >> bit) & 1) << (4 * bit);
+            votes += spread(load_bytes_within_border(row, x + dx, count, W, REPLICATE));
         }
-    ints majority = none;
-    for (int bit = 0; bit < 8; ++bit) {
-        const ints led = 1 << bit;
-        majority |= ((votes >> (4 * bit)) & 15) > 4 ? led : none;
-    }
-    store_bytes(majority, out + y * W + x, count);
+    // Five votes and three are eight.
+    store_bytes(gathered(votes >> 3 & 0x11111111), out + y * W + x, count);
 }

@@ -202,13 +202,12 @@ class HeightSolver:
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(found.member_start), run.put(found.members)
-        knot = run.scratch((total,), np.int32)
-        run.kernel("no_knots", (total,), knot, total)
-        if found.knot_pixel.size:
-            pixel = run.put(found.knot_pixel)
-            run.kernel("place_knots", pixel.shape, pixel, knot, len(found.knot_pixel))
-        self._knot_tie, entries = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
-        self._knots = knot, run.put(found.knot_start), run.put(found.knot_other), entries
+        runs = total // run.lanes
+        starts = np.append(0, np.cumsum(np.bincount(found.knot_own // run.lanes, minlength=runs)))
+        marks = run.scratch((runs,), np.uint8)
+        self._knot_tie, stiffness = run.put(found.knot_tie), run.scratch(found.knot_tie.shape)
+        own, other = run.put(found.knot_own), run.put(found.knot_other)
+        self._knots = marks, run.put(starts.astype(np.int32)), own, other, stiffness
 
     @property
     def rises(self) -> int:
@@ -334,15 +333,37 @@ class HeightSolver:
         """Improve `height` in place, as `conjugate_gradients` does; return whether it moved."""
         run, (rows, columns) = self._run, stack.shape
         network = self._network(stack)
-        first, _, stride = there = stack.top.there
-        by_rows, size = run.in_row_lanes(rows, stride), run.in_lanes(stack.top.size)
+        first, _, stride = stack.top.there
+        by_rows = run.in_row_lanes(rows, stride)
         run.kernel("take_height", by_rows, height, self._z, first, rows, columns, stride)
         run.kernel(
             "imbalance", by_rows, *network, self._knot_tie, *wants, self._z, self._force,
             self._lifted, first, rows, columns, stride,
         )  # fmt: skip
-        self._cycle(stack)
-        energy, share, moved = self._gain(stack), 0.0, False
+        if self._is_small(stack.steps[0]):
+            moved = self._small_gradients(stack, steps, enough)
+        else:
+            moved = self._gradients(stack, steps, enough)
+        to = run.in_row_lanes(rows, columns)
+        run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
+        return moved
+
+    def _small_gradients(self, stack: Stack, steps: int, enough: float) -> bool:
+        """The steps where the first level is small, too: a launch each, and no wait between."""
+        run, gain = self._run, self._run.scratch((3,))
+        planes = self._direction, self._moved, self._z, gain
+        for number in range(steps + 1):
+            run.kernel(
+                "small_step", (run.group,), *self._cycle_there(stack), 0, len(stack.steps),
+                *planes, *stack.top.there, enough, int(number == 0), local=(run.group,),
+            )  # fmt: skip
+        return bool(run.download(gain)[2])
+
+    def _gradients(self, stack: Stack, steps: int, enough: float) -> bool:
+        """The steps where the first level is large: what is left to gain comes down."""
+        run, there, network = self._run, stack.top.there, self._network(stack)
+        size = run.in_lanes(stack.top.size)
+        energy, share, moved = self._cycle(stack), 0.0, False
         for _ in range(steps):
             if energy <= enough or energy <= 0:
                 break
@@ -357,11 +378,8 @@ class HeightSolver:
                 "advance", size, self._direction, self._moved, stack.inverse, self._z,
                 self._force, self._lifted, self._stretch, *there, energy,
             )  # fmt: skip
-            self._cycle(stack)
-            before, energy = energy, self._gain(stack)
+            before, energy = energy, self._cycle(stack)
             share = energy / before
-        to = run.in_row_lanes(rows, columns)
-        run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
         return moved
 
     def energy(self, stack: Stack, wants: Wants) -> float:
@@ -373,16 +391,13 @@ class HeightSolver:
         )  # fmt: skip
         return float(run.download(self._parts).sum(dtype=float))
 
-    def _gain(self, stack: Stack) -> float:
-        """The energy that is left to gain."""
-        run, top = self._run, stack.top
-        product = self._force, self._height, self._parts
-        run.kernel("product_parts", (PARTS,), *product, top.first, top.size)
-        return float(run.download(self._parts).sum(dtype=float))
+    def _cycle(self, stack: Stack) -> float:
+        """One multigrid cycle: from the force on the first level, a large one, to its height.
 
-    def _cycle(self, stack: Stack) -> None:
-        """One multigrid cycle: from the force on the first level to its height."""
-        at, steps = 0, stack.steps
+        Returns the energy that is left to gain.
+        """
+        run, (*steps, _) = self._run, stack.steps
+        at = 0
         while at < len(steps):
             end = at + 1
             if not self._is_small(steps[at]):
@@ -392,18 +407,28 @@ class HeightSolver:
                     end += 1
                 self._small_steps(stack, at, end)
             at = end
+        run.kernel(
+            "smooth_and_sum", (PARTS,), *self._network(stack), self._force, self._height,
+            self._lifted, self._parts, *stack.top.there,
+        )  # fmt: skip
+        return float(run.download(self._parts).sum(dtype=float))
 
     def _is_small(self, step: Step) -> bool:
         return self._levels[step.level].size <= self._one_group
 
-    def _small_steps(self, stack: Stack, first: int, end: int) -> None:
-        run, (count,), dense = self._run, self._dense_at.shape, stack.dense
+    def _cycle_there(self, stack: Stack) -> tuple[Any, ...]:
+        """What the kernels of small levels are told."""
+        (count,), dense = self._dense_at.shape, stack.dense
         assert dense is not None
-        run.kernel(
-            "small_levels", (run.group,), *self._network(stack), self._force, self._height,
-            self._lifted, self._kept, dense, self._dense_at, count, dense.shape[1],
-            self._levels_there, stack.steps_there, first, end, local=(run.group,),
+        return (
+            *self._network(stack), self._force, self._height, self._lifted, self._kept,
+            dense, self._dense_at, count, dense.shape[1], self._levels_there, stack.steps_there,
         )  # fmt: skip
+
+    def _small_steps(self, stack: Stack, first: int, end: int) -> None:
+        run = self._run
+        there = self._cycle_there(stack)
+        run.kernel("small_levels", (run.group,), *there, first, end, local=(run.group,))
 
     def _large_step(self, stack: Stack, step: Step) -> None:
         run, level, network = self._run, self._levels[step.level], self._network(stack)
@@ -477,15 +502,13 @@ def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
 class _TieLevels(NamedTuple):
     """The ties of all levels, one after another.
 
-    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_pixel[n]` is an end of
-    the ties `knot_tie[knot_start[n]:...]`, with ~t where it is the foot of t; their other ends
-    are the pixels `knot_other[knot_start[n]:...]`.
+    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_own[n]` is an end of
+    the tie `knot_tie[n]`, with ~t where it is the foot of t; the other end is `knot_other[n]`.
     """
 
     member_start: I4
     members: I4
-    knot_pixel: I4
-    knot_start: I4
+    knot_own: I4
     knot_tie: I4
     knot_other: I4
 
@@ -506,10 +529,10 @@ def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
     ends = np.stack([np.concatenate(tops), np.concatenate(feet)], axis=1)
     member_start, members = _grouped(np.concatenate(owners), np.concatenate(finest), count)
     numbers = np.arange(count)
-    pixels, group = np.unique(np.concatenate([ends[:, 0], ends[:, 1]]), return_inverse=True)
-    knot_start, knot_tie = _grouped(group, np.concatenate([numbers, ~numbers]), pixels.size)
-    other = np.where(knot_tie >= 0, ends[knot_tie, 1], ends[~knot_tie, 0])
-    found = member_start, members, pixels, knot_start, knot_tie, other
+    order = np.argsort(np.concatenate([ends[:, 0], ends[:, 1]]), kind="stable")
+    knot_tie = np.concatenate([numbers, ~numbers])[order]
+    own, other = (np.concatenate([ends[:, n], ends[:, 1 - n]])[order] for n in (0, 1))
+    found = member_start, members, own, knot_tie, other
     return _TieLevels(*(array.astype(np.int32) for array in found))
 
 

@@ -323,6 +323,7 @@ class _Wave(NamedTuple):
 
 
 def _wave(number: int) -> _Wave:
+    """Of each two that follow one another, the second is a quarter of a wave ahead."""
     angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
     numbers = math.cos(angle), math.sin(angle), phase, WAVES[number // 2 % 2]
     return _Wave(*map(np.float32, numbers))
@@ -477,7 +478,9 @@ def _launch(run: Launch) -> None:
     solver = HeightSolver(run, touch.window, DEEPEST)
     solver.weigh(solver.cut(of["height"]), settings["robust"])
     shape, ties = solver.shape, solver.rises
-    p, q, right, down, moved, total = (run.scratch(shape) for _ in range(6))
+    right, down, moved, total = (run.scratch(shape) for _ in range(4))
+    # Two errors are drawn in one launch.
+    slopes = [(run.scratch(shape), run.scratch(shape)) for _ in range(2)]
     by_p, by_q = run.scratch(frame), run.scratch(frame)
     wants, cells = Wants(right, down, run.scratch((ties,))), solver.cells
     coarse = solver.pixels if cells is None else cells
@@ -507,15 +510,20 @@ def _launch(run: Launch) -> None:
     )  # fmt: skip
     for plane in (total, of_cells):
         clear(plane)
+    drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
     for number in range(ERRORS):
-        keys = _keys(settings["seed"], number)
-        run.kernel(
-            "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-            of["slope"], of["lights"], of["others"], by_p, by_q, p, q, lights, rows,
-            columns, *solver.place, pixel, number, settings["flat_noise"], np.uint32(keys.light),
-            misfit, bounced, earlier, SIGNS[number], SETTLING[number], LEANING[number],
-            *_wave(number),
-        )  # fmt: skip
+        keys, (p, q) = drawn[number], slopes[number % 2]
+        if number % 2 == 0:
+            behind, wave = number + 2, _wave(number)
+            run.kernel(
+                "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+                of["slope"], of["lights"], of["others"], by_p, by_q, *slopes[0], *slopes[1],
+                lights, rows, columns, *solver.place, pixel, number, settings["flat_noise"],
+                *(np.uint32(each.light) for each in drawn[number:behind]),
+                misfit, bounced, earlier, *SIGNS[number:behind], *SETTLING[number:behind],
+                *LEANING[number:behind],
+                wave.across, wave.down, 0.0, 0.25, wave.length,
+            )  # fmt: skip
         run.kernel(
             "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], p, q, right, down, *shape,
             0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 import cv2
@@ -18,6 +19,8 @@ FEWEST, PLENTY = 0.1, 0.3
 """Shares of the frame at rest: below the first nothing is done, below the second a plane is."""
 ROUNDS = 5
 """Of robust least squares; film that drapes around a touch looks calm, and counts little."""
+ENOUGH_CELLS = 32768
+"""For ten coefficients; of more cells every second row and column is taken, or every third."""
 TERMS_OF = (1, 3, 6, 10)
 """Terms of a polynomial in x and y, by its degree."""
 
@@ -102,6 +105,8 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
         return none
     used = TERMS_OF[degree if calm.mean() >= PLENTY else min(degree, 1)]
     u, v = _axes(sampled.shape)
+    apart = slice(None, None, math.ceil(math.sqrt(calm.size / ENOUGH_CELLS)))
+    u, v, calm, sampled = u[:, apart], v[apart], calm[apart, apart], sampled[apart, apart]
     terms = [np.broadcast_to(u**i * v**j, sampled.shape)[calm] for i, j in _powers()[:used]]
     basis, z = np.stack(terms, axis=1).astype(np.float64), sampled[calm].astype(np.float64)
     weight, found = np.ones(z.size), np.zeros(used)

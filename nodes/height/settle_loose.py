@@ -49,4 +49,4 @@ def _departure(padded: F4, dy: int, dx: int) -> F4:
     return np.asarray(shifted(0, 0) - HALF * (shifted(dy, dx) + shifted(-dy, -dx)))
 
 
-settle_loose.opencl(grid="H W")
+settle_loose.opencl(grid="H W", lanes="rows")

@@ -274,10 +274,22 @@ def _best(pixels: _Pixels, rules: _Rules) -> _Choice:
     for left_out in _sets(len(pixels.light)):
         number = left_out.bit_count()
         open_ = (pixels.forced & ~np.uint8(left_out) == 0) & (most >= number)
-        where = np.flatnonzero(open_ & (best.cost > rules.price * number))
+        least = rules.price * np.float32(number) + _light_of(pixels, left_out)
+        where = np.flatnonzero(open_ & (best.cost > least))
         if where.size:
             _keep_better(best, _try(pixels.at(where), left_out, rules), where)
     return best
+
+
+def _light_of(pixels: _Pixels, left_out: int) -> F4:
+    """What a set of LEDs left out costs at least: their light is much for a shadow, wherever the
+    surface faces.  An LED below the floor is dark."""
+    total = np.zeros(pixels.light.shape[1], np.float32)
+    for k, light in enumerate(pixels.light):
+        if left_out >> k & 1:
+            much = light * (ONE / SHADE)
+            total += np.where(pixels.below[k], ZERO, much * much)
+    return total
 
 
 def _bits(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
