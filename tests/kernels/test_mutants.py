@@ -553,12 +553,6 @@ LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 KERNEL = re.compile(r"^[^\n]*\b__kernel\b.*?^}", re.MULTILINE | re.DOTALL)
 
 
-@pytest.fixture(autouse=True)
-def not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each is built once; PoCL compiles all its kernels a second time for the disk."""
-    monkeypatch.setenv("TACTOGRAPH_CACHE", "off")
-
-
 @pytest.mark.parametrize(("name", "what"), LISTED, ids=[f"{n}: {w}" for n, w in LISTED])
 def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = MUTANTS[name][what]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from tactograph.graph.backends import programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import (
     expected_arguments,
@@ -32,21 +28,11 @@ CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name)
 
 
 @pytest.fixture(scope="module")
-def one_lane(device: OpenCL) -> Iterator[OpenCL]:
-    """The device as if it were a GPU, whose work-items do one element each.
-
-    Nothing else runs such programs: they are not kept, for which PoCL compiles every kernel twice.
-    """
+def one_lane(device: OpenCL) -> OpenCL:
+    """The device as if it were a GPU, whose work-items do one element each."""
     found, _ = choose_device()
     assert found is not None
-    kept = programs._kept
-
-    def kept_of_the_device(handle: Any, source: str, options: tuple[str, ...]) -> Path | None:
-        return None if "-DLANES=1" in options else kept(handle, source, options)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(programs, "_kept", kept_of_the_device)
-        yield OpenCL(found, lanes=1)
+    return OpenCL(found, lanes=1)
 
 
 @pytest.mark.parametrize(("name", "case"), CASES, ids=[f"{n}-{c}" for n, c in CASES])
