@@ -27,6 +27,11 @@ Calibration = Callable[[str], str]
 RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long tests first, for at the end one worker waits for the last test of the other."""
+    items.sort(key=lambda item: "pipelines" not in item.path.parts)
+
+
 def without_pictures(graph: Graph) -> Graph:
     """A calibration without its pictures, which are a quarter of its time."""
     kept = {name: entry for name, entry in graph.nodes.items() if not entry.op.startswith("plot_")}
