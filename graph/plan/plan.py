@@ -109,10 +109,10 @@ class Plan:
         everywhere = len({placement.backend for placement in self.placements.values()}) == 1
         lines = []
         for line, (place, ids) in zip(self.fallbacks, fallen.items(), strict=True):
-            if len(ids) <= NAMED:
-                lines.append(line)
-            elif everywhere and len(fallen) == 1:
+            if everywhere and len(ids) > 1 and len(fallen) == 1:
                 lines.append(f"every node runs on {place.backend}: {place.why}")
+            elif len(ids) <= NAMED:
+                lines.append(line)
             else:
                 first = ", ".join(ids[:3])
                 lines.append(

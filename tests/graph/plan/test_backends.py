@@ -78,16 +78,19 @@ def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Writ
 
 def test_few_nodes_that_fall_back_are_all_named_on_a_terminal(write: Write) -> None:
     plan = planned(write(SLOPES), None)
+    plan.placements["height"] = Placement("opencl", "preferred")
     assert plan.brief_fallbacks == plan.fallbacks
+    assert plan.fallbacks[0].startswith("slope, again run on numpy")
 
 
-def test_where_every_node_falls_back_for_one_reason_a_terminal_says_just_that() -> None:
-    plan = planned("reconstruct", None)
+@pytest.mark.parametrize("graph", ["paper", "reconstruct"])
+def test_where_every_node_falls_back_for_one_reason_a_terminal_says_just_that(graph: str) -> None:
+    plan = planned(graph, None)
     reason = f"numpy: opencl is preferred, but {ABSENT}"
     assert plan.brief_fallbacks == [f"every node runs on {reason}"]
     (named,) = plan.fallbacks
     fallen = [name for name, placement in plan.placements.items() if placement.fallback]
-    assert len(fallen) > 30
+    assert len(fallen) > 1
     assert named == f"{', '.join(fallen)} run on {reason}"
 
 
