@@ -141,7 +141,7 @@ def limits(data: Path, calibrations: dict[str, Path]) -> None:
     row("capture", "height, LEDs", *(f"LED {k}" for k in range(1, 5)))
     row(*["---"] * 6)
     for rig, calibration in calibrations.items():
-        lights = read_calibration(file=calibration).lights
+        lights = read_calibration(file=calibration).film.lights
         for shape in SHAPES:
             capture = data / rig / shape
             exact = evaluate_shadow(shadows_of_the_truth(capture, lights), true_shadows(capture))

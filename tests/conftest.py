@@ -20,9 +20,16 @@ ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
 # Tests must neither see nor leave what is kept from start to start; see `once`.
 os.environ["TACTOGRAPH_CACHE"] = "off"
+# Most programs are built but once or twice; PoCL's own files serve the second time.
+os.environ["PYOPENCL_NO_CACHE"] = "1"
 MadeOnce = Callable[[str, Callable[[Path], object]], Path]
 Calibration = Callable[[str], str]
 RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long tests first, for at the end one worker waits for the last test of the other."""
+    items.sort(key=lambda item: "pipelines" not in item.path.parts)
 
 
 def without_pictures(graph: Graph) -> Graph:
@@ -75,8 +82,8 @@ def groove() -> Path:
 def once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """A folder for what all tests of all workers share.
 
-    What the engine keeps from start to start is kept there for this session: programs, and what
-    is slow and the same in several tests.
+    What the engine keeps from start to start is kept there for this session: what is slow and the
+    same in several tests.
     """
     own = tmp_path_factory.getbasetemp()
     folder = own / "once" if worker_id == "master" else own.parent / "once"

@@ -3,7 +3,8 @@
 Building one takes hundreds of times what a launch takes.  Programs belong to a context, so all
 queues of a device share one.  PoCL keeps binaries on disk, but reads the source of each program
 all the same (60 ms), so what it built is kept here too, and taken in a fifteenth of the time.
-Of other drivers pyopencl, or the driver itself, keeps them.
+Of other drivers pyopencl, or the driver itself, keeps them.  To give a binary away, PoCL compiles
+every kernel a second time: PYOPENCL_NO_CACHE=1 is for who builds a program only once.
 """
 
 from __future__ import annotations
@@ -66,7 +67,8 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
 def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
     """Where the binary is kept; None if it is not."""
     folder = kept_folder()
-    if folder is None or device.platform.name != READS_SOURCES:
+    unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
+    if folder is None or unwanted or device.platform.name != READS_SOURCES:
         return None
     of = (
         device.platform.name, device.platform.version, device.name, device.version,

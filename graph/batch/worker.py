@@ -84,7 +84,7 @@ def do_chunk(chunk: Chunk) -> Tally:
     reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
     done = len(chunk.captures) - len(reasons)
     reason = reasons[0] if reasons else ""
-    return Tally(done, len(reasons), reason, tuple(pipeline.plan.fallbacks))
+    return Tally(done, len(reasons), reason, tuple(pipeline.plan.brief_fallbacks))
 
 
 def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, MapType]:

@@ -127,7 +127,7 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
     trace = pipeline.trace() if wanted.trace_file is not None else None
     default = read.params["out"].default if "out" in read.params else "."
     folder = Path(str(given.get("out", default))) / "kept"
-    for line in pipeline.plan.fallbacks:
+    for line in pipeline.plan.brief_fallbacks:
         say(f"fallback: {line}", err=True)
     told: set[str] = set()
     count = 0

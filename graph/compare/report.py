@@ -31,6 +31,7 @@ from tactograph.graph.compare.sweep import Sweep
 from tactograph.graph.compare.tables import (
     Line,
     columns,
+    fallback_lines,
     higher_is_better,
     is_best,
     make_lines,
@@ -88,7 +89,7 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         curves=[picture for sweep in study.sweeps for picture in _curves(sweep, lines)],
         sections=_sections(study, rows, out),
         failures=[line for line in lines if line.error],
-        fallbacks=list(dict.fromkeys(f"{r.variant}: {t}" for r in rows for t in r.fallbacks)),
+        fallbacks=fallback_lines(rows),
         repeats=study.repeats,
     )
     with whole_file(out / FILE) as file:

@@ -160,8 +160,18 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
         if line.error:
             swept = "".join(f" {target}={value}" for target, value in line.sweep.items())
             echo(f"failed: {line.variant} on {line.capture or 'its own data'}{swept}: {line.error}")
-    for text in dict.fromkeys(f"{row.variant}: {text}" for row in rows for text in row.fallbacks):
+    for text in fallback_lines(rows):
         echo(f"fallback: {text}")
+
+
+def fallback_lines(rows: Iterable[Row]) -> list[str]:
+    """Each fallback once, behind the names of the graphs that it concerns."""
+    variants: dict[str, dict[str, None]] = {}
+    for row in rows:
+        # Rows that an earlier version kept have no brief lines.
+        for text in row.brief_fallbacks or row.fallbacks:
+            variants.setdefault(text, {})[row.variant] = None
+    return [f"{', '.join(names)}: {text}" for text, names in variants.items()]
 
 
 def _line(rows: Sequence[Row]) -> Line:

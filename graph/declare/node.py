@@ -24,7 +24,7 @@ from tactograph.graph.backends.kernel_declaration import (
     LaunchFunction,
     can_run_anywhere,
 )
-from tactograph.graph.declare.ports import PortType
+from tactograph.graph.declare.ports import PortType, make_record, record_values
 from tactograph.graph.declare.tolerance import Tolerance
 
 
@@ -175,9 +175,17 @@ class Node:
             else:
                 arguments[name] = inputs.get(name)
         return [
-            self.input_records[name](**found) if name in self.input_records else found
+            make_record(self.input_records[name], found.values())
+            if name in self.input_records
+            else found
             for name, found in arguments.items()
         ]
+
+    def results(self, made: Any) -> tuple[Any, ...]:
+        """What the function returned or yielded, in the order of the outputs."""
+        if self.sink:
+            return ()
+        return (made,) if self.output_record is None else record_values(self.output_record, made)
 
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
         """The shape of an output whose symbols are all known; a KeyError names one that is not."""

@@ -255,7 +255,7 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
 
 def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
     """What a node made, by output."""
-    return dict(zip(node.outputs, made if node.output_record else (made,), strict=True))
+    return dict(zip(node.outputs, node.results(made), strict=True))
 
 
 def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:

@@ -4,13 +4,17 @@ A port is declared by an annotation.  ``Annotated[NDArray[np.float32], Port("K H
 is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any other plain
 type (``str``, ``dict[str, float]``) is an object that stays on the host.  ``X | None``
 makes the port optional.  A ``NamedTuple`` of ports is a record: one edge, several values.
+A record may hold another, whose ports are then as if they stood there themselves.
 """
 
 from __future__ import annotations
 
 import types
 import typing
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import islice
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -76,10 +80,51 @@ def is_record(annotation: Any) -> bool:
 
 
 def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
-    """Return the ports of a record by field name, each named ``prefix.field``."""
+    """Return the ports of a record, and of records in it, by name, each named ``prefix.name``.
+
+    Raises
+    ------
+    TypeError
+        If two ports have one name.
+    """
+    ports: dict[str, PortType] = {}
+    for field, annotation in _fields(record).items():
+        if is_record(annotation):
+            found = record_ports(annotation, prefix)
+        else:
+            found = {field: read_port(f"{prefix}{field}", annotation)}
+        for name in found.keys() & ports.keys():
+            raise TypeError(f"{record.__name__}: two ports are called '{name}'")
+        ports |= found
+    return ports
+
+
+def record_values(record: type, made: Iterable[Any]) -> tuple[Any, ...]:
+    """The values of a record in the order of its ports."""
+    values: list[Any] = []
+    for annotation, value in zip(_fields(record).values(), made, strict=True):
+        values += record_values(annotation, value) if is_record(annotation) else [value]
+    return tuple(values)
+
+
+def make_record(record: type, values: Iterable[Any]) -> Any:
+    """Make a record of values in the order of its ports."""
+    left = iter(values)
+    return record(
+        *(
+            make_record(annotation, islice(left, len(record_ports(annotation))))
+            if is_record(annotation)
+            else next(left)
+            for annotation in _fields(record).values()
+        )
+    )
+
+
+@cache
+def _fields(record: type) -> dict[str, Any]:
+    """The annotations of a record's fields, in order."""
     hints = typing.get_type_hints(record, include_extras=True)
-    fields: tuple[str, ...] = record._fields  # type: ignore[attr-defined]
-    return {field: read_port(f"{prefix}{field}", hints[field]) for field in fields}
+    return {field: hints[field] for field in record._fields}  # type: ignore[attr-defined]
 
 
 def read_port(name: str, annotation: Any) -> PortType:

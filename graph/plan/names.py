@@ -10,6 +10,7 @@ import networkx as nx
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.ports import record_ports
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS,
@@ -153,7 +154,7 @@ def _record(
     source, port = split_reference(reference, graph.nodes)
     _known_node(source, graph, where)
     record = node.input_records[name]
-    fields: tuple[str, ...] = record._fields  # type: ignore[attr-defined]
+    fields = record_ports(record)
     if port is not None or not set(fields) <= found[source].outputs.keys():
         raise GraphError(
             f"{where}: '{name}' takes a node that gives all of a {record.__name__} "

@@ -13,6 +13,9 @@ from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
+NAMED = 6
+"""At most so many nodes that fell back for one reason are all named on a terminal."""
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -93,12 +96,35 @@ class Plan:
 
     @property
     def fallbacks(self) -> list[str]:
-        """The nodes that fell back to another back end, a line for each reason."""
+        """The nodes that fell back to another back end, all named, a line for each reason."""
+        return [
+            f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} on {place.backend}: {place.why}"
+            for place, ids in self._fallen().items()
+        ]
+
+    @property
+    def brief_fallbacks(self) -> list[str]:
+        """The same for a terminal: of many nodes only the number and the first are named."""
+        fallen = self._fallen()
+        everywhere = len({placement.backend for placement in self.placements.values()}) == 1
+        lines = []
+        for line, (place, ids) in zip(self.fallbacks, fallen.items(), strict=True):
+            if everywhere and len(ids) > 1 and len(fallen) == 1:
+                lines.append(f"every node runs on {place.backend}: {place.why}")
+            elif len(ids) <= NAMED:
+                lines.append(line)
+            else:
+                first = ", ".join(ids[:3])
+                lines.append(
+                    f"{len(ids)} nodes ({first}, …) run on {place.backend}: {place.why}; "
+                    "'tactograph explain' lists them"
+                )
+        return lines
+
+    def _fallen(self) -> dict[Placement, list[str]]:
+        """The nodes that fell back, by what became of them and why."""
         alike: dict[Placement, list[str]] = {}
         for node_id, placement in self.placements.items():
             if placement.fallback:
                 alike.setdefault(placement, []).append(node_id)
-        return [
-            f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} on {place.backend}: {place.why}"
-            for place, ids in alike.items()
-        ]
+        return alike

@@ -107,7 +107,7 @@ class HostValues:
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:
         """Take over what a node made, or a caller in its place; return the arrays' shapes."""
         shapes: Shapes = {}
-        for value, result in zip(step.writes, _results(task, made), strict=True):
+        for value, result in zip(step.writes, task.node.results(made), strict=True):
             port = task.node.outputs[value.port]
             if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
                 if not (task.stand_in and is_whole(result)):
@@ -179,13 +179,6 @@ def _positional(
     for name in containers:
         inputs[name] = lent(inputs[name])
     return task.node.in_order(inputs)
-
-
-def _results(task: Task, made: Any) -> tuple[Any, ...]:
-    """What a node made, in the order of its outputs."""
-    if task.node.sink:
-        return ()
-    return made if task.node.output_record is not None else (made,)
 
 
 def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:

@@ -98,7 +98,7 @@ def load(
         cache=cache,
         stand_ins=_ungiven_streams(graph, given),
     )
-    for line in pipeline.plan.fallbacks:
+    for line in pipeline.plan.brief_fallbacks:
         warnings.warn(f"fallback: {line}", stacklevel=2)
     return pipeline
 
@@ -133,7 +133,7 @@ def open_pipeline(
         _check_out(graph, given)
     plan = make_plan(graph, given, device=found, no_device=reason, sinks=sinks, stand_ins=stand_ins)
     if strict and plan.fallbacks:
-        raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
+        raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
     return Pipeline(plan, found, cache)
 
 

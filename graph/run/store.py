@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
 from tactograph.graph.run.keys import content_key, key_of
@@ -39,7 +40,7 @@ def recall_or_make(
     start = time.perf_counter()
     made = make()
     if 1e3 * (time.perf_counter() - start) > SLOW_MS:
-        _write(file or _file(folder, node, settings, arguments), made)
+        _write(file or _file(folder, node, settings, arguments), node, made)
     return made
 
 
@@ -58,22 +59,19 @@ def _read(file: Path, node: Node) -> tuple[Any] | None:
     if body is None:
         return None
     try:
-        return (_as_declared(_Reader(io.BytesIO(body)).load(), node),)
+        found = _Reader(io.BytesIO(body)).load()
+        return (found if node.output_record is None else make_record(node.output_record, found),)
     except Exception:  # whatever is wrong with it, the node can make it again
         return None
 
 
-def _write(file: Path, made: Any) -> None:
+def _write(file: Path, node: Node, made: Any) -> None:
     """Keep what a node made, if it is plain."""
-    plain = tuple(made) if isinstance(made, tuple) else made
     with suppress(Exception):
+        plain = made if node.output_record is None else node.results(made)
         body = pickle.dumps(plain, protocol=5)
         _Reader(io.BytesIO(body)).load()  # only what can be read again
         write_kept(file, body)
-
-
-def _as_declared(found: Any, node: Node) -> Any:
-    return node.output_record(*found) if node.output_record is not None else found
 
 
 class _Reader(pickle.Unpickler):

@@ -53,9 +53,10 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
 
     Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
     distance is the covariance of what the model leaves, apart from what it leaves all around a
-    ball alike: normals that lean too much, or too little.  Both are stated for one more press:
-    what n presses could not tell the model adds 1/n to the variance, and a tilt known from n
-    presses follows Student's law, not the normal one.
+    ball alike: normals that lean too much, or too little.  The level stated holds what chance may
+    have hidden, too.  All is stated for one more press: what n presses could not tell the model
+    adds 1/n to the variance, a tilt known from n presses follows Student's law, not the normal
+    one, and errors of the level lean alike by chance by 1/n of it.
 
     Parameters
     ----------
@@ -87,15 +88,13 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
     reach = _half_way(lags, normal) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
-    level, known = (
-        _root(normal[0] - chance),
-        np.mean([_led_tilt(part, others, uneven) for part in held]),
-    )
+    sure = _root(normal[0] - chance)
+    known = np.mean([_led_tilt(part, others, uneven) for part in held])
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
-    level *= float(np.sqrt(1 + 1 / len(held)))
+    level = _root(max(normal[0], 0) + chance) * float(np.sqrt(1 + 1 / len(held)))
     tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
     presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
-    tilt = float(np.hypot(tilt, level / np.sqrt(presses)))
+    tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
 
 

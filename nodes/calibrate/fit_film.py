@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, SizeLimit, node, warn
 from tactograph.nodes import (
     F4,
-    Albedo,
     Film,
-    Grain,
     Light,
     LightPlaces,
     LightPositions,
@@ -26,8 +24,6 @@ from tactograph.nodes import (
     Misfit,
     Noise,
     PixelSize,
-    Uneven,
-    Vergence,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
 from tactograph.nodes.calibrate._ball_samples import SAMPLES, grain, sample_balls
@@ -68,23 +64,9 @@ DEGREES = {0: 2, 1: 4, 2: 10}
 
 
 class FilmFit(NamedTuple):
-    """LEDs, film and camera, as a `Film` has them, and how well they explain the presses."""
+    """LEDs, film and camera, and how well they explain the presses."""
 
-    lights: LightPositions
-    others: LightPlaces
-    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
-    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
-    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
-    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
-    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
-    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
-    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
-    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
-    albedo: Albedo
-    camera: Vergence
-    grain: Grain
-    uneven: Uneven
+    film: Film
     misfit: Misfit
     residual: Annotated[F4, Port("K", "1")]
     quality: Metrics
@@ -186,11 +168,11 @@ def fit_film(
     whole = samples(film, most=None)
     held = _held_out(trial, best, whole, bad)
     typed["uneven"] = uneven = unevenness(held, pixel)
-    typed["misfit"] = misfit(held, np.asarray(others - lights, np.float64), pixel, uneven)
     typed["grain"] = grain(balls, left, flat, noise)
     typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
     return FilmFit(
-        **typed,
+        Film(**typed),
+        misfit=misfit(held, np.asarray(others - lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best),
     )

@@ -10,13 +10,10 @@ import numpy as np
 from tactograph.graph import EVERYTHING, InputError, Port, Wanted, node, warn
 from tactograph.nodes import (
     F4,
-    Albedo,
     Dark,
-    Grain,
+    Film,
     Lens,
     Light,
-    LightPlaces,
-    LightPositions,
     LutLight,
     LutLit,
     LutSlope,
@@ -27,8 +24,6 @@ from tactograph.nodes import (
     PixelSize,
     Reflectance,
     Spread,
-    Uneven,
-    Vergence,
 )
 from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, NO_MISFIT
@@ -39,7 +34,7 @@ NEAREST = 1e-3
 
 
 class Calibration(NamedTuple):
-    """What `write_calibration` wrote; the fields of a `Film` are among it."""
+    """What `write_calibration` wrote."""
 
     flat: Light
     dark: Dark
@@ -52,21 +47,7 @@ class Calibration(NamedTuple):
     null: NullVector
     spread: Spread
     noise: Noise
-    lights: LightPositions
-    others: LightPlaces
-    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
-    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
-    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
-    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
-    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
-    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
-    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
-    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
-    albedo: Albedo
-    camera: Vergence
-    grain: Grain
-    uneven: Uneven
+    film: Film
     lens: Lens
     misfit: Misfit
     quality: Metrics
@@ -103,6 +84,6 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     # A file from before the film was described is that of a matt film.
     found.setdefault("lens", np.zeros(8, np.float32))
     found.setdefault("misfit", NO_MISFIT)
-    return Calibration(
-        **{**matt_film(found["lights"])._asdict(), **found}, quality=read_quality(file)
-    )
+    film = {name: found.pop(name) for name in Film._fields if name in found}
+    matt = matt_film(film["lights"])
+    return Calibration(film=matt._replace(**film), **found, quality=read_quality(file))

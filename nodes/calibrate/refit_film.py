@@ -12,21 +12,15 @@ import numpy as np
 from annotated_types import Gt
 from scipy.optimize import least_squares
 
-from tactograph.graph import Port, SizeLimit, node
+from tactograph.graph import SizeLimit, node
 from tactograph.nodes import (
     F4,
-    Albedo,
     Film,
-    Grain,
     Light,
-    LightPlaces,
-    LightPositions,
     Metrics,
     Misfit,
     Noise,
     PixelSize,
-    Uneven,
-    Vergence,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
 from tactograph.nodes.calibrate._ball_samples import grain, sample_balls
@@ -81,23 +75,9 @@ COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
 
 
 class FilmRefit(NamedTuple):
-    """The new film, as a `Film` has it, the pixel on it, and what the model leaves."""
+    """The new film, the pixel on it, and what the model leaves."""
 
-    lights: LightPositions
-    others: LightPlaces
-    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
-    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
-    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
-    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
-    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
-    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
-    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
-    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
-    albedo: Albedo
-    camera: Vergence
-    grain: Grain
-    uneven: Uneven
+    film: Film
     misfit: Misfit
     pixel_size: PixelSize
     quality: Metrics
@@ -228,7 +208,7 @@ def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> F
     }
     typed["others"] = np.asarray(old.others + (typed["lights"] - old.lights), np.float32)
     return FilmRefit(
-        **typed, misfit=np.asarray(left, np.float32), pixel_size=pixel, quality=figures
+        Film(**typed), misfit=np.asarray(left, np.float32), pixel_size=pixel, quality=figures
     )
 
 

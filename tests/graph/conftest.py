@@ -69,6 +69,14 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.fixture
+def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "tactograph.graph.backends.opencl.choose_device",
+        lambda text=None: (None, "no OpenCL device works"),
+    )
+
+
+@pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Make the toy nodes known, as if a package had brought them; return their diary."""
     points = {name: [EntryPoint(name, f"tests.graph.toys:{name}", find.GROUP)] for name in TOYS}

@@ -224,12 +224,8 @@ def test_a_warning_is_printed_once(toys: list[str], tactograph: Command, write: 
 
 
 def test_a_fallback_is_one_line_on_the_terminal(
-    toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
+    toys: list[str], tactograph: Command, write: Write, no_device: None
 ) -> None:
-    monkeypatch.setattr(
-        "tactograph.graph.backends.opencl.choose_device",
-        lambda text=None: (None, "no OpenCL device works"),
-    )
     done = tactograph("run", write(STREAM))
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
     assert (done.code, done.err) == (0, f"fallback: {line}\n")
@@ -246,12 +242,8 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
     captures: Path,
     height_file: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    no_device: None,
 ) -> None:
-    monkeypatch.setattr(
-        "tactograph.graph.backends.opencl.choose_device",
-        lambda text=None: (None, "no OpenCL device works"),
-    )
     file = write(WRITING)
     out = tmp_path / "out"
     done = tactograph("run", file, f"capture={captures}", f"file={height_file}", f"out={out}")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 
 import pytest
 
 from tactograph.graph.backends import compiled_node
+from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.backends.kernel_source import kernel_source
+from tactograph.graph.backends.kernel import Kernel
+from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
@@ -567,19 +570,42 @@ MUTANTS = {
 LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 
 
+KERNEL = re.compile(r"^[^\n]*\b__kernel\b.*?^}", re.MULTILINE | re.DOTALL)
+
+
 @pytest.mark.parametrize(("name", "what"), LISTED, ids=[f"{n}: {w}" for n, w in LISTED])
 def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = MUTANTS[name][what]
+    build = compiled_node._build
 
-    def mutated(node: Node) -> str:
+    def build_mutant(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, Kernel]:
         source = kernel_source(node)
         assert before in source, "the mutant no longer fits the kernel"
-        return source.replace(before, after)
+        mutant = source.replace(before, after)
+        right = build(node, queue, constants)
+        with monkeypatch.context() as patch:
+            patch.setattr(compiled_node, "kernel_source", lambda _: mutant)
+            wrong = build(node, queue, constants)
+        changed = wrong_kernels(source, mutant)
+        return {name: (wrong if name in changed else right)[name] for name in right}
 
-    monkeypatch.setattr(compiled_node, "kernel_source", mutated)
+    monkeypatch.setattr(compiled_node, "_build", build_mutant)
     # Small frames have levels of one work-group alone, but for this.
     monkeypatch.setattr(_height_solver, "ONE_GROUP_OF_LANES", 1024)
     assert any(differences(find_node(name)))
+
+
+def wrong_kernels(source: str, mutant: str) -> set[str]:
+    """The kernels that a mistake is in: all of them if it is outside of kernels.
+
+    The others need not be compiled again for each mutant of a node of forty kernels.
+    """
+    texts = [
+        dict(zip(kernel_signatures(s), KERNEL.findall(s), strict=True)) for s in (source, mutant)
+    ]
+    if KERNEL.sub("", source) != KERNEL.sub("", mutant):
+        return {*texts[1]}
+    return {name for name, text in texts[1].items() if text != texts[0][name]}
 
 
 @pytest.mark.parametrize("name", MUTANTS)

@@ -46,6 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     if found.handle.platform.name != READS_SOURCES:
         pytest.skip("what this driver builds is not kept here")
     monkeypatch.setenv(kept_files.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()
     return tmp_path / "cache"
 
@@ -90,9 +91,12 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
     assert seven(device) == 7
 
 
+@pytest.mark.parametrize(
+    ("name", "value"), [(kept_files.FOLDER, "off"), ("PYOPENCL_NO_CACHE", "1")]
+)
 def test_nothing_is_kept_where_that_is_not_wanted(
-    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
-    monkeypatch.setenv(kept_files.FOLDER, "off")
+    monkeypatch.setenv(name, value)
     assert seven(device) == 7
     assert not folder.exists()

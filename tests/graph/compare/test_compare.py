@@ -164,23 +164,39 @@ def test_if_every_run_fails_the_command_fails(
     assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
-def test_a_fallback_is_told(
-    graphs: list[str],
-    captures: list[Path],
-    tmp_path: Path,
-    tactograph: Command,
-    write: Write,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(
-        "tactograph.graph.backends.opencl.choose_device",
-        lambda text=None: (None, "no OpenCL device works"),
+def test_a_fallback_for_one_reason_is_told_once(
+    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write,
+    no_device: None,
+) -> None:  # fmt: skip
+    text = GRAPH.replace("prefer: [numpy]\n", "")
+    graphs = [write(text, name) for name in ("first.yaml", "second.yaml")]
+    out = tmp_path / "report"
+    done = tactograph(
+        "compare", *graphs, "--over", captures[0], "--over", captures[1], "--out", out
     )
-    graph = write(GRAPH.replace("prefer: [numpy]\n", ""), "first.yaml")
-    done = tactograph("compare", graph, "--over", captures[0], "--out", tmp_path / "report")
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
-    assert f"fallback: first: {line}" in done.out
-    assert table(tmp_path / "report")[0]["fallbacks"] == [line]
+    assert done.out.count("fallback: ") == 1
+    assert f"fallback: first, second: {line}" in done.out
+    assert [row["fallbacks"] for row in table(out)] == 4 * [[line]]
+    assert (out / "report.html").read_text().count(f"Fallback: first, second: {line}") == 1
+
+
+def test_a_comparison_names_few_of_many_nodes_that_fell_back(
+    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write,
+    no_device: None,
+) -> None:  # fmt: skip
+    text = GRAPH.replace("prefer: [numpy]\n", "").replace("in: {image: more", "in: {image: l8")
+    lights = "".join(
+        f"  l{at}: {{op: flat_field, in: {{image: {before}, flat: cal.flat, dark: cal.dark}}}}\n"
+        for at, before in enumerate(["more", *(f"l{at}" for at in range(8))])
+    )
+    graph = write(text.replace("  score:", f"{lights}  score:"), "many.yaml")
+    out = tmp_path / "report"
+    done = tactograph("compare", graph, "--over", captures[0], "--out", out)
+    reason = "numpy: opencl is preferred, but no OpenCL device works"
+    assert f"fallback: many: every node runs on {reason}" in done.out
+    named = ", ".join(["light", *(f"l{at}" for at in range(9))])
+    assert table(out)[0]["fallbacks"] == [f"{named} run on {reason}"]
 
 
 def test_two_captures_of_one_name_are_refused(

@@ -19,6 +19,16 @@ class Two(NamedTuple):
     label: str = ""
 
 
+class Inner(NamedTuple):
+    low: float
+    high: float
+
+
+class Outer(NamedTuple):
+    inner: Inner
+    gain: float
+
+
 def test_positional_arguments_are_inputs_and_keyword_only_ones_are_parameters() -> None:
     @node
     def each(light: Light, pixel: PixelSize, *, gain: float, floor: float = 0.1) -> Height: ...
@@ -52,6 +62,17 @@ def test_a_record_as_an_argument_is_an_input_for_each_of_its_fields() -> None:
 
     assert list(each.inputs) == ["two.light", "two.pixel", "two.label"]
     assert each.input_records == {"two": Two}
+
+
+def test_a_record_in_a_record_is_flat_outside_and_whole_inside() -> None:
+    @node
+    def each(outer: Outer) -> Outer:
+        return outer._replace(gain=outer.inner.high)
+
+    assert list(each.inputs) == ["outer.low", "outer.high", "outer.gain"]
+    assert list(each.outputs) == ["low", "high", "gain"]
+    arguments = each.in_order({"outer.low": 1.0, "outer.high": 2.0, "outer.gain": 3.0})
+    assert each.results(each(*arguments)) == (1.0, 2.0, 2.0)
 
 
 def test_an_argument_with_a_default_is_an_optional_input() -> None:

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from typing_extensions import TypeAliasType
 
 from tactograph.graph import GraphError, Port
-from tactograph.graph.declare.ports import is_record, read_port, record_ports
+from tactograph.graph.declare.ports import (
+    is_record,
+    make_record,
+    read_port,
+    record_ports,
+    record_values,
+)
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.open_pipeline import placeholders
@@ -68,6 +74,33 @@ def test_a_record_is_a_port_for_each_field() -> None:
     assert {field: port.name for field, port in ports.items()} == {
         "name": "pair.name", "gain": "pair.gain"
     }  # fmt: skip
+
+
+class Inner(NamedTuple):
+    low: float
+    high: float
+
+
+class Outer(NamedTuple):
+    name: str
+    inner: Inner
+    gain: float
+
+
+def test_a_record_in_a_record_is_as_if_its_fields_stood_there() -> None:
+    assert list(record_ports(Outer)) == ["name", "low", "high", "gain"]
+    made = Outer("x", Inner(1.0, 2.0), 3.0)
+    assert record_values(Outer, made) == ("x", 1.0, 2.0, 3.0)
+    assert make_record(Outer, record_values(Outer, made)) == made
+
+
+def test_a_record_with_two_ports_of_one_name_is_refused() -> None:
+    class Twice(NamedTuple):
+        low: float
+        inner: Inner
+
+    with pytest.raises(TypeError, match="Twice: two ports are called 'low'"):
+        record_ports(Twice)
 
 
 @pytest.mark.parametrize(

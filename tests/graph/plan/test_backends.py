@@ -11,7 +11,7 @@ from tactograph.graph import GraphError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.plan import Placement, Plan
 from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
@@ -74,6 +74,38 @@ def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Writ
     assert plan.fallbacks == [
         f"slope, again run on numpy: opencl is preferred, but {ABSENT}",
     ]
+
+
+def test_few_nodes_that_fall_back_are_all_named_on_a_terminal(write: Write) -> None:
+    plan = planned(write(SLOPES), None)
+    plan.placements["height"] = Placement("opencl", "preferred")
+    assert plan.brief_fallbacks == plan.fallbacks
+    assert plan.fallbacks[0].startswith("slope, again run on numpy")
+
+
+@pytest.mark.parametrize("graph", ["paper", "reconstruct"])
+def test_where_every_node_falls_back_for_one_reason_a_terminal_says_just_that(graph: str) -> None:
+    plan = planned(graph, None)
+    reason = f"numpy: opencl is preferred, but {ABSENT}"
+    assert plan.brief_fallbacks == [f"every node runs on {reason}"]
+    (named,) = plan.fallbacks
+    fallen = [name for name, placement in plan.placements.items() if placement.fallback]
+    assert len(fallen) > 1
+    assert named == f"{', '.join(fallen)} run on {reason}"
+
+
+def test_of_many_nodes_that_fall_back_a_terminal_names_the_first_and_how_many() -> None:
+    """Where others run on the device, or fell back for another reason, it is not every node."""
+    plan = planned("reconstruct", None)
+    fallen = [name for name, placement in plan.placements.items() if placement.fallback]
+    many = (
+        f"{len(fallen) - 1} nodes ({', '.join(fallen[:3])}, …) run on numpy: opencl is preferred, "
+        f"but {ABSENT}; 'tactograph explain' lists them"
+    )
+    plan.placements[fallen[-1]] = Placement("opencl", "preferred")
+    assert plan.brief_fallbacks == [many]
+    plan.placements[fallen[-1]] = Placement("numpy", "a part is missing", fallback=True)
+    assert plan.brief_fallbacks == [many, f"{fallen[-1]} runs on numpy: a part is missing"]
 
 
 def test_if_nothing_but_opencl_will_do_numpy_is_a_fallback_too(write: Write) -> None:

@@ -20,14 +20,6 @@ from tests.graph.conftest import STREAM, Write
 WAITING = STREAM.replace(", default: 3}", "}")
 
 
-@pytest.fixture
-def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "tactograph.graph.backends.opencl.choose_device",
-        lambda text=None: (None, "no OpenCL device works"),
-    )
-
-
 def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) -> None:
     load(write(WAITING), backend="numpy")(frames=np.ones((3, 4, 5), np.float32))
     assert not [word for word in toys if word.startswith("noted")]
@@ -54,6 +46,12 @@ def test_a_loaded_pipeline_warns_of_a_fallback(
 ) -> None:
     with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
         load(write(WAITING))
+
+
+def test_a_loaded_pipeline_does_not_list_many_nodes_in_its_warning(no_device: None) -> None:
+    with pytest.warns(UserWarning, match="^fallback: every node runs on numpy: opencl is") as told:
+        load("reconstruct", calibration="no.npz")
+    assert len(told) == 1
 
 
 def test_what_falls_back_for_one_reason_is_one_line() -> None:

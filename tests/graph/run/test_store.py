@@ -21,8 +21,14 @@ from tactograph.graph.run.store import recall_or_make
 from tactograph.nodes import F4
 
 
+class Range(NamedTuple):
+    low: float
+    high: float
+
+
 class Table(NamedTuple):
     light: Annotated[F4, Port("H W", "1")]
+    range: Range
     trees: tuple[cKDTree, ...]
 
 
@@ -30,7 +36,7 @@ class Table(NamedTuple):
 def tabled(image: Annotated[F4, Port("H W", "1")], *, scale: float = 1.0) -> Table:
     """A table with a tree."""
     points = image * np.float32(scale)
-    return Table(points, (cKDTree(points),))
+    return Table(points, Range(float(points.min()), float(points.max())), (cKDTree(points),))
 
 
 IMAGE = np.arange(12, dtype=np.float32).reshape(6, 2)
@@ -64,6 +70,7 @@ def test_what_was_made_is_read_the_next_time(folder: Path) -> None:
     first, second = made(made_now=True), made(made_now=False)
     assert isinstance(second, Table)
     np.testing.assert_array_equal(first.light, second.light)
+    assert (second.range, second.range.high) == (first.range, 11.0)
     assert second.trees[0].query([2, 3]) == first.trees[0].query([2, 3])
 
 

@@ -80,7 +80,7 @@ def test_what_was_written_is_read(file: Path) -> None:
     for written, read in zip((*ARRAYS, NOISE), found, strict=False):
         assert np.allclose(written, read)
     for name, written in FILM._asdict().items():
-        assert np.allclose(written, getattr(found, name)), name
+        assert np.allclose(written, getattr(found.film, name)), name
     assert np.allclose(LENS, found.lens)
 
 
@@ -94,8 +94,8 @@ def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> Non
     matt = matt_film(FILM.lights)
     for name in Film._fields:
         if name != "others":
-            assert np.array_equal(getattr(found, name), getattr(matt, name)), name
-    assert np.array_equal(found.others, FILM.others)
+            assert np.array_equal(getattr(found.film, name), getattr(matt, name)), name
+    assert np.array_equal(found.film.others, FILM.others)
     assert not found.lens.any()
 
 
@@ -156,8 +156,8 @@ def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file:
     with collect_warnings(notes):
         found = read_calibration(file=file)
         read_calibration(file=file, wanted=Wanted(frozenset({"lights"})))
-    assert (found.others == found.lights).all()
-    assert found.others.shape == (8, 4, 3)
+    assert (found.film.others == found.film.lights).all()
+    assert found.film.others.shape == (8, 4, 3)
     assert len(notes) == 1
     assert notes[0].endswith("calibrate again")
 

@@ -67,17 +67,17 @@ def tried(found: FilmFit) -> set[str]:
 def test_a_matt_film_stays_matt() -> None:
     found = fitted(MATT, FOUR)
     for name in ("diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
-        assert np.array_equal(getattr(found, name), getattr(MATT, name)), name
-    assert np.array_equal(found.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
+        assert np.array_equal(getattr(found.film, name), getattr(MATT, name)), name
+    assert np.array_equal(found.film.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
 
 
 def test_the_share_that_the_gel_diffuses_is_found() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
     found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR)
-    assert found.diffuse == pytest.approx(shares, abs=0.02)
-    assert found.gain == pytest.approx(1.06, abs=0.01)
-    assert found.lights == pytest.approx(LEDS, abs=2)
-    assert (found.refraction, found.albedo, found.camera) == (1, 0, 0)
+    assert found.film.diffuse == pytest.approx(shares, abs=0.02)
+    assert found.film.gain == pytest.approx(1.06, abs=0.01)
+    assert found.film.lights == pytest.approx(LEDS, abs=2)
+    assert (found.film.refraction, found.film.albedo, found.film.camera) == (1, 0, 0)
     assert found.quality["diffuse_percent"] == pytest.approx(100 * shares.mean(), abs=2)
     errors = found.quality
     assert errors["film_heldout_deg/diffuse"] < 0.3 * errors["film_heldout_deg/matt"]
@@ -86,35 +86,35 @@ def test_the_share_that_the_gel_diffuses_is_found() -> None:
 def test_a_single_ball_tells_diffuse_light() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
     found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR[:1])
-    assert found.diffuse == pytest.approx(shares, abs=0.05)
-    assert not found.harmonics.any(), "harmonics take two balls"
-    assert found.camera == 0, "one ball does not tell how high the pupil is"
+    assert found.film.diffuse == pytest.approx(shares, abs=0.05)
+    assert not found.film.harmonics.any(), "harmonics take two balls"
+    assert found.film.camera == 0, "one ball does not tell how high the pupil is"
 
 
 def test_a_glossy_coat_is_found() -> None:
     coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
     found = fitted(coat, FOUR)
-    assert found.roughness == pytest.approx(0.25, abs=0.03)
-    assert found.refraction > 1
+    assert found.film.roughness == pytest.approx(0.25, abs=0.03)
+    assert found.film.refraction > 1
     assert found.quality["film_heldout_deg"] < 0.3
 
 
 def test_light_that_bounces_is_found() -> None:
     found = fitted(MATT._replace(albedo=0.7), FOUR)
-    assert found.albedo == pytest.approx(0.7, abs=0.1)
-    assert found.refraction == 1
+    assert found.film.albedo == pytest.approx(0.7, abs=0.1)
+    assert found.film.refraction == 1
     assert found.quality["film_heldout_deg"] < 0.3
 
 
 def test_the_pupils_height_is_found() -> None:
     found = fitted(MATT._replace(camera=1 / 65), FOUR)
-    assert 1 / found.camera == pytest.approx(65, rel=0.15)
-    assert found.quality["camera_mm"] == pytest.approx(1 / found.camera)
+    assert 1 / found.film.camera == pytest.approx(65, rel=0.15)
+    assert found.quality["camera_mm"] == pytest.approx(1 / found.film.camera)
 
 
 def test_a_pupil_that_is_known_stays_where_it_is() -> None:
     found = fitted(MATT._replace(camera=1 / 65), FOUR, camera_mm=65.0)
-    assert found.camera == pytest.approx(1 / 65)
+    assert found.film.camera == pytest.approx(1 / 65)
     assert not any("camera" in model for model in tried(found))
 
 
@@ -122,11 +122,11 @@ def test_harmonics_are_found_where_physics_is_not_enough() -> None:
     bent = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
     physics = ("diffuse", "lobe", "bounce", "camera")
     found = fitted(bent, FOUR, without=physics)
-    assert found.harmonics.any()
-    assert found.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
-    assert found.reach == pytest.approx(10)
+    assert found.film.harmonics.any()
+    assert found.film.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
+    assert found.film.reach == pytest.approx(10)
     without = fitted(bent, FOUR, without=(*physics, "harmonics"))
-    assert not without.harmonics.any()
+    assert not without.film.harmonics.any()
     assert found.quality["film_heldout_deg"] < 0.7 * without.quality["film_heldout_deg"]
 
 
@@ -134,14 +134,15 @@ def test_parts_that_are_left_out_are_not_tried() -> None:
     film = MATT._replace(diffuse=np.full(4, 0.3, np.float32))
     found = fitted(film, FOUR, without=("diffuse", "harmonics", "lobe", "bounce"))
     assert not any("diffuse" in m or "harmonics" in m for m in tried(found))
-    assert not found.diffuse.any()
+    assert not found.film.diffuse.any()
 
 
 def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:
-    quiet = fitted(MATT, FOUR[:2]).grain
+    quiet = fitted(MATT, FOUR[:2]).film.grain
     assert quiet < 0.005
     rough = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
-    assert fitted(rough, FOUR[:2], without=("diffuse", "lobe", "bounce", "harmonics")).grain > 0.01
+    fit = fitted(rough, FOUR[:2], without=("diffuse", "lobe", "bounce", "harmonics"))
+    assert fit.film.grain > 0.01
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-2])

@@ -103,7 +103,7 @@ def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
 
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
     _, out = calibrated
-    assert off(read_calibration(file=out).lights) < 0.005
+    assert off(read_calibration(file=out).film.lights) < 0.005
 
 
 def test_errors_are_of_presses_held_out(calibrated) -> None:
@@ -132,7 +132,7 @@ def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None
     assert result["quality"]["presses"] == 1
     assert "heldout_normal_deg" not in result["quality"]
     assert "press at the upper right" in result["advice"]
-    assert off(read_calibration(file=tmp_path / "cal.npz").lights) < 0.01
+    assert off(read_calibration(file=tmp_path / "cal.npz").film.lights) < 0.01
 
 
 def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:

@@ -51,7 +51,7 @@ def guided(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_session_ends_with_a_good_calibration(guided: Path) -> None:
-    x, y, z = read_calibration(file=guided).lights.astype(float).T
+    x, y, z = read_calibration(file=guided).film.lights.astype(float).T
     np.testing.assert_allclose(np.degrees(np.arctan2(np.hypot(x, y), z)), 33, atol=0.5)
     np.testing.assert_allclose(np.sqrt(x * x + y * y + z * z), 60, atol=1.5)
     said = guided.with_suffix(".out").read_text().splitlines()
@@ -82,7 +82,7 @@ def test_the_captures_that_are_kept_give_the_same_calibration(guided: Path) -> N
     with open_pipeline(read_graph("calibrate"), given) as pipeline:
         list(pipeline.items())
     one, two = read_calibration(file=guided), read_calibration(file=again)
-    np.testing.assert_allclose(one.lights, two.lights, rtol=1e-4)
+    np.testing.assert_allclose(one.film.lights, two.film.lights, rtol=1e-4)
     np.testing.assert_allclose(one.flat, two.flat, atol=1e-6)
 
 
@@ -143,7 +143,7 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
             time.sleep(0.05)
         running.send_signal(signal.SIGINT)
         assert running.wait(30) == 0
-    assert len(read_calibration(file=file).lights) == 4
+    assert len(read_calibration(file=file).film.lights) == 4
     assert not list(tmp_path.rglob(".writing-*"))
 
 
