@@ -45,7 +45,7 @@ def interreflect(
     cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
     rim_mm: Annotated[float, Interval(ge=0, le=50)] = 2.0,
     coat_alpha: Annotated[float, Interval(ge=0, le=1)] = 0.0,
-    refractive_index: Annotated[float, Interval(gt=1, le=3)] = 1.5,
+    refractive_index: Annotated[float, Interval(ge=1, le=3)] = 1.5,
     camera_mm: Annotated[float, Interval(ge=0, le=1e6)] = 0.0,
 ) -> Light:
     """Return the light of a film that lights itself, bounce after bounce.
@@ -134,7 +134,7 @@ def _launch(run: Launch) -> None:
     work = run.in_row_lanes(grid.rows, grid.columns)
     gain = float(np.float32(settings["albedo"]) / np.float32(math.pi))
     camera = settings["camera_mm"]
-    none = run.keep("no diffuse share", lambda: run.upload(np.zeros(count, np.float32)))
+    none = run.keep(("no diffuse share", count), lambda: run.upload(np.zeros(count, np.float32)))
     coat = (
         lights, none, settings["albedo"], settings["coat_alpha"], settings["refractive_index"],
         1 / camera if camera else 0.0,
