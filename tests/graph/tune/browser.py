@@ -82,10 +82,16 @@ class Browser:
         self._do("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
     def type(self, selector: str, text: str) -> None:
-        """Replace an input's text, and leave it."""
-        self.look(f"(e => {{ e.focus(); e.select() }})(document.querySelector(`{selector}`))")
-        self.insert(text)
-        self.look(f"document.querySelector(`{selector}`).blur()")
+        """Replace an input's text, and leave it; a dialog that opens may take the focus away."""
+        self._box(selector)
+        element = f"document.querySelector(`{selector}`)"
+        for _ in range(20):
+            self.look(f"(e => {{ e.focus(); e.select() }})({element})")
+            self.insert(text)
+            if self.look(f"{element}.value") == text:
+                break
+            time.sleep(0.06)
+        self.look(f"{element}.blur()")
 
     def insert(self, text: str) -> None:
         """Type where the keys go to, and stay there."""
