@@ -126,19 +126,6 @@ LANED __kernel void near_and_far(
     }
 }
 
-// N cells, or blocks of them, as sources of a film with a coat.
-LANED __kernel void coat(
-    __global const float *restrict cells,
-    __global float *restrict sources,
-    __global const float *restrict lights, __global const float *restrict diffuse,
-    const float base, const float roughness, const float refraction, const float camera,
-    const int N)
-{
-    GRID_LANES(i, count, N)
-    const Film film = COATED_FILM;
-    emit(&film, cells + i, sources + i, N, count);
-}
-
 // `near_and_far` of a film with a coat.
 LANED __kernel void coated_near_and_far(
     __global const float *restrict table,
@@ -158,11 +145,7 @@ LANED __kernel void coated_near_and_far(
     CoatedCells on = coated_cells(&film, sources + at, N, count);
     const Around a = around(row, column, h, w, rim, near);
     FOR_ALL_AROUND(a, &on, sources, N, far, h, w, rim, add_coated_source)
-    for (int k = 0; k < LEDS; ++k) {
-        const floats rest = load_floats(table + at + (CELL_REST + k) * N, count) *
-                            reflectance_at_rest(&film, k, on.at.x, on.at.y);
-        store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
-    }
+    throw_back(&on, table + at, N, bounced + row * w + column, h * w, gain, count);
 }
 
 // The light of cells brought to pixels, and no further from the one before than `share`.

@@ -75,19 +75,6 @@ LANED __kernel void bounce(
     }
 }
 
-// N cells as sources of a film with a coat.
-LANED __kernel void coat(
-    __global const float *restrict table,
-    __global float *restrict sources,
-    __global const float *restrict lights, __global const float *restrict diffuse,
-    const float base, const float roughness, const float refraction, const float camera,
-    const int N)
-{
-    GRID_LANES(i, count, N)
-    const Film film = COATED_FILM;
-    emit(&film, table + i, sources + i, N, count);
-}
-
 // `bounce` of a film with a coat.
 LANED __kernel void coated_bounce(
     __global const float *restrict table,
@@ -104,11 +91,7 @@ LANED __kernel void coated_bounce(
     const int at = (row + rim) * columns + rim + column;
     CoatedCells on = coated_cells(&film, sources + at, N, count);
     for (int j = 0; j < N; ++j) add_coated_source(&on, sources + j, N);
-    for (int k = 0; k < LEDS; ++k) {
-        const floats rest = load_floats(table + at + (CELL_REST + k) * N, count) *
-                            reflectance_at_rest(&film, k, on.at.x, on.at.y);
-        store_floats(gain * on.total[k] / rest, bounced + (k * h + row) * w + column, count);
-    }
+    throw_back(&on, table + at, N, bounced + row * w + column, h * w, gain, count);
 }
 
 // The bounces added to the light.
