@@ -13,10 +13,13 @@
 #define FEWEST 0.05f
 #define HELD 0.003f
 #define AROUND 5
+#define LIFTED 0.003f
+#define SKIRT 5
+#define NOT_CALM -1.0f
 
-// K x H x W cells: light, the mean around each, and noise as a share of which it counts.
+// K x H x W cells: light, and noise as a share of which it counts.
 typedef struct {
-    __global const float *light, *around, *sigma;
+    __global const float *light, *sigma;
     int K, H, W;
     float share;
 } Film;
@@ -41,6 +44,15 @@ LANED __kernel void halve(
     store_floats(mean, halved + row * w + column, count);
 }
 
+// The cells x, x + 1, ... of a row of W; beyond it its ends go on.
+static floats lanes_beside(__global const float *row, const int x, const int W)
+{
+    if (x >= 0 && x + LANES <= W) return LOAD_LANES(row + x);
+    float edge[LANES];
+    for (int l = 0; l < LANES; ++l) edge[l] = row[clamp(x + l, 0, W - 1)];
+    return LOAD_LANES(edge);
+}
+
 // The mean of what lies around each cell; beyond the frame its border goes on.
 LANED __kernel void look_around(
     __global const float *restrict light, __global float *restrict around,
@@ -51,15 +63,8 @@ LANED __kernel void look_around(
     floats total = 0.0f;
     for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy) {
         __global const float *line = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
-        for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx) {
-            if (x + dx >= 0 && x + dx + LANES <= W) {
-                total += LOAD_LANES(line + x + dx);
-            } else {
-                float edge[LANES];
-                for (int l = 0; l < LANES; ++l) edge[l] = line[clamp(x + l + dx, 0, W - 1)];
-                total += LOAD_LANES(edge);
-            }
-        }
+        for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx)
+            total += lanes_beside(line, x + dx, W);
     }
     const floats mean = total / (float)(AROUND * AROUND);
     store_floats(mean, around + row * W + x, count);
@@ -106,20 +111,9 @@ static ints is_calm(
     return calm;
 }
 
-// Whether a cell counts: if it is calm, and so is what lies around it where that is heeded.
-static ints counts(
-    const Film *film, const int heed, __global const float *drift, const floats *t, const int i,
-    const int count, const float beyond)
-{
-    const ints calm = is_calm(film, film->light, drift, t, i, count, film->share, beyond);
-    if (!heed) return calm;
-    return calm & is_calm(film, film->around, drift, t, i, count, film->share / AROUND, beyond);
-}
-
-// How many cells count.
+// How many cells are calm.
 static float count_calm(
-    const Film *film, const int heed, __global const float *drift, const float beyond,
-    __local float *parts)
+    const Film *film, __global const float *drift, const float beyond, __local float *parts)
 {
     const floats one = 1.0f, none = 0.0f;
     floats calm = none;
@@ -127,9 +121,83 @@ static float count_calm(
     {
         floats t[TERMS];
         terms_at(t, i, film->H, film->W);
-        calm += counts(film, heed, drift, t, i, count, beyond) ? one : none;
+        calm += is_calm(film, film->light, drift, t, i, count, film->share, beyond) ? one : none;
     }
     return group_sum(calm, parts);
+}
+
+// 1 where a cell is calm and so is what lies around it, 0 where it alone is, else NOT_CALM; and
+// 1 where no touch shows around a cell, else 0.
+LANED __kernel void find_clear(
+    __global const float *restrict light,
+    __global const float *restrict around,
+    __global const float *restrict sigma,
+    __global const float *restrict drift,
+    __global float *restrict clear,
+    __global float *restrict still,
+    const int K, const int H, const int W,
+    const float share,
+    const float beyond)
+{
+    GRID_LANES(i, count, H * W)
+    const Film film = {light, sigma, K, H, W, share};
+    const floats one = 1.0f, none = 0.0f, not_calm = NOT_CALM;
+    const float less = share / AROUND;
+    floats t[TERMS];
+    terms_at(t, i, H, W);
+    const ints calm = is_calm(&film, light, drift, t, i, count, share, beyond);
+    const ints wide = is_calm(&film, around, drift, t, i, count, less, beyond);
+    const ints untouched = is_calm(&film, around, drift, t, i, count, less, beyond + LIFTED);
+    store_floats(calm ? (wide ? one : none) : not_calm, clear + i, count);
+    store_floats(untouched ? one : none, still + i, count);
+}
+
+// How many cells a clear one is away from where a touch shows, SKIRT + 1 at most; the others as
+// they are.
+LANED __kernel void find_away(
+    __global const float *restrict clear,
+    __global const float *restrict still,
+    __global float *restrict away,
+    const int H, const int W)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const floats here = load_floats(clear + y * W + x, count);
+    floats nearest = SKIRT + 1.0f;
+    for (int dy = -SKIRT; dy <= SKIRT; ++dy) {
+        __global const float *line = still + clamp(y + dy, 0, H - 1) * W;
+        for (int dx = -SKIRT; dx <= SKIRT; ++dx) {
+            const floats distance = (float)max(abs(dy), abs(dx));
+            const floats there = lanes_beside(line, x + dx, W);
+            nearest = there > 0.0f ? nearest : LESS_OF(nearest, distance);
+        }
+    }
+    store_floats(here > 0.0f ? nearest : here, away + y * W + x, count);
+}
+
+// How far from a touch a cell has to be so that enough are left; NOT_CALM: calm will do.
+static float skirt_for(
+    __global const float *away, const int size, const float fewest, __global float *shares)
+{
+    const floats one = 1.0f, none = 0.0f;
+    floats left[SKIRT + 1];
+    for (int r = 0; r <= SKIRT; ++r) left[r] = none;
+    EACH_OF_GROUP(i, count, size)
+    {
+        const floats here = load_floats(away + i, count);
+        for (int r = 0; r <= SKIRT; ++r)
+            left[r] += (here > (float)r) & filled(count) ? one : none;
+    }
+    const int me = get_local_id(0);
+    for (int r = 0; r <= SKIRT; ++r) shares[r * GROUP + me] = sum_of_lanes(left[r]);
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    float skirt = NOT_CALM;
+    for (int r = 0; r <= SKIRT; ++r) {
+        float sum = 0.0f;
+        for (int g = 0; g < GROUP; ++g) sum += shares[r * GROUP + g];
+        skirt = sum >= fewest ? (float)r : skirt;
+    }
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    return skirt;
 }
 
 // The place number j of the outermost ring of H x W cells.
@@ -166,11 +234,13 @@ static float border_level(
     return level;
 }
 
-// Sums over the cells that are calm under `judge`, of what `known` leaves: of the first `used`
-// terms' products, of terms times light by LED, and of the noise's square by LED.
+// Sums over the cells that count, of what `known` leaves: of the first `used` terms' products,
+// of terms times light by LED, and of the noise's square by LED.  Those count that are calm
+// under `judge`; without it, those further from a touch than `skirt`.
 static void tally(
-    const Film *film, const int heed, __global const float *judge, __global const float *known,
-    const int used, const float beyond, __global float *shares, __local float *sums)
+    const Film *film, __global const float *judge, const float beyond,
+    __global const float *away, const float skirt, __global const float *known,
+    const int used, __global float *shares, __local float *sums)
 {
     const floats none = 0.0f;
     floats mine[SUMS];
@@ -179,7 +249,9 @@ static void tally(
     {
         floats t[TERMS], counted[TERMS];
         terms_at(t, i, film->H, film->W);
-        const ints calm = counts(film, heed, judge, t, i, count, beyond);
+        const ints calm = judge
+            ? is_calm(film, film->light, judge, t, i, count, film->share, beyond)
+            : (load_floats(away + i, count) > skirt) & filled(count);
         if (!ANY(calm)) continue;
         for (int a = 0; a < used; ++a) counted[a] = calm ? t[a] : none;
         for (int a = 0, j = 0; a < used; ++a)
@@ -262,7 +334,7 @@ LANED __kernel ONE_GROUP void begin(
 {
     __local float parts[GROUP];
     const int me = get_local_id(0);
-    const Film film = {light, light, sigma, K, H, W, share};
+    const Film film = {light, sigma, K, H, W, share};
     for (int i = me; i < TERMS * K; i += GROUP)
         old[i] = has_before ? before[i] : i % TERMS == 0 ? 1.0f : 0.0f;
     if (me == 0) few[0] = 0;
@@ -272,8 +344,8 @@ LANED __kernel ONE_GROUP void begin(
         for (int j = me; j < TERMS; j += GROUP) drift[TERMS * k + j] = level * old[TERMS * k + j];
     }
     barrier(CLK_GLOBAL_MEM_FENCE);
-    const float calm_before = count_calm(&film, 0, old, beyond, parts);
-    const float calm_beside = count_calm(&film, 0, drift, beyond, parts);
+    const float calm_before = count_calm(&film, old, beyond, parts);
+    const float calm_beside = count_calm(&film, drift, beyond, parts);
     barrier(CLK_GLOBAL_MEM_FENCE);
     for (int i = me; i < TERMS * K; i += GROUP)
         drift[i] = calm_beside > calm_before ? drift[i] : old[i];
@@ -282,60 +354,59 @@ LANED __kernel ONE_GROUP void begin(
 // The drift anew, from the cells that are calm under the one found so far.
 LANED __kernel ONE_GROUP void follow(
     __global const float *restrict light,
-    __global const float *restrict around,
     __global const float *restrict sigma,
     __global const float *restrict old,
     __global const float *restrict drift,
     __global float *restrict next,
     __global float *restrict shares,
     __global int *restrict few,
-    __global float *restrict explained,
     const int K, const int H, const int W,
-    const int last,
     const int used,
     const float share,
-    const float beyond,
-    const float rate)
+    const float beyond)
 {
-    __local float parts[GROUP], sums[SUMS];
+    __local float sums[SUMS];
     const int me = get_local_id(0);
-    const Film film = {light, around, sigma, K, H, W, share};
-    const float fewest = FEWEST * (float)(H * W);
-    // In the last round what lies around a cell has to be calm too, if enough is left.
-    const int heed = last ? count_calm(&film, 1, drift, beyond, parts) >= fewest : 0;
-    tally(&film, heed, drift, old, used, beyond, shares, sums);
-    if (me == 0) few[0] |= sums[0] < fewest;
-    for (int k = me; k < K; k += GROUP)
-        explained[k] = settle(sums, old, next, k, H * W, used, rate);
+    const Film film = {light, sigma, K, H, W, share};
+    tally(&film, drift, beyond, light, NOT_CALM, old, used, shares, sums);
+    if (me == 0) few[0] |= sums[0] < FEWEST * (float)(H * W);
+    for (int k = me; k < K; k += GROUP) settle(sums, old, next, k, H * W, used, 1.0f);
 }
 
-// The level once more, and the old drift where nothing real was found.
+// The last round, as deep in clear film as there is room; then the level once more, and the old
+// drift where nothing real was found.
 LANED __kernel ONE_GROUP void finish(
     __global const float *restrict light,
-    __global const float *restrict around,
     __global const float *restrict sigma,
+    __global const float *restrict away,
     __global const float *restrict old,
-    __global const float *restrict judge,
-    __global const float *restrict drift,
+    __global float *drift,
     __global float *restrict shares,
     __global const int *restrict few,
-    __global const float *restrict explained,
+    __global float *restrict explained,
     __global float *restrict out,
     const int K, const int H, const int W,
     const int used,
     const float share,
-    const float beyond,
+    const float rate,
     const float doubt)
 {
-    __local float parts[GROUP], sums[SUMS];
-    const Film film = {light, around, sigma, K, H, W, share};
-    const int heed = count_calm(&film, 1, judge, beyond, parts) >= FEWEST * (float)(H * W);
-    tally(&film, heed, judge, drift, used, beyond, shares, sums);
+    __local float sums[SUMS];
+    const int me = get_local_id(0);
+    const Film film = {light, sigma, K, H, W, share};
+    const float fewest = FEWEST * (float)(H * W);
+    const float skirt = skirt_for(away, H * W, fewest, shares);
+    tally(&film, 0, 0.0f, away, skirt, old, used, shares, sums);
+    const int nothing = few[0] || sums[0] < fewest;
+    for (int k = me; k < K; k += GROUP)
+        explained[k] = settle(sums, old, drift, k, H * W, used, rate);
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    tally(&film, 0, 0.0f, away, skirt, drift, used, shares, sums);
     const float calm = fmax(sums[0], 1.0f);
-    for (int i = get_local_id(0); i < TERMS * K; i += GROUP) {
+    for (int i = me; i < TERMS * K; i += GROUP) {
         const int k = i / TERMS, j = i % TERMS;
         const float level = j == 0 ? sums[PAIRS + i] / calm : 0.0f;
-        const int real = !few[0] && explained[k] > doubt * sums[PAIRS + MOST * TERMS + k] / calm;
-        out[i] = real ? drift[i] + level : old[i];
+        const float chance = doubt * sums[PAIRS + MOST * TERMS + k] / calm;
+        out[i] = !nothing && explained[k] > chance ? drift[i] + level : old[i];
     }
 }

@@ -28,6 +28,10 @@ COARSE = 0.5
 """Share of the film's grain that is wider than a cell."""
 AROUND = 5
 """Side in cells of what lies around a cell; its mean is so many times less noisy."""
+LIFTED = 0.003
+"""Departure of the mean around a cell, beyond noise, that shows a touch."""
+SKIRT = 5
+"""How many cells around a touch are its skirt, where the frame has the room."""
 HELD = 0.003
 """How firmly the drift's shape is held where there is little calm film: a share of all cells."""
 
@@ -61,8 +65,9 @@ def film_drift(
     `rough` and `level` standard deviations, once the drift found is taken out: three rounds
     of least squares, the first of which takes what departs by 3 % too.  They start from the
     drift before, or from the medians of the frame's border if more of the film is calm under
-    those.  In the last round the mean around a cell has to be calm too, if that leaves a
-    twentieth of the frame: a single cell on the skirt of a touch looks like film at rest.
+    those.  A single cell on the skirt of a touch looks like film at rest.  So in the last round
+    the mean around a cell has to be calm too, and no cell within five cells may be one where
+    that mean departs by 0.3 % more: as far as a twentieth of the frame is left.
 
     Of the level, what is found counts at once: LEDs flicker.  The shape follows slowly, by
     `rate`, and is held where a touch hides it.  The drift before stays where a change
@@ -126,8 +131,9 @@ def film_drift(
         calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
         if beyond == SEARCH[-1]:
             less = noise * np.float32(1 / AROUND)
-            clear = np.minimum(calm, _calm(around, less, basis, drift, np.float32(rough)))
-            calm = clear if clear.mean() >= FEWEST else calm
+            clear = calm * _calm(around, less, basis, drift, np.float32(rough))
+            still = _calm(around, less, basis, drift, np.float32(rough + LIFTED))
+            calm = _beyond_skirt(calm, clear, still.reshape(rows, columns))
         if calm.mean() < FEWEST:
             return before
         drift, explained = _fit(cells, calm, basis, before, used)
@@ -197,6 +203,16 @@ def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
     return np.asarray((away < most).all(axis=0), np.float32)
 
 
+def _beyond_skirt(calm: F4, clear: F4, still: F4) -> F4:
+    """1 for each of N clear cells that is as far from a touch as the frame has room for."""
+    away = cv2.distanceTransform(still.astype(np.uint8), cv2.DIST_C, 3).ravel()
+    for skirt in range(SKIRT, -1, -1):
+        beyond = clear * (away > skirt)
+        if beyond.mean() >= FEWEST:
+            return beyond
+    return calm
+
+
 def _border_level(light: F4, rows: int, columns: int) -> F4:
     """The lower median of each LED's light along the border of the frame."""
     cells = light.reshape(-1, rows, columns)
@@ -224,7 +240,7 @@ def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]
 
 @film_drift.opencl()
 def _launch(run: Launch) -> None:
-    """Look around, begin, go three rounds and finish; all but the first by one work-group."""
+    """Look around, begin, go three rounds and finish; each round by one work-group."""
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
     lights, height, width = (run.sizes[name] for name in "KHW")
@@ -247,19 +263,21 @@ def _launch(run: Launch) -> None:
     old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
     shares, explained = run.scratch((SUMS, run.group)), run.scratch((lights,))
     few = run.scratch((1,), np.int32)
+    clear, still, away = (run.scratch((height, width)) for _ in range(3))
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, few
     begin = int(before is not None), share, rough + SEARCH[0]
     run.kernel("begin", group, *start, *sizes, *begin, local=group)
-    for number, beyond in enumerate(SEARCH, start=1):
-        last = number == len(SEARCH)
-        planes = light, around, noisy, old, drift, spare, shares, few, explained
-        follow = int(last), used, share, rough + beyond, rate if last else 1.0
-        run.kernel("follow", group, *planes, *sizes, *follow, local=group)
+    for beyond in SEARCH[:-1]:
+        planes = light, noisy, old, drift, spare, shares, few
+        run.kernel("follow", group, *planes, *sizes, used, share, rough + beyond, local=group)
         drift, spare = spare, drift
-    found = light, around, noisy, old, spare, drift, shares, few, explained, out
-    finish = used, share, rough + SEARCH[-1], doubt
-    run.kernel("finish", group, *found, *sizes, *finish, local=group)
+    planes = light, around, noisy, drift, clear, still
+    cells, lanes = run.in_lanes(height, width), run.in_row_lanes(height, width)
+    run.kernel("find_clear", cells, *planes, *sizes, share, rough + SEARCH[-1])
+    run.kernel("find_away", lanes, clear, still, away, height, width)
+    found = light, noisy, away, old, drift, shares, few, explained, out
+    run.kernel("finish", group, *found, *sizes, used, share, rate, doubt, local=group)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:

@@ -135,7 +135,8 @@ MUTANTS = {
     "film_drift": {
         "no memory": ("has_before ? before[i]", "0 ? before[i]"),
         "touched cells count too": ("calm &= fabs(", "calm &= 0.0f * fabs("),
-        "skirts count too": ("if (!heed) return calm;", "return calm;"),
+        "skirts count too": ("return skirt;", "return NOT_CALM;"),
+        "no touch shows": ("untouched ? one : none", "untouched ? one : one"),
         "bounced light is drift": ("- load_floats(bounced + i, count)", ""),
     },
     "touch_misfit": {

@@ -86,6 +86,22 @@ def test_the_skirt_of_a_touch_is_no_drift() -> None:
     assert drift(light)[:, 0].tolist() == [1, 1, 1, 1]
 
 
+def test_the_skirt_of_a_large_press_is_no_drift_that_varies() -> None:
+    """Film comes back to rest as exp(-d / reach) around a press that fills half the frame."""
+    size, reach = (240, 320), 8.0
+    y, x = np.mgrid[: size[0], : size[1]] - np.array([119.5, 159.5]).reshape(2, 1, 1)
+    radius = np.maximum(np.hypot(x, y), 1.0)
+    steep = np.float32(0.5) * np.exp(-np.maximum(radius - 70, 0) / reach)
+    rng = np.random.default_rng(0)
+    noise = np.full((4, *size), 0.01, np.float32)
+    light = rng.normal(1, noise).astype(np.float32)
+    for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        light[k] += steep * (p * x + q * y) / radius + (1 + p) * 0.1 * steep
+    found = film_drift(coarsen(light), coarsen(noise), degree=2)
+    basis = terms(np.arange(60), np.arange(80), (60, 80))
+    assert np.abs(np.tensordot(found, basis, axes=1) - 1).max() < 2e-4
+
+
 def test_a_drift_is_doubted_for_the_flat_frames_noise_too() -> None:
     light = np.full((4, *SIZE), 1 - 5.5 * SIGMA / np.sqrt(np.prod(SIZE)), np.float32)
     assert (drift(light, flat_noise=0.0)[:, 0] < 1).all()
