@@ -112,6 +112,7 @@ class Node:
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
     make_rehearsal: Callable[..., Any] | None = None
+    is_idle: Callable[..., bool] | None = None
     kernel_package: str = "tactograph.kernels"
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
 
@@ -279,6 +280,17 @@ class Node:
         what it leaves out is drawn from the port's own range.
         """
         self.make_example = function
+        return function
+
+    def idle(self, function: Callable[..., bool]) -> Callable[..., bool]:
+        """Register when the node returns its neutral input as it is, to the bit.
+
+        It is called with those inputs, other than the neutral one, that its arguments name.  A
+        device then launches nothing, and hands the array on.
+        """
+        if not isinstance(self.neutral, str):
+            raise TypeError(f"{self.name}: only a node whose neutral is an input can be idle")
+        self.is_idle = function
         return function
 
     def rehearsal(self, function: Callable[..., Any]) -> Callable[..., Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -87,6 +88,24 @@ class DeviceValues:
         """Make the constant that stands in for a node."""
         port, shape, dtype, neutral = constant(task, sizes)
         self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
+
+    def hand_on(self, task: Task) -> Shapes | None:
+        """Let an idle node return its input; None where the node has something to do."""
+        node, neutral = task.node, task.node.neutral
+        if node.is_idle is None or not isinstance(neutral, str) or neutral not in task.reads:
+            return None
+        found = self._values.get(task.reads[neutral])
+        ((port, of),) = node.outputs.items()
+        made = Value(task.id, port)
+        as_float = made in self._plan.inspected or made not in self._read_whole
+        if found is None or (as_float and found.dtype != of.dtype):
+            return None
+        names = inspect.signature(node.is_idle).parameters
+        asked = {name: self._host.ready(task.reads.get(name)) for name in names}
+        if any(value is None for value in asked.values()) or not node.is_idle(**asked):
+            return None
+        self._values[made] = found
+        return {port: found.shape}
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
         """Enqueue a node; return the shapes of what it makes."""

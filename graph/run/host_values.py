@@ -45,6 +45,12 @@ class HostValues:
     def __getitem__(self, value: Value) -> Any:
         return self._values[value]
 
+    def ready(self, value: Value | None) -> Any:
+        """A value that can be read without a wait; else None."""
+        if value is None or value in self._arriving:
+            return None
+        return self._values.get(value)
+
     def want(self, node: str) -> None:
         """Ask a node for what is read of it now."""
         self._wanted[node] = self._plan.wanted(node)

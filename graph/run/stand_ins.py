@@ -57,10 +57,15 @@ class StandIns:
 
 
 def read_whole(plan: Plan) -> set[Value]:
-    """The values that callers hand in of which every reader's kernel takes a camera's integers."""
-    tasks = plan.tasks.values()
-    made = {Value(task.id, port) for task in tasks if task.stand_in for port in task.node.outputs}
-    return {value for value in made if _is_read_whole(plan, value)}
+    """Images that may be a camera's integers, since every reader's kernel takes those.
+
+    Callers hand them in, and idle nodes hand them on.
+    """
+    tasks = [t for t in plan.tasks.values() if t.stand_in or t.node.is_idle is not None]
+    made = {Value(task.id, port) for task in tasks for port in task.node.outputs}
+    kept = {*plan.outputs.values(), *recalled_values(plan)}
+    handed_in = {value for value in made if plan.tasks[value.node].stand_in}
+    return {value for value in handed_in | (made - kept) if _is_read_whole(plan, value)}
 
 
 def _goes_up(plan: Plan, task: Task) -> bool:

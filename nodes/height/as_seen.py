@@ -5,7 +5,7 @@ from __future__ import annotations
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, Lens
 from tactograph.nodes.light._bicubic import between_pixels
-from tactograph.nodes.light._lens import ideal_places
+from tactograph.nodes.light._lens import ideal_places, is_straight
 
 
 @node(
@@ -26,9 +26,10 @@ def as_seen(height: Height, lens: Lens) -> Height:
     lens
         Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
     """
-    if not lens.any():
+    if is_straight(lens):
         return height
     return between_pixels(height, *ideal_places(lens, height.shape))
 
 
 as_seen.opencl(grid="H W", lanes="rows")
+as_seen.idle(is_straight)

@@ -6,6 +6,7 @@ import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, Vergence
+from tactograph.nodes.slope.view_slope import is_orthographic
 
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
@@ -27,3 +28,4 @@ def undo_perspective(height: Height, camera: Vergence) -> Height:
 
 
 undo_perspective.opencl(grid="H W", lanes="grid")
+undo_perspective.idle(is_orthographic)

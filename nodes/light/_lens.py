@@ -30,6 +30,11 @@ STEPS = 4
 Places = NDArray[Any]
 
 
+def is_straight(lens: Lens) -> bool:
+    """Whether every place is seen where it is."""
+    return not lens.any()
+
+
 def half_diagonal(shape: tuple[int, int]) -> np.float32:
     """Return half of the image's diagonal in px."""
     rows, columns = shape

@@ -272,9 +272,9 @@ def _launch(run: Launch) -> None:
         planes = light, noisy, old, drift, spare, shares, few
         run.kernel("follow", group, *planes, *sizes, used, share, rough + beyond, local=group)
         drift, spare = spare, drift
-    planes = light, around, noisy, drift, clear, still
+    judged = light, around, noisy, drift, clear, still
     cells, lanes = run.in_lanes(height, width), run.in_row_lanes(height, width)
-    run.kernel("find_clear", cells, *planes, *sizes, share, rough + SEARCH[-1])
+    run.kernel("find_clear", cells, *judged, *sizes, share, rough + SEARCH[-1])
     run.kernel("find_away", lanes, clear, still, away, height, width)
     found = light, noisy, away, old, drift, shares, few, explained, out
     run.kernel("finish", group, *found, *sizes, used, share, rate, doubt, local=group)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Labels, Lens
-from tactograph.nodes.light._lens import nearest_ideal
+from tactograph.nodes.light._lens import is_straight, nearest_ideal
 
 
 @node(
@@ -24,9 +24,10 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     lens
         Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
     """
-    if not lens.any():
+    if is_straight(lens):
         return labels
     return labels[nearest_ideal(lens, labels.shape)]
 
 
 labels_as_seen.opencl(grid="H W", lanes="rows")
+labels_as_seen.idle(is_straight)

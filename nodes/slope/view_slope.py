@@ -12,6 +12,11 @@ LEAST = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 
 
+def is_orthographic(camera: Vergence) -> bool:
+    """Whether the camera is so far away that it sees the film itself."""
+    return camera == 0
+
+
 @node(neutral="slope", tolerance=Close(1e-5, 1e-5, why="division"))
 def view_slope(
     slope: Slope, height: Height, camera: Vergence, pixel: PixelSize, *, inverse: bool = False
@@ -38,7 +43,7 @@ def view_slope(
     inverse
         From slopes of the seen height to slopes of the film.
     """
-    if camera == 0:
+    if is_orthographic(camera):
         return slope
     by = np.float32(camera)
     u = places(height.shape[1], np.float32(pixel))[None, :]
@@ -52,3 +57,4 @@ def view_slope(
 
 
 view_slope.opencl(grid="H W", lanes="grid")
+view_slope.idle(is_orthographic)

@@ -25,7 +25,7 @@ from tactograph.graph import (
     warn,
 )
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Dark, Height, Light, Metrics
+from tactograph.nodes import F4, Dark, Height, Lens, Light, Metrics
 
 CALLS: list[str] = []
 """What ran, in order; the fixture `toys` empties it."""
@@ -403,6 +403,12 @@ def many_planes(
 
 
 @node
+def camera_lens(*, bend: float = 0.0) -> Lens:
+    """A lens with a little distortion, or none."""
+    return np.array([bend, 0, 0, 0, 0, 0, 0, 0], np.float32)
+
+
+@node
 def in_metres(height: Annotated[F4, Port("H W", "m")]) -> Annotated[F4, Port("H W", "m")]:
     """Takes metres."""
     return height
@@ -427,5 +433,5 @@ TOYS = (
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "filed", "strips", "halves", "bright", "enough",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
-    "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck",
+    "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",
 )  # fmt: skip

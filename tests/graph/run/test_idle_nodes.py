@@ -1,0 +1,105 @@
+"""A node that returns its input as it is costs a device nothing, and changes nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import load, node
+from tactograph.graph.backends.prepared_node import Prepared
+from tactograph.nodes import Light
+from tests.graph.conftest import Write
+
+GRAPH = """
+format: 1
+title: Images through a lens
+params:
+  count: {kind: integer}
+  bend: {kind: number, default: 0}
+prefer: [opencl, numpy]
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  lens:   {op: camera_lens, with: {bend: $bend}}
+  image:  {op: undistort, in: {image: frames.image, lens: lens}}
+  flat:   {op: at_rest, with: {rows: 24, columns: 32}}
+  light:  {op: flat_field, in: {image: image, flat: flat.flat, dark: flat.dark}}
+outputs: {light: light}
+"""
+AND_THE_IMAGE = GRAPH.replace("{light: light}", "{light: light, image: image}")
+READ_AS_FRACTIONS = GRAPH.replace(
+    "nodes:\n", "nodes:\n  more: {op: doubled, in: {image: image}}\n"
+).replace("{light: light}", "{light: light, more: more}")
+STACK = np.random.default_rng(0).integers(0, 255, (3, 24, 32))
+BACKENDS = ("numpy", "opencl")
+IMAGES = {"u8": STACK.astype(np.uint8), "f4": (STACK / 255).astype(np.float32)}
+
+
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The nodes that a device ran, in order, and the type of image that each read."""
+    names: list[str] = []
+    launch = Prepared.launch
+
+    def watched(self: Prepared, inputs: Any) -> Any:
+        if "image" in inputs:
+            names.append(f"{self._node.name} {inputs['image'].dtype}")
+        return launch(self, inputs)
+
+    monkeypatch.setattr(Prepared, "launch", watched)
+    return names
+
+
+@pytest.mark.parametrize("kind", IMAGES)
+@pytest.mark.parametrize("graph", [GRAPH, AND_THE_IMAGE, READ_AS_FRACTIONS])
+@pytest.mark.parametrize("bend", [0.0, 0.04])
+def test_light_is_the_same_with_and_without_a_device(
+    toys: list[str], write: Write, graph: str, kind: str, bend: float
+) -> None:
+    found = [load(write(graph), backend=b, bend=bend)(frames=IMAGES[kind]) for b in BACKENDS]
+    for name in found[0]:
+        np.testing.assert_allclose(found[1][name], found[0][name], atol=1e-4 if bend else 0)
+        assert found[1][name].dtype == np.float32
+
+
+def test_without_a_lens_a_device_reads_the_cameras_bytes_themselves(
+    toys: list[str], write: Write, launched: list[str]
+) -> None:
+    load(write(GRAPH), backend="opencl")(frames=IMAGES["u8"])
+    assert launched == ["flat_field uint8"]
+
+
+def test_a_lens_has_to_be_undone(toys: list[str], write: Write, launched: list[str]) -> None:
+    load(write(GRAPH), backend="opencl", bend=0.04)(frames=IMAGES["u8"])
+    assert launched == ["undistort uint8", "flat_field float32"]
+
+
+def test_bytes_that_somebody_reads_as_fractions_are_made_fractions(
+    toys: list[str], write: Write, launched: list[str]
+) -> None:
+    load(write(AND_THE_IMAGE), backend="opencl")(frames=IMAGES["u8"])
+    assert launched == ["undistort uint8", "flat_field float32"]
+
+
+def test_an_idle_node_takes_no_time(toys: list[str], write: Write) -> None:
+    result = load(write(GRAPH), backend="opencl")(frames=IMAGES["f4"])
+    assert result.times["image"] == 0
+    assert result.times["light"] > 0
+
+
+def test_a_lens_that_changes_is_noticed(toys: list[str], write: Write) -> None:
+    """A buffer that was handed on is not written to by the next image."""
+    straight = load(write(GRAPH), backend="opencl")
+    first = straight(frames=IMAGES["f4"])["light"].copy()
+    again = straight(frames=IMAGES["f4"][:, ::-1])["light"]
+    np.testing.assert_array_equal(again, first[:, ::-1])
+
+
+def test_only_a_node_with_an_input_to_return_can_be_idle() -> None:
+    @node
+    def halved(image: Light) -> Light:
+        return image / 2
+
+    with pytest.raises(TypeError, match="only a node whose neutral is an input"):
+        halved.idle(lambda: True)
