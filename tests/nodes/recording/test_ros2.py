@@ -156,7 +156,10 @@ def heard_of(words: list[str], frame: Path | None = None) -> dict[str, Any]:
             heard = ask("listen", json.dumps(topics), frame or "")
         finally:
             run.send_signal(signal.SIGINT)
-            _, said = run.communicate(timeout=60)
+            try:
+                _, said = run.communicate(timeout=60)
+            finally:
+                run.kill()  # or its end would be waited for without an end
     assert set(heard) == set(topics), said
     assert run.returncode == 0, said
     return {name: heard[f"/pad/{name}"] for name in kinds}
