@@ -28,6 +28,7 @@ class DeviceValues:
         self._before: dict[Value, DeviceArray] = {}
         self._launches: dict[str, PreparedNode] = {}
         self._timers: dict[str, Timer] = {}
+        self._idle: list[str] = []
         self._recalled = recalled_values(plan)
         self._read_whole = read_whole(plan)
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
@@ -64,7 +65,7 @@ class DeviceValues:
 
     def begin(self) -> None:
         """Time what is enqueued from now on."""
-        self._timers = {}
+        self._timers, self._idle = {}, []
 
     def transfer(self, step: Step) -> None:
         """Begin a transfer; whoever reads on the host waits, the device keeps its own order."""
@@ -89,7 +90,7 @@ class DeviceValues:
         port, shape, dtype, neutral = constant(task, sizes)
         self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
 
-    def hand_on(self, task: Task) -> Shapes | None:
+    def _hand_on(self, task: Task) -> Shapes | None:
         """Let an idle node return its input; None where the node has something to do."""
         node, neutral = task.node, task.node.neutral
         if node.is_idle is None or not isinstance(neutral, str) or neutral not in task.reads:
@@ -105,10 +106,13 @@ class DeviceValues:
         if any(value is None for value in asked.values()) or not node.is_idle(**asked):
             return None
         self._values[made] = found
+        self._idle.append(task.id)
         return {port: found.shape}
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
         """Enqueue a node; return the shapes of what it makes."""
+        if (handed_on := self._hand_on(task)) is not None:
+            return handed_on
         inputs = {
             name: self._values.get(value) if is_array else self._host[value]
             for name, value, is_array in self._sent[task.id]
@@ -141,7 +145,8 @@ class DeviceValues:
         """Wait for all that was begun; return its milliseconds by step."""
         if self._timers:
             self._device.finish()
-        return {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
+        times = {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
+        return {**times, **dict.fromkeys(self._idle, 0.0)}
 
     def spans(self) -> list[tuple[str, float, float]]:
         """Step, start and end of all that is timed, as times of `time.perf_counter`."""

@@ -348,11 +348,7 @@ class Items:
                 self.times[task.id] = 0.0
             elif step.on_device:
                 assert device is not None
-                handed_on = device.hand_on(task)
-                if handed_on is None:
-                    shapes = device.launch(task, step, sized.sizes)
-                else:
-                    shapes, self.times[task.id] = handed_on, 0.0
+                shapes = device.launch(task, step, sized.sizes)
             elif task.id in given:
                 shapes = self.host.enter(task, step, given[task.id])
             elif task.node.stream:

@@ -16,6 +16,7 @@
 #define LIFTED 0.003f
 #define SKIRT 5
 #define NOT_CALM -1.0f
+#define LEAST 1e-6f
 
 // K x H x W cells: light, and noise as a share of which it counts.
 typedef struct {
@@ -174,30 +175,34 @@ LANED __kernel void find_away(
     store_floats(here > 0.0f ? nearest : here, away + y * W + x, count);
 }
 
-// How far from a touch a cell has to be so that enough are left; NOT_CALM: calm will do.
-static float skirt_for(
-    __global const float *away, const int size, const float fewest, __global float *shares)
+// How many cells are clear.
+static float count_clear(__global const float *away, const int size, __local float *parts)
 {
     const floats one = 1.0f, none = 0.0f;
-    floats left[SKIRT + 1];
-    for (int r = 0; r <= SKIRT; ++r) left[r] = none;
+    floats clear = none;
+    EACH_OF_GROUP(i, count, size)
+    {
+        const ints counted = load_floats(away + i, count) > 0.0f;
+        clear += counted & filled(count) ? one : none;
+    }
+    return group_sum(clear, parts);
+}
+
+// How far a clear cell is away at most.
+static float furthest(__global const float *away, const int size, __local float *parts)
+{
+    floats far = 0.0f;
     EACH_OF_GROUP(i, count, size)
     {
         const floats here = load_floats(away + i, count);
-        for (int r = 0; r <= SKIRT; ++r)
-            left[r] += (here > (float)r) & filled(count) ? one : none;
+        far = MORE_OF(far, here);
     }
-    const int me = get_local_id(0);
-    for (int r = 0; r <= SKIRT; ++r) shares[r * GROUP + me] = sum_of_lanes(left[r]);
-    barrier(CLK_GLOBAL_MEM_FENCE);
-    float skirt = NOT_CALM;
-    for (int r = 0; r <= SKIRT; ++r) {
-        float sum = 0.0f;
-        for (int g = 0; g < GROUP; ++g) sum += shares[r * GROUP + g];
-        skirt = sum >= fewest ? (float)r : skirt;
-    }
-    barrier(CLK_GLOBAL_MEM_FENCE);
-    return skirt;
+    parts[get_local_id(0)] = highest_lane(far);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    float most = 1.0f;
+    for (int g = 0; g < GROUP; ++g) most = fmax(most, parts[g]);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    return most;
 }
 
 // The place number j of the outermost ring of H x W cells.
@@ -236,24 +241,32 @@ static float border_level(
 
 // Sums over the cells that count, of what `known` leaves: of the first `used` terms' products,
 // of terms times light by LED, and of the noise's square by LED.  Those count that are calm
-// under `judge`; without it, those further from a touch than `skirt`.
+// under `judge`.  Without it clear ones count, by the square of how far from a touch they are,
+// `most` at most; or all calm ones, where that is 0.
 static void tally(
     const Film *film, __global const float *judge, const float beyond,
-    __global const float *away, const float skirt, __global const float *known,
+    __global const float *away, const float most, __global const float *known,
     const int used, __global float *shares, __local float *sums)
 {
-    const floats none = 0.0f;
+    const floats one = 1.0f, none = 0.0f;
     floats mine[SUMS];
     for (int j = 0; j < SUMS; ++j) mine[j] = none;
     EACH_OF_GROUP(i, count, film->H * film->W)
     {
         floats t[TERMS], counted[TERMS];
         terms_at(t, i, film->H, film->W);
-        const ints calm = judge
-            ? is_calm(film, film->light, judge, t, i, count, film->share, beyond)
-            : (load_floats(away + i, count) > skirt) & filled(count);
+        floats weight = one;
+        ints calm;
+        if (judge) {
+            calm = is_calm(film, film->light, judge, t, i, count, film->share, beyond);
+        } else {
+            const floats far = load_floats(away + i, count);
+            calm = (most > 0.0f ? far > 0.0f : far > NOT_CALM) & filled(count);
+            if (most > 0.0f) weight = far * far * (1.0f / (most * most));
+        }
         if (!ANY(calm)) continue;
-        for (int a = 0; a < used; ++a) counted[a] = calm ? t[a] : none;
+        weight = calm ? weight : none;
+        for (int a = 0; a < used; ++a) counted[a] = weight * t[a];
         for (int a = 0, j = 0; a < used; ++a)
             for (int b = 0; b <= a; ++b, ++j) mine[j] += counted[a] * t[b];
         for (int k = 0; k < film->K; ++k) {
@@ -262,7 +275,7 @@ static void tally(
             for (int a = 0; a < used; ++a) mine[PAIRS + TERMS * k + a] += counted[a] * left;
             if (film->share <= 0.0f) continue;
             const floats chance = film->share * load_floats(film->sigma + at, count);
-            mine[PAIRS + MOST * TERMS + k] += calm ? chance * chance : none;
+            mine[PAIRS + MOST * TERMS + k] += weight * chance * chance;
         }
     }
     for (int j = 0; j < SUMS; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
@@ -301,13 +314,13 @@ static void solve(const float *a, const float *b, float *x, const int n)
 // that the change explains.
 static float settle(
     __local const float *sums, __global const float *old, __global float *next, const int k,
-    const int size, const int used, const float rate)
+    const float held, const int used, const float rate)
 {
     float a[PAIRS], b[TERMS], change[TERMS], explained = 0.0f;
     for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
     // Without calm film the sums are empty; what comes out is not used.
-    a[0] = fmax(a[0], 1.0f);
-    for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += HELD * (float)size;
+    a[0] = fmax(a[0], LEAST);
+    for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += held;
     for (int j = 0; j < used; ++j) b[j] = sums[PAIRS + TERMS * k + j];
     solve(a, b, change, used);
     for (int j = 0; j < TERMS; ++j) {
@@ -368,13 +381,13 @@ LANED __kernel ONE_GROUP void follow(
     __local float sums[SUMS];
     const int me = get_local_id(0);
     const Film film = {light, sigma, K, H, W, share};
-    tally(&film, drift, beyond, light, NOT_CALM, old, used, shares, sums);
+    tally(&film, drift, beyond, light, 0.0f, old, used, shares, sums);
     if (me == 0) few[0] |= sums[0] < FEWEST * (float)(H * W);
-    for (int k = me; k < K; k += GROUP) settle(sums, old, next, k, H * W, used, 1.0f);
+    for (int k = me; k < K; k += GROUP) settle(sums, old, next, k, HELD * (float)(H * W), used, 1.0f);
 }
 
-// The last round, as deep in clear film as there is room; then the level once more, and the old
-// drift where nothing real was found.
+// The last round, by clear film away from touches; then the level once more, and the old drift
+// where nothing real was found.
 LANED __kernel ONE_GROUP void finish(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -391,18 +404,21 @@ LANED __kernel ONE_GROUP void finish(
     const float rate,
     const float doubt)
 {
-    __local float sums[SUMS];
+    __local float parts[GROUP], sums[SUMS];
     const int me = get_local_id(0);
     const Film film = {light, sigma, K, H, W, share};
     const float fewest = FEWEST * (float)(H * W);
-    const float skirt = skirt_for(away, H * W, fewest, shares);
-    tally(&film, 0, 0.0f, away, skirt, old, used, shares, sums);
-    const int nothing = few[0] || sums[0] < fewest;
+    const float clear = count_clear(away, H * W, parts);
+    const int heed = clear >= fewest;
+    const float far = furthest(away, H * W, parts), most = heed ? far : 0.0f;
+    tally(&film, 0, 0.0f, away, most, old, used, shares, sums);
+    const int nothing = few[0] || (!heed && sums[0] < fewest);
+    const float held = HELD * (float)(H * W) * (heed ? sums[0] / clear : 1.0f);
     for (int k = me; k < K; k += GROUP)
-        explained[k] = settle(sums, old, drift, k, H * W, used, rate);
-    barrier(CLK_GLOBAL_MEM_FENCE);
-    tally(&film, 0, 0.0f, away, skirt, drift, used, shares, sums);
-    const float calm = fmax(sums[0], 1.0f);
+        explained[k] = settle(sums, old, drift, k, held, used, rate);
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    tally(&film, 0, 0.0f, away, most, drift, used, shares, sums);
+    const float calm = fmax(sums[0], LEAST);
     for (int i = me; i < TERMS * K; i += GROUP) {
         const int k = i / TERMS, j = i % TERMS;
         const float level = j == 0 ? sums[PAIRS + i] / calm : 0.0f;

@@ -31,7 +31,7 @@ AROUND = 5
 LIFTED = 0.003
 """Departure of the mean around a cell, beyond noise, that shows a touch."""
 SKIRT = 5
-"""How many cells around a touch are its skirt, where the frame has the room."""
+"""Within so many cells of a touch, cells count less: by the square of the way to it."""
 HELD = 0.003
 """How firmly the drift's shape is held where there is little calm film: a share of all cells."""
 
@@ -66,8 +66,8 @@ def film_drift(
     of least squares, the first of which takes what departs by 3 % too.  They start from the
     drift before, or from the medians of the frame's border if more of the film is calm under
     those.  A single cell on the skirt of a touch looks like film at rest.  So in the last round
-    the mean around a cell has to be calm too, and no cell within five cells may be one where
-    that mean departs by 0.3 % more: as far as a twentieth of the frame is left.
+    the mean around a cell has to be calm too, if that leaves a twentieth of the frame, and
+    cells count less within five cells of one where that mean departs by 0.3 % more.
 
     Of the level, what is found counts at once: LEDs flicker.  The shape follows slowly, by
     `rate`, and is held where a touch hides it.  The drift before stays where a change
@@ -129,13 +129,14 @@ def film_drift(
     used = TERMS_OF[degree]
     for beyond in SEARCH:
         calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
+        if calm.mean() < FEWEST:
+            return before
         if beyond == SEARCH[-1]:
             less = noise * np.float32(1 / AROUND)
             clear = calm * _calm(around, less, basis, drift, np.float32(rough))
             still = _calm(around, less, basis, drift, np.float32(rough + LIFTED))
-            calm = _beyond_skirt(calm, clear, still.reshape(rows, columns))
-        if calm.mean() < FEWEST:
-            return before
+            if clear.mean() >= FEWEST:
+                calm = _beside_skirt(clear, still.reshape(rows, columns))
         drift, explained = _fit(cells, calm, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
     drift[:, 0] += (cells - _gain(drift, basis)) @ calm / calm.sum()
@@ -203,14 +204,11 @@ def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
     return np.asarray((away < most).all(axis=0), np.float32)
 
 
-def _beyond_skirt(calm: F4, clear: F4, still: F4) -> F4:
-    """1 for each of N clear cells that is as far from a touch as the frame has room for."""
+def _beside_skirt(clear: F4, still: F4) -> F4:
+    """How much each of N clear cells counts for its way to the next touch: 1 at most."""
     away = cv2.distanceTransform(still.astype(np.uint8), cv2.DIST_C, 3).ravel()
-    for skirt in range(SKIRT, -1, -1):
-        beyond = clear * (away > skirt)
-        if beyond.mean() >= FEWEST:
-            return beyond
-    return calm
+    far = clear * np.minimum(away, SKIRT + 1)
+    return np.asarray(np.square(far / far.max()), np.float32)
 
 
 def _border_level(light: F4, rows: int, columns: int) -> F4:
@@ -230,7 +228,8 @@ def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]
     """
     known = basis[:used] * calm
     seen = known @ (light - _gain(before, basis)).T
-    held = np.full(used, HELD * calm.size, np.float32)
+    share = calm.sum() / max(np.count_nonzero(calm), 1)
+    held = np.full(used, HELD * share * calm.size, np.float32)
     held[0] = 0
     change = np.linalg.solve(known @ basis[:used].T + np.diag(held), seen)
     drift = before.copy()
