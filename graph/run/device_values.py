@@ -33,6 +33,7 @@ class DeviceValues:
         self._read_whole = read_whole(plan)
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
+        self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
         for task in plan.tasks.values():
             if plan.placements[task.id].on_device and not task.filled:
                 device.compile(task.node)
@@ -101,8 +102,8 @@ class DeviceValues:
         as_float = made in self._plan.inspected or made not in self._read_whole
         if found is None or (as_float and found.dtype != of.dtype):
             return None
-        names = inspect.signature(node.is_idle).parameters
-        asked = {name: self._host.ready(task.reads.get(name)) for name in names}
+        values = self._asked[task.id].items()
+        asked = {name: self._host.ready(value) for name, value in values}
         if any(value is None for value in asked.values()) or not node.is_idle(**asked):
             return None
         self._values[made] = found
@@ -180,6 +181,13 @@ class DeviceValues:
     def forget(self) -> None:
         """Let the next item be a first one."""
         self._before = {}
+
+
+def _asked(task: Task) -> dict[str, Value | None]:
+    """What tells whether a node is idle; None for what is no value of this item."""
+    if task.node.is_idle is None:
+        return {}
+    return {name: task.reads.get(name) for name in inspect.signature(task.node.is_idle).parameters}
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:

@@ -10,7 +10,7 @@ from tactograph.graph import node
 from tactograph.nodes import Lens, Light
 from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles
-from tactograph.nodes.light._lens import half_diagonal, ideal_offset
+from tactograph.nodes.light._lens import half_diagonal, ideal_offset, is_straight
 from tactograph.nodes.light.undistort import undistort
 
 
@@ -39,7 +39,7 @@ def undistort_presses(
     lens
         Length 8, as `read_lens` gives it.
     """
-    if not lens.any():
+    if is_straight(lens):
         return IdealPresses(image, first, known)
     rows, columns = first.shape[1:]
     presses = [undistort(press, lens) for press in cut(image, rows)]

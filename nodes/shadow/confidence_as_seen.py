@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Confidence, Lens
-from tactograph.nodes.light._lens import nearest_ideal
+from tactograph.nodes.light._lens import is_straight, nearest_ideal
 
 
 @node(
@@ -24,9 +24,10 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     lens
         Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
     """
-    if not lens.any():
+    if is_straight(lens):
         return confidence
     return confidence[nearest_ideal(lens, confidence.shape)]
 
 
 confidence_as_seen.opencl(grid="H W", lanes="rows")
+confidence_as_seen.idle(is_straight)
