@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "lanes.clh"
+#include "border.clh"
 #include "near_light.clh"
 #include "pixels.clh"
 #include "cells.clh"
@@ -45,15 +46,6 @@ LANED __kernel void halve(
     store_floats(mean, halved + row * w + column, count);
 }
 
-// The cells x, x + 1, ... of a row of W; beyond it its ends go on.
-static floats lanes_beside(__global const float *row, const int x, const int W)
-{
-    if (x >= 0 && x + LANES <= W) return LOAD_LANES(row + x);
-    float edge[LANES];
-    for (int l = 0; l < LANES; ++l) edge[l] = row[clamp(x + l, 0, W - 1)];
-    return LOAD_LANES(edge);
-}
-
 // The mean of what lies around each cell; beyond the frame its border goes on.
 LANED __kernel void look_around(
     __global const float *restrict light, __global float *restrict around,
@@ -65,7 +57,7 @@ LANED __kernel void look_around(
     for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy) {
         __global const float *line = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
         for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx)
-            total += lanes_beside(line, x + dx, W);
+            total += load_within_border(line, x + dx, count, W, REPLICATE);
     }
     const floats mean = total / (float)(AROUND * AROUND);
     store_floats(mean, around + row * W + x, count);
@@ -168,7 +160,7 @@ LANED __kernel void find_away(
         __global const float *line = still + clamp(y + dy, 0, H - 1) * W;
         for (int dx = -SKIRT; dx <= SKIRT; ++dx) {
             const floats distance = (float)max(abs(dy), abs(dx));
-            const floats there = lanes_beside(line, x + dx, W);
+            const floats there = load_within_border(line, x + dx, count, W, REPLICATE);
             nearest = there > 0.0f ? nearest : LESS_OF(nearest, distance);
         }
     }
@@ -239,33 +231,53 @@ static float border_level(
     return level;
 }
 
-// Sums over the cells that count, of what `known` leaves: of the first `used` terms' products,
-// of terms times light by LED, and of the noise's square by LED.  Those count that are calm
-// under `judge`.  Without it clear ones count, by the square of how far from a touch they are,
-// `most` at most; or all calm ones, where that is 0.
-static void tally(
-    const Film *film, __global const float *judge, const float beyond,
-    __global const float *away, const float most, __global const float *known,
-    const int used, __global float *shares, __local float *sums)
+// Cells count where they are calm.
+static void weigh_calm(
+    const Film *film, __global const float *drift, const float beyond, __global float *weights)
 {
     const floats one = 1.0f, none = 0.0f;
+    EACH_OF_GROUP(i, count, film->H * film->W)
+    {
+        floats t[TERMS];
+        terms_at(t, i, film->H, film->W);
+        const ints calm = is_calm(film, film->light, drift, t, i, count, film->share, beyond);
+        store_floats(calm ? one : none, weights + i, count);
+    }
+    barrier(CLK_GLOBAL_MEM_FENCE);
+}
+
+// Clear cells count by the square of how far from a touch they are, `most` at most; where that
+// is 0 all calm ones do.
+static void weigh_clear(
+    __global const float *away, const float most, const int size, __global float *weights)
+{
+    const floats one = 1.0f, none = 0.0f;
+    EACH_OF_GROUP(i, count, size)
+    {
+        const floats far = load_floats(away + i, count);
+        const floats clear = far > 0.0f ? far * far * (1.0f / (most * most)) : none;
+        const floats calm = far > NOT_CALM ? one : none;
+        store_floats(most > 0.0f ? clear : calm, weights + i, count);
+    }
+    barrier(CLK_GLOBAL_MEM_FENCE);
+}
+
+// Sums over the cells, as far as they count, of what `known` leaves: of the first `used` terms'
+// products, of terms times light by LED, and of the noise's square by LED.
+static void tally(
+    const Film *film, __global const float *weights, __global const float *known,
+    const int used, __global float *shares, __local float *sums)
+{
+    const floats none = 0.0f;
     floats mine[SUMS];
     for (int j = 0; j < SUMS; ++j) mine[j] = none;
     EACH_OF_GROUP(i, count, film->H * film->W)
     {
+        const floats here = load_floats(weights + i, count);
+        const floats weight = filled(count) ? here : none;
+        if (!ANY(weight > 0.0f)) continue;
         floats t[TERMS], counted[TERMS];
         terms_at(t, i, film->H, film->W);
-        floats weight = one;
-        ints calm;
-        if (judge) {
-            calm = is_calm(film, film->light, judge, t, i, count, film->share, beyond);
-        } else {
-            const floats far = load_floats(away + i, count);
-            calm = (most > 0.0f ? far > 0.0f : far > NOT_CALM) & filled(count);
-            if (most > 0.0f) weight = far * far * (1.0f / (most * most));
-        }
-        if (!ANY(calm)) continue;
-        weight = calm ? weight : none;
         for (int a = 0; a < used; ++a) counted[a] = weight * t[a];
         for (int a = 0, j = 0; a < used; ++a)
             for (int b = 0; b <= a; ++b, ++j) mine[j] += counted[a] * t[b];
@@ -371,6 +383,7 @@ LANED __kernel ONE_GROUP void follow(
     __global const float *restrict old,
     __global const float *restrict drift,
     __global float *restrict next,
+    __global float *weights,
     __global float *restrict shares,
     __global int *restrict few,
     const int K, const int H, const int W,
@@ -381,7 +394,8 @@ LANED __kernel ONE_GROUP void follow(
     __local float sums[SUMS];
     const int me = get_local_id(0);
     const Film film = {light, sigma, K, H, W, share};
-    tally(&film, drift, beyond, light, 0.0f, old, used, shares, sums);
+    weigh_calm(&film, drift, beyond, weights);
+    tally(&film, weights, old, used, shares, sums);
     if (me == 0) few[0] |= sums[0] < FEWEST * (float)(H * W);
     for (int k = me; k < K; k += GROUP) settle(sums, old, next, k, HELD * (float)(H * W), used, 1.0f);
 }
@@ -394,6 +408,7 @@ LANED __kernel ONE_GROUP void finish(
     __global const float *restrict away,
     __global const float *restrict old,
     __global float *drift,
+    __global float *weights,
     __global float *restrict shares,
     __global const int *restrict few,
     __global float *restrict explained,
@@ -410,14 +425,15 @@ LANED __kernel ONE_GROUP void finish(
     const float fewest = FEWEST * (float)(H * W);
     const float clear = count_clear(away, H * W, parts);
     const int heed = clear >= fewest;
-    const float far = furthest(away, H * W, parts), most = heed ? far : 0.0f;
-    tally(&film, 0, 0.0f, away, most, old, used, shares, sums);
+    const float far = furthest(away, H * W, parts);
+    weigh_clear(away, heed ? far : 0.0f, H * W, weights);
+    tally(&film, weights, old, used, shares, sums);
     const int nothing = few[0] || (!heed && sums[0] < fewest);
     const float held = HELD * (float)(H * W) * (heed ? sums[0] / clear : 1.0f);
     for (int k = me; k < K; k += GROUP)
         explained[k] = settle(sums, old, drift, k, held, used, rate);
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
-    tally(&film, 0, 0.0f, away, most, drift, used, shares, sums);
+    tally(&film, weights, drift, used, shares, sums);
     const float calm = fmax(sums[0], LEAST);
     for (int i = me; i < TERMS * K; i += GROUP) {
         const int k = i / TERMS, j = i % TERMS;

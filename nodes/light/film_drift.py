@@ -128,7 +128,7 @@ def film_drift(
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
     used = TERMS_OF[degree]
     for beyond in SEARCH:
-        calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
+        weight = calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
         if calm.mean() < FEWEST:
             return before
         if beyond == SEARCH[-1]:
@@ -136,11 +136,11 @@ def film_drift(
             clear = calm * _calm(around, less, basis, drift, np.float32(rough))
             still = _calm(around, less, basis, drift, np.float32(rough + LIFTED))
             if clear.mean() >= FEWEST:
-                calm = _beside_skirt(clear, still.reshape(rows, columns))
-        drift, explained = _fit(cells, calm, basis, before, used)
+                weight = _beside_skirt(clear, still.reshape(rows, columns))
+        drift, explained = _fit(cells, weight, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
-    drift[:, 0] += (cells - _gain(drift, basis)) @ calm / calm.sum()
-    chance = np.float32(1 + flat_noise**2) * (np.square(noise) @ calm) / calm.sum()
+    drift[:, 0] += (cells - _gain(drift, basis)) @ weight / weight.sum()
+    chance = np.float32(1 + flat_noise**2) * (np.square(noise) @ weight) / weight.sum()
     return np.where((explained > chance)[:, None], drift, before)
 
 
@@ -221,15 +221,15 @@ def _border_level(light: F4, rows: int, columns: int) -> F4:
     return np.asarray(np.partition(light, middle, axis=1)[:, middle])
 
 
-def _fit(light: F4, calm: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]:
-    """Least squares over the calm cells, the shape held near what it was.
+def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]:
+    """Least squares over the cells by weight, the shape held near what it was.
 
     Returns the drift, and the sum of squares that its change explains, by LED.
     """
-    known = basis[:used] * calm
+    known = basis[:used] * weight
     seen = known @ (light - _gain(before, basis)).T
-    share = calm.sum() / max(np.count_nonzero(calm), 1)
-    held = np.full(used, HELD * share * calm.size, np.float32)
+    share = weight.sum() / max(np.count_nonzero(weight), 1)
+    held = np.full(used, HELD * share * weight.size, np.float32)
     held[0] = 0
     change = np.linalg.solve(known @ basis[:used].T + np.diag(held), seen)
     drift = before.copy()
@@ -262,20 +262,20 @@ def _launch(run: Launch) -> None:
     old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
     shares, explained = run.scratch((SUMS, run.group)), run.scratch((lights,))
     few = run.scratch((1,), np.int32)
-    clear, still, away = (run.scratch((height, width)) for _ in range(3))
+    clear, still, away, weights = (run.scratch((height, width)) for _ in range(4))
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, few
     begin = int(before is not None), share, rough + SEARCH[0]
     run.kernel("begin", group, *start, *sizes, *begin, local=group)
     for beyond in SEARCH[:-1]:
-        planes = light, noisy, old, drift, spare, shares, few
+        planes = light, noisy, old, drift, spare, weights, shares, few
         run.kernel("follow", group, *planes, *sizes, used, share, rough + beyond, local=group)
         drift, spare = spare, drift
     judged = light, around, noisy, drift, clear, still
     cells, lanes = run.in_lanes(height, width), run.in_row_lanes(height, width)
     run.kernel("find_clear", cells, *judged, *sizes, share, rough + SEARCH[-1])
     run.kernel("find_away", lanes, clear, still, away, height, width)
-    found = light, noisy, away, old, drift, shares, few, explained, out
+    found = light, noisy, away, old, drift, weights, shares, few, explained, out
     run.kernel("finish", group, *found, *sizes, used, share, rate, doubt, local=group)
 
 

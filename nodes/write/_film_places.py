@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
 from tactograph.nodes.light._bicubic import between_pixels
-from tactograph.nodes.light._lens import half_diagonal, ideal_places, seen_offset
+from tactograph.nodes.light._lens import half_diagonal, ideal_places, is_straight, seen_offset
 
 HALVINGS = 10
 """Of the interval in which the pixel lies that sees a point of the even grid."""
@@ -42,7 +42,7 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
     """
     _check_below(height, camera)
     rows, columns = height.shape
-    if lens is None or not lens.any():
+    if lens is None or is_straight(lens):
         row, column = np.mgrid[:rows, :columns].astype(np.float64)
     else:
         column, row = (place.astype(np.float64) for place in ideal_places(lens, height.shape))
@@ -73,7 +73,7 @@ def on_even_grid(
     """
     _check_below(height, camera)
     lens = np.zeros(8, np.float32) if lens is None else lens
-    if not lens.any() and camera == 0:
+    if is_straight(lens) and camera == 0:
         return height, others
     rows, columns = height.shape
     half = float(half_diagonal(height.shape))

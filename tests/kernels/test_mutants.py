@@ -135,7 +135,7 @@ MUTANTS = {
     "film_drift": {
         "no memory": ("has_before ? before[i]", "0 ? before[i]"),
         "touched cells count too": ("calm &= fabs(", "calm &= 0.0f * fabs("),
-        "skirts count too": ("if (most > 0.0f) weight", "if (0) weight"),
+        "skirts count too": ("most > 0.0f ? clear", "0 ? clear"),
         "no touch shows": ("untouched ? one : none", "untouched ? one : one"),
         "bounced light is drift": ("- load_floats(bounced + i, count)", ""),
     },
