@@ -23,8 +23,6 @@ from tactograph.graph import load
 ROOT = Path(__file__).resolve().parent.parent
 RIGS = ("ideal", "perspective", "lens", "discs", "gloss", "bounce")
 SCENES = ("calibration", "calibration_off", "sphere_film", "corner_film", "teapot_film", "cat_film")
-UNDER_A_COAT = 0.9
-"""Of the film's albedo: what the coat leaves of the light that the film throws on itself."""
 GRAPH = """
 format: 1
 extends: {base}
@@ -91,7 +89,7 @@ def images(folder: Path) -> F4:
 def rendered(height: Path, facts: dict[str, Any]) -> dict[str, Any]:
     """What the rig's camera would see of a shape."""
     coat, disc = facts.get("coating") or {}, facts.get("led_disc_radius_mm") or 0
-    bounce = facts["albedo"] * (UNDER_A_COAT if coat else 1) if facts.get("bounces") else 0
+    bounce = facts["albedo"] if facts.get("bounces") else 0
     with tempfile.TemporaryDirectory() as folder:
         graph = Path(folder) / "rig.yaml"
         base = ROOT / "pipelines/simulate_hand.yaml"

@@ -120,6 +120,8 @@ class Film(NamedTuple):
     """The coat's refractive index; 1: no coat."""
     albedo: Albedo
     """rho: the share of light that the film throws back, for light from film to film."""
+    rim: Annotated[float, Port(unit="mm", low=0, high=4)]
+    """How far the film goes on beyond the frame."""
     camera: Vergence
     grain: Grain
     """What texture, dirt and an imperfect model add to the noise of the light."""

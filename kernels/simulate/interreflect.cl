@@ -4,6 +4,7 @@
 #include "near_light.clh"
 #include "radiosity.clh"
 #include "film.clh"
+#define SEEN_FROM_ABOVE
 #include "coated_bounce.clh"
 
 #define FAINTEST 1e-6f

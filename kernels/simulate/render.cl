@@ -1,4 +1,6 @@
 #include "common.clh"
+#define reals float
+#include "coat.clh"
 
 #define GOLDEN_ANGLE 2.3999631f
 #define LIFT_PX 1e-3f
@@ -155,32 +157,6 @@ float emitted(__global const float *led, const Ray ray)
     return fmax(along / ray.length, 0.0f);
 }
 
-// Share of unpolarised light that a dielectric mirrors.
-float fresnel(const float cosine_, const float index)
-{
-    const float inside = sqrt(fmax(1.0f - (1.0f - cosine_ * cosine_) / (index * index), 0.0f));
-    const float across = (cosine_ - index * inside) / (cosine_ + index * inside);
-    const float along = (inside - index * cosine_) / (inside + index * cosine_);
-    return 0.5f * (across * across + along * along);
-}
-
-// Share that a rough coat lets through, averaged over the facets seen.
-float let_in(const float cosine_, const Coat coat)
-{
-    const float lean = 0.25f * coat.alpha * coat.alpha * (1.0f - cosine_ * cosine_);
-    const float mean = cosine_ + lean / sqrt(cosine_ * cosine_ + (2.0f / 3.14159265f) * lean);
-    return 1.0f - fresnel(fmin(mean, 1.0f), coat.index);
-}
-
-// Smith's share of facets that others do not hide, Walter's rational approximation.
-float unhidden(const float cosine_, const float alpha)
-{
-    const float a = cosine_ / (alpha * sqrt(fmax(1.0f - cosine_ * cosine_, 1e-12f)));
-    if (a >= 1.6f)
-        return 1.0f;
-    return (3.535f * a + 2.181f * a * a) / (1.0f + 2.276f * a + 2.577f * a * a);
-}
-
 // What takes the place of n.L under a rough dielectric coat, seen from the pupil.
 float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
 {
@@ -198,13 +174,11 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
     const float upright =
         fmax((hz - spot.p * hx - spot.q * hy) / (spot.norm * length_), SMALLEST_COSINE);
     const float between = (vx * hx + vy * hy + vz * hz) / length_;
-    const float square = upright * upright, rough = coat.alpha * coat.alpha;
-    const float spread = exp((square - 1.0f) / (square * rough)) / (rough * square * square);
-    const float mirrored = fresnel(between, coat.index) * spread * unhidden(lit, coat.alpha)
-        * unhidden(seen, coat.alpha);
-    const float matt = n_l * let_in(lit, coat) * let_in(seen, coat);
-    // Beckmann's distribution has 1 / pi, which that of pi / albedo cancels.
-    return matt + mirrored / (4.0f * coat.albedo * seen);
+    const float mirrored = beckmann(upright, coat.alpha) * fresnel(between, coat.index)
+        * masking(lit, coat.alpha) * masking(seen, coat.alpha);
+    const float matt =
+        n_l * let_in(lit, coat.alpha, coat.index) * let_in(seen, coat.alpha, coat.index);
+    return matt + mirrored * PI_ / (4.0f * coat.albedo * seen);
 }
 
 // Blinn-Phong; h lies half-way between the light and the camera above.

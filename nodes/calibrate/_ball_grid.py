@@ -170,6 +170,8 @@ def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float
         rim=circle[:, 2] * pixel,
         radius=np.full(len(circle), radius_px * pixel),
         bounced=np.zeros_like(values),
+        by_lift=np.zeros_like(values),
+        by_rim=np.zeros_like(values),
         sector=np.zeros(values.shape[1], int),
     )
 

@@ -30,7 +30,8 @@ def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNorma
     """Find the normal of every sample from its light, by a fitted film so uneven in brightness."""
     film = fitted.film
     truth, x, y, z = balls.seen(fitted.shifts, film.camera)
-    direct, place = balls.light - film.albedo * balls.bounced, (x, y, np.maximum(z, film.contact))
+    direct = balls.light - balls.thrown(fitted.shifts, film)
+    place = x, y, np.maximum(z, film.contact)
     n = truth
     for _ in range(STEPS):
         n = turned(film, direct, n, place, uneven)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1, Film
-from tactograph.nodes.calibrate._film_fit import FAINT, Balls
+from tactograph.nodes.calibrate._film_fit import FAINT, Balls, ball_height
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import cut
 from tactograph.nodes.light._near_light import F8, places
@@ -23,6 +23,12 @@ SAMPLES, ENOUGH = 1500, 30
 """Samples of all balls together, and of each ball at least."""
 USUAL_ALBEDO = 0.6
 """Of a film that a bounce is computed for."""
+LIFT = 0.02
+"""Share of a ball's radius by which it is lifted to see how a bounce grows with its height."""
+ON_BALL = 1 + 1e-6
+"""Of the square of a radius, up to which a ray meets a ball."""
+RIM = 0.5
+"""mm by which the film is widened to see how a bounce grows with it."""
 NOISY = 1.5
 """Times the camera's noise, up to which a departure is no more than that."""
 SLICES = 16
@@ -41,6 +47,7 @@ def sample_balls(
     steepest: float,
     most: int | None = SAMPLES,
     bare: U1 | None = None,
+    shifts: F8 | None = None,
 ) -> Balls:
     """Choose samples of the balls, evenly over each.
 
@@ -62,16 +69,28 @@ def sample_balls(
         Of all balls together, though `ENOUGH` of each; None: all pixels.
     bare
         S x W, 0 on pixels that are left out; None: there are none.
+    shifts
+        B x 3 in mm, by which a fit has moved the balls: they throw light from there.  A contact
+        is often found too small, and what the film throws grows with the height of its flanks;
+        `by_lift` tells the fit how much.
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
     each = None if most is None else max(ENOUGH, most // len(circle))
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
-    thrown = {
-        i: _unit_bounce(presses[i], sigma, circle[of == i], radius[of == i], film, pixel)
-        for i in np.unique(of)
-    }
+    moved = np.zeros((len(circle), 3)) if shifts is None else shifts
+
+    wider = film._replace(rim=film.rim + RIM)
+
+    def thrown(i: int, film: Film, lift: float = 0) -> F4:
+        balls = circle[of == i], radius[of == i]
+        places = moved[of == i] + lift * balls[1][:, None] * np.array([0, 0, 1])
+        return _unit_bounce(presses[i], sigma, *balls, places, film, pixel)
+
+    used = np.unique(of)
+    still, lifted = {i: thrown(i, film) for i in used}, {i: thrown(i, film, LIFT) for i in used}
+    rimmed = {i: thrown(i, wider) for i in used}
     found: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
         u0, v0, rim = circle[number].astype(np.float64)
@@ -88,9 +107,13 @@ def sample_balls(
         inside = inside[:: 1 if each is None else inside.size // each + 1]
         yy, xx = yy[inside], xx[inside]
         sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
-        values, bounced = presses[i][:, yy, xx], thrown[i][:, yy, xx]
-        found.append((x[xx], y[yy], values, bounced, np.full(xx.size, number), sector))
-    u, v, values, bounced, ball, sector = (
+        values, bounced = presses[i][:, yy, xx], still[i][:, yy, xx].astype(np.float64)
+        by_lift = (lifted[i][:, yy, xx] - bounced) / (LIFT * radius[number])
+        by_rim = (rimmed[i][:, yy, xx] - bounced) / RIM
+        bounced -= moved[number, 2] * by_lift + film.rim * by_rim
+        each_ball = values, bounced, by_lift, by_rim, np.full(xx.size, number), sector
+        found.append((x[xx], y[yy], *each_ball))
+    u, v, values, bounced, by_lift, by_rim, ball, sector = (
         np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
@@ -102,26 +125,38 @@ def sample_balls(
         centre=(circle[:, :2].astype(np.float64) - middle) * pixel,
         rim=circle[:, 2].astype(np.float64) * pixel,
         radius=radius.astype(np.float64),
-        bounced=bounced.astype(np.float64),
+        bounced=bounced,
+        by_lift=by_lift,
+        by_rim=by_rim,
         sector=sector,
     )
 
 
-def _unit_bounce(press: F4, sigma: F4, circle: F4, radius: F4, film: Film, pixel: float) -> F4:
+def _unit_bounce(
+    press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float
+) -> F4:
     """The light that balls in a film of albedo 1 throw on it and on the film around them.
 
     Less what `level_touches` has taken for drift: they brighten the film at rest, too.
     """
-    yy, xx = np.mgrid[: press.shape[1], : press.shape[2]]
-    height = np.zeros(press.shape[1:], np.float32)
-    for (x, y, contact), size in zip(circle, radius, strict=True):
-        square = ((xx - x) ** 2 + (yy - y) ** 2) * pixel**2
-        rim = float(contact) * pixel
-        depth = np.sqrt(np.maximum(size**2 - square, 0)) - np.sqrt(max(size**2 - rim**2, 0))
-        height = np.where(square < rim**2, depth, height).astype(np.float32)
-    thrown = film_bounce(press, height, film._replace(albedo=USUAL_ALBEDO), pixel)
-    drift = film_drift(coarsen(1 + thrown), sigma, degree=DEGREE, rough=ROUGH)
-    level = drift_gain(drift, height.shape) - 1
+    rows, columns = press.shape[1:]
+    u = places(columns, np.float32(pixel)).astype(np.float64)
+    v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
+    height = np.zeros((rows, columns))
+    for (x, y, contact), size, (dx, dy, dz) in zip(circle, radius, shifts, strict=True):
+        sunk = np.sqrt(max(size**2 - (float(contact) * pixel) ** 2, 0)) - dz
+        cx = np.interp(x, np.arange(columns), u) + dx
+        cy = np.interp(y, np.arange(rows), v[:, 0]) + dy
+        z = ball_height(u, v, (cx, cy, -sunk), size, film.camera)
+        nearer = 1 - film.camera * z
+        away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z + sunk) ** 2
+        height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
+    seen = (height / (1 - film.camera * height)).astype(np.float32)
+    thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel)
+    # Balls are no film at rest, for all that little is thrown on their tops.
+    shown = np.where(seen > 0, press, 1 + thrown)
+    drift = film_drift(coarsen(shown), sigma, degree=DEGREE, rough=ROUGH)
+    level = drift_gain(drift, seen.shape) - 1
     return (thrown - level * press) / np.float32(USUAL_ALBEDO)
 
 

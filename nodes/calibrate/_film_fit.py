@@ -1,8 +1,9 @@
 """Film, LEDs and camera together: a least-squares fit of equation F1 to balls and the flat frame.
 
-The unknowns are each LED's direction, distance, strength and diffuse share; what all share (gain,
-coat, albedo, pupil); and a shift of every ball.  Balls meet only in what they share, so the
-normal equations are solved ball by ball (Schur's complement), for one ball as for a hundred.
+The unknowns are each LED's direction, distance, strength, emission and diffuse share; what all
+share (gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls meet only in what they
+share, so the normal equations are solved ball by ball (Schur's complement), for one ball as for a
+hundred.
 
 Long because the equations, their elimination and their priors share the same unknowns.
 """
@@ -21,6 +22,8 @@ from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate._light_fit import FARTHEST, HUBER, LIFT_MM, SPREAD, Rest
 from tactograph.nodes.light._film import (
     FADE,
+    GRAZING,
+    USUAL_RIM,
     matt_film,
     place_terms,
     predict,
@@ -61,13 +64,19 @@ SHARED = {
     "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
     "refraction": Unknown(1.5, 0.05, 1.3, 1.6, 1e-3),
     "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
+    "rim": Unknown(USUAL_RIM, 1.0, 0.0, 10.0, 1e-2),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
 }
 DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
+EMISSION = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
+"""m: an LED that faces the middle of the film shines by cos^m from its axis.  Only the flat frame
+is asked: it would tell a wrong distance, while touched film, relative to it, hardly changes."""
+LED = 5
+"""Numbers of an LED."""
 PARTS = {
     "diffuse": ("diffuse", "gain"),
     "lobe": ("base", "roughness", "refraction"),
-    "bounce": ("albedo",),
+    "bounce": ("albedo", "rim"),
     "camera": ("camera",),
 }
 """What a part of the model leaves open."""
@@ -79,7 +88,8 @@ class Balls:
 
     `ball` numbers the ball of each sample, in order.  By ball: `centre` P x 2 in mm, `rim` the
     radius of its contact and `radius` its own, in mm.  `bounced` is what a film of albedo 1
-    throws on the samples; `sector` numbers slices of a ball.
+    throws on the samples; per mm it grows by `by_lift` with the height of their ball, and by
+    `by_rim` with the film's rim.  `sector` numbers slices of a ball.
     """
 
     u: F8
@@ -90,6 +100,8 @@ class Balls:
     rim: F8
     radius: F8
     bounced: F8
+    by_lift: F8
+    by_rim: F8
     sector: NDArray[np.intp]
 
     @property
@@ -106,6 +118,8 @@ class Balls:
             light=self.light[:, chosen],
             ball=self.ball[chosen],
             bounced=self.bounced[:, chosen],
+            by_lift=self.by_lift[:, chosen],
+            by_rim=self.by_rim[:, chosen],
             sector=self.sector[chosen],
         )
 
@@ -115,15 +129,16 @@ class Balls:
         cx, cy = (self.centre + shifts[:, :2])[self.ball].T
         height = shifts[:, 2] - np.sqrt(np.maximum(self.radius**2 - self.rim**2, 0))
         cz = height[self.ball]
-        du, dv = self.u - cx, self.v - cy
-        a = 1 + camera**2 * (self.u**2 + self.v**2)
-        b = camera * (self.u * du + self.v * dv) + cz
-        c = du * du + dv * dv + cz * cz - radius**2
-        z = (b + np.sqrt(np.maximum(b * b - a * c, 0))) / a
+        z = ball_height(self.u, self.v, (cx, cy, cz), radius, camera)
         x, y = self.u * (1 - camera * z), self.v * (1 - camera * z)
         n = np.stack([x - cx, y - cy, z - cz]) / radius
         n[2] = np.maximum(n[2], 0.02)
         return n / np.sqrt((n * n).sum(0)), x, y, z
+
+    def thrown(self, shifts: F8, film: Film) -> F8:
+        """What the film throws on the samples, K x N, its balls moved by `shifts`."""
+        whole = self.bounced + self.by_lift * shifts[self.ball, 2] + self.by_rim * film.rim
+        return np.asarray(film.albedo * whole)
 
     def by_ball(self, left: F8, right: F8) -> F8:
         """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
@@ -136,8 +151,21 @@ class Balls:
         )
 
 
+def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera: float) -> F8:
+    """Return the height in mm at which the ray that meets the film at rest at u, v meets a ball.
+
+    Where it passes by, the height where it is nearest to the ball.
+    """
+    cx, cy, cz = centre
+    du, dv = u - cx, v - cy
+    a = 1 + camera**2 * (u**2 + v**2)
+    b = camera * (u * du + v * dv) + cz
+    c = du * du + dv * dv + cz * cz - radius**2
+    return np.asarray((b + np.sqrt(np.maximum(b * b - a * c, 0))) / a)
+
+
 class Fitted(NamedTuple):
-    """K x 4 numbers of the LEDs, the film, the balls' shifts P x 3 in mm, and what is left.
+    """K x LED numbers of the LEDs, the film, the balls' shifts P x 3 in mm, and what is left.
 
     The film's `lights` follow from `leds`.
     """
@@ -188,16 +216,16 @@ class _Equations(NamedTuple):
 
 def predicted(balls: Balls, fitted: Fitted, led: int | None = None) -> F8:
     """Return the light of the balls' samples, K x N, or 1 x N of one LED."""
-    film, bounced = fitted.film, balls.bounced
+    film, thrown = fitted.film, balls.thrown(fitted.shifts, fitted.film)
     if led is not None:
         one = slice(led, led + 1)
         film = film._replace(
             lights=film.lights[one], diffuse=film.diffuse[one], harmonics=film.harmonics[one]
         )
-        bounced = bounced[one]
+        thrown = thrown[one]
     n, x, y, z = balls.seen(fitted.shifts, film.camera)
     made = predict(film, n, x, y, _touched(z, film))
-    return np.asarray(made + film.albedo * bounced)
+    return np.asarray(made + thrown)
 
 
 def _touched(z: F8, film: Film) -> F8:
@@ -301,8 +329,9 @@ def add_harmonics(
         n, *_ = balls.seen(now.shifts, film.camera)
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(size, -1)
-        base = predicted(balls, physics._replace(shifts=now.shifts)) - film.albedo * balls.bounced
-        left = balls.light - base - film.albedo * balls.bounced
+        thrown = balls.thrown(now.shifts, film)
+        base = predicted(balls, physics._replace(shifts=now.shifts)) - thrown
+        left = balls.light - base - thrown
         normal, right = np.diag(held), np.zeros(count * size + 1)
         for k in range(count):
             own, weighted = slice(k * size, (k + 1) * size), basis * weight[k]
@@ -361,8 +390,17 @@ def _huber(left: F8) -> float:
 
 def _rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame less that of the model, what all LEDs share taken out: K x M."""
-    model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:]
+    model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:4]
+    model += now.leds[:, 4:] * np.log(_off_axis(now.film, rest.x, rest.y))
     return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
+
+
+def _off_axis(film: Film, x: F8, y: F8) -> F8:
+    """Cosines at which LEDs that face the middle of the film send light to its places: K x M."""
+    lx, ly, lz = film.lights.T[..., None].astype(np.float64)
+    high = np.sqrt(lx * lx + ly * ly + lz * lz)
+    away = np.sqrt((lx - x) ** 2 + (ly - y) ** 2 + lz * lz)
+    return np.asarray(np.maximum((high * high - lx * x - ly * y) / (high * away), GRAZING))
 
 
 def _rest_spread(left: F8, rest: Rest) -> float:
@@ -375,10 +413,11 @@ def _rest_spread(left: F8, rest: Rest) -> float:
 def _priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
     """Number, departure and standard deviation of every unknown that something is known of."""
     count = len(now.leds)
-    for k, (_, _, c, _) in enumerate(now.leds):
-        yield 4 * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+    for k, (_, _, c, _, emission) in enumerate(now.leds):
+        yield LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+        yield LED * k + 4, emission - EMISSION.start, EMISSION.spread
     for number, (_, value, about) in _numbers(now, names):
-        yield 4 * count + number, value - about.start, about.spread
+        yield LED * count + number, value - about.start, about.spread
 
 
 def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, float, Unknown]]]:
@@ -424,7 +463,7 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
         shared += (flat * firm) @ flat.T
         right -= flat @ (firm * there.ravel())
     # The strengths' common factor is free, and all are without a flat frame: they are held.
-    strengths = np.arange(3, now.leds.size, 4)
+    strengths = np.arange(3, now.leds.size, LED)
     held = 1 / len(strengths) ** 2 if rest is not None else np.eye(len(strengths))
     shared[np.ix_(strengths, strengths)] += held
     right[strengths] -= now.leds[:, 3].mean() / len(strengths)
@@ -447,7 +486,7 @@ def _by_shift(balls: Balls, now: Fitted) -> tuple[F8, F8]:
 def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8) -> F8:
     """Derivatives by what is shared, G x K x N; what is one LED's changes its light alone."""
     count = len(now.leds)
-    owners = [k for k in range(count) for _ in range(4)]
+    owners = [k for k in range(count) for _ in range(LED)]
     for name in names:
         owners += list(range(count)) if name == "diffuse" else [-1]
     by = np.zeros((len(owners), *before.shape))
@@ -463,13 +502,13 @@ def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8) -> F8:
 def _stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
     """One number changed, and by how much."""
     count = len(now.leds)
-    if j < 4 * count:
-        change = np.zeros(4 * count)
-        change[j] = step = 1e-5 * (1 if j % 4 != 2 else max(now.leds[j // 4, 2], 1e-4))
-        return now.with_leds(now.leds + change.reshape(-1, 4)), step
+    if j < LED * count:
+        change = np.zeros(LED * count)
+        change[j] = step = 1e-5 * (1 if j % LED != 2 else max(now.leds[j // LED, 2], 1e-4))
+        return now.with_leds(now.leds + change.reshape(-1, LED)), step
     steps = np.zeros(sum(1 for _ in _numbers(now, names)))
-    about = dict(_numbers(now, names))[j - 4 * count][2]
-    steps[j - 4 * count] = about.step
+    about = dict(_numbers(now, names))[j - LED * count][2]
+    steps[j - LED * count] = about.step
     return now._replace(film=_film_moved(now.film, names, steps, bounded=False)), about.step
 
 
@@ -488,9 +527,10 @@ def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> F
 
 def _moved(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
     count = len(now.leds)
-    leds = now.leds + by[: 4 * count].reshape(-1, 4)
+    leds = now.leds + by[: LED * count].reshape(-1, LED)
     leds[:, 2] = np.maximum(leds[:, 2], 1 / FARTHEST)
-    film = _film_moved(now.film, names, by[4 * count :])
+    leds[:, 4] = np.clip(leds[:, 4], EMISSION.low, EMISSION.high)
+    film = _film_moved(now.film, names, by[LED * count :])
     return now._replace(film=film, shifts=now.shifts + own).with_leds(leds)
 
 
@@ -514,6 +554,7 @@ def start_at(lights: F4, strength: F4, count: int) -> Fitted:
             lights[:, :2] / lights[:, 2:],
             1 / np.minimum(lights[:, 2], FARTHEST),
             np.log(np.maximum(strength, 1e-6)),
+            np.full(len(lights), EMISSION.start),
         ]
     ).astype(np.float64)
     film = matt_film(lights.astype(np.float64))

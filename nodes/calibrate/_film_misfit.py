@@ -116,7 +116,7 @@ def unevenness(held: list[Held], pixel: float) -> float:
     for part in held:
         film, balls = part.fitted.film, part.balls
         seen = predicted(balls, part.fitted)
-        made = seen - film.albedo * balls.bounced
+        made = seen - balls.thrown(part.fitted.shifts, film)
         lit = made > film.diffuse[:, None] + LEAST_LIT
         left, made = np.where(lit, balls.light - seen, 0), np.where(lit, made, 0)
         brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), LEAST_LIT)
@@ -176,7 +176,12 @@ def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
 
 
 def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
-    """The lag, between those measured, at which the covariance has fallen to a half."""
+    """The lag, between those measured, at which the covariance has fallen to a half.
+
+    Where chance hides it, it may be as wide as any.
+    """
+    if covariance[0] <= 0:
+        return float(lags[-1])
     low = np.flatnonzero(covariance < 0.5 * covariance[0])
     if not low.size:
         return float(lags[-1])

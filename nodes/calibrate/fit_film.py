@@ -28,6 +28,7 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate._ball_normals import normal_error
 from tactograph.nodes.calibrate._ball_samples import SAMPLES, grain, sample_balls
 from tactograph.nodes.calibrate._film_fit import (
+    F8,
     PARTS,
     Balls,
     Fitted,
@@ -42,6 +43,8 @@ from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.capture._sheet import SheetLight, SheetMask
 from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.light._radiosity import cell_grid
+from tactograph.nodes.light.film_bounce import CELLS
 
 SURELY = 15000
 """Samples at which a misfit is measured."""
@@ -53,12 +56,17 @@ harmonics by the second; and by the third all where a single ball holds nothing 
 places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
+ROUNDS = 3
+"""In which the balls' places and the light that film throws on film are found in turn."""
 MANY, BAD = 8, 2.0
 """Of so many balls, those whose residual is so many times the median are left out."""
 EXACT = 0.1
 """Degrees of held-out error below which no further part is tried."""
 PARALLAX = 0.02
 """Height of a ball, relative to the film's width, from which it tells how high the pupil is."""
+RESOLVED = 4
+"""Cells of a contact's radius from which `film_bounce` knows how a ball lights the film beside it;
+on coarser ones its albedo would take up what another part of the model leaves."""
 DEGREES = {0: 2, 1: 4, 2: 10}
 """Balls that the harmonics need for each degree in the place."""
 
@@ -138,9 +146,9 @@ def fit_film(
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
-    def samples(film: Film, most: int | None = SAMPLES) -> Balls:
+    def samples(film: Film, shifts: F8 | None = None, most: int | None = SAMPLES) -> Balls:
         found = light, flat, circle, radius, of, film, noise, pixel, steepest
-        return sample_balls(*found, most=most, bare=bare)
+        return sample_balls(*found, most=most, bare=bare, shifts=shifts)
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
@@ -152,9 +160,12 @@ def fit_film(
     closed = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
         closed.add("camera")
+    if np.median(balls.rim) < RESOLVED * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel:
+        closed.add("bounce")
     trial, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
+    shifts = best.fitted.shifts
     best, balls, bad = _without_bad(trial, best)
     film = best.fitted.film
     if not best.parts and best.degree is None and camera_mm is None:
@@ -165,7 +176,7 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    whole = samples(film, most=None)
+    whole = samples(film, shifts, most=None)
     held = _held_out(trial, best, whole, bad)
     typed["uneven"] = uneven = unevenness(held, pixel)
     typed["grain"] = grain(balls, left, flat, noise)
@@ -185,8 +196,8 @@ class _Trial(NamedTuple):
     rest: Rest | None
     shift_mm: float
     width_mm: float
-    samples: Callable[[Film], Balls]
-    """The same, with the light that a film throws on itself."""
+    samples: Callable[[Film, F8], Balls]
+    """The same, with the light that a film throws on itself and balls moved by their shifts."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to some."""
@@ -270,9 +281,12 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
         if not _pays(better.error, best.error, trial):
             break
         best = better
-        if best.fitted.film.refraction > 1:
-            trial = trial._replace(balls=trial.samples(best.fitted.film))
-            best = _judge(trial, best.parts, trial.fit(best.parts, best.fitted))
+        if best.fitted.film.refraction > 1 or best.fitted.film.albedo > 0:
+            for _ in range(ROUNDS):
+                balls = trial.samples(best.fitted.film, best.fitted.shifts)
+                trial = trial._replace(balls=balls)
+                best = best._replace(fitted=trial.fit(best.parts, best.fitted))
+            best = _judge(trial, best.parts, best.fitted)
             errors[f"film_heldout_deg/{best}"] = best.error
     return trial, best, errors | {"film_heldout_deg": best.error}
 
@@ -337,14 +351,14 @@ def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) ->
 def _properties(best: _Model) -> Metrics:
     """What the model says of the sensor, where it says something."""
     film = best.fitted.film
-    said: Metrics = {}
+    said: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
     if film.diffuse.any():
         said["diffuse_percent"] = float(100 * film.diffuse.mean())
         said["touched_gain"] = film.gain
     if film.refraction > 1:
         said["coat_roughness"], said["coat_index"] = film.roughness, film.refraction
     if film.albedo > 0:
-        said["film_albedo"] = film.albedo
+        said["film_albedo"], said["film_rim_mm"] = film.albedo, film.rim
     if film.camera > 0:
         said["camera_mm"] = 1 / film.camera
     return said | {"film_residual_percent": 100 * best.fitted.scale}

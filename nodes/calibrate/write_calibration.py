@@ -95,6 +95,7 @@ CALIBRATION = FileKind(
         "albedo": Stored(
             "", "share of light that the film throws back", required=False, low=0, high=0.95
         ),
+        "rim": Stored("", "mm of film beyond the frame", required=False, low=0, high=1000.0),
         "camera": Stored(
             "", "1/mm, one over the pupil's height; 0: far", required=False, low=0, high=10
         ),

@@ -8,13 +8,12 @@ pupil at (0, 0, D), with unit normal n and LED k at L::
 
 b_k is the share of LED light that is diffused in the gel, so that shadows are not black.
 s grows from 1 to `gain` where an object touches the film and lifts it by `contact` mm.  e is
-irradiance times the reflectance of a rough dielectric coat over a matt base (Beckmann's
-distribution; Walter et al., Microfacet models for refraction, 2007)::
+irradiance times the reflectance of a rough dielectric coat over a matt base (`_coat`)::
 
     e(n, P) = max(n.l, 0) / |L - P|^2 [k_d T(n.l) T(n.v) / pi
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
 
-with h between the direction l to the light and v to the pupil, T what a rough coat lets through
+with h between the direction l to the light and v to the pupil, T what the coat lets through
 (`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of
 the normal (the paper's equation 4), each less its value at rest, c polynomials of degree 2 in the
 place, w fades them out where n_z is below what was pressed: there the physical part stands alone.
@@ -30,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import Film
+from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
 
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
@@ -41,6 +41,8 @@ FADE = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 GRAZING = 0.05
 """Smallest cosine that a reflectance is divided by."""
+USUAL_RIM = 2.0
+"""mm of film beyond the frame, where nothing is known of it."""
 
 TURN = 0.02
 """Radians by which a normal is turned for a derivative."""
@@ -73,6 +75,7 @@ def matt_film(lights: Array) -> Film:
         roughness=0.2,
         refraction=1.0,
         albedo=0.0,
+        rim=USUAL_RIM,
         camera=0.0,
         grain=0.0,
         uneven=UNEVEN,
@@ -231,7 +234,11 @@ def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array)
     c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
     c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
     v_h = (vx * hx + vy * hy + vz * hz) * half
-    base = film.base * let_in(film, c_i) * let_in(film, c_o) / np.pi
+
+    def through(cosine: Array) -> Array:
+        return let_in(cosine, film.roughness, film.refraction)
+
+    base = film.base * (through(c_i) * through(c_o)) / np.pi
     return np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
 
 
@@ -240,14 +247,6 @@ def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array,
     vx, vy, vz = -camera * x, -camera * y, 1 - camera * z
     scale = 1 / np.sqrt(vx * vx + vy * vy + vz * vz)
     return vx * scale, vy * scale, vz * scale
-
-
-def fresnel(cosine: Array, index: float) -> Array:
-    """Return the share of unpolarised light that a dielectric mirrors."""
-    g = np.sqrt(index * index - 1 + cosine * cosine)
-    first, second = (g - cosine) / (g + cosine), cosine * (g + cosine) - 1
-    other = second / (cosine * (g - cosine) + 1)
-    return np.asarray(0.5 * first * first * (1 + other * other))
 
 
 def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
@@ -259,28 +258,3 @@ def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
     spread = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
     hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)
     return np.asarray(spread * hidden / (4 * c_i * c_o))
-
-
-def let_in(film: Film, cosine: Array) -> Array:
-    """Return the share of light that a rough coat lets through to its base, and out again.
-
-    1 - F, averaged over the microfacets that light sees: at grazing angles those that lean towards
-    it.  Within 0.03 of that average for a roughness up to 0.4.
-    """
-    lean = 0.25 * film.roughness**2 * (1 - cosine * cosine)
-    mean = cosine + lean / np.sqrt(cosine * cosine + 2 / np.pi * lean)
-    return 1 - fresnel(np.minimum(mean, 1), film.refraction)
-
-
-def beckmann(cosine: Array, roughness: float) -> Array:
-    """Return Beckmann's density of microfacets by the cosine of their angle to the normal."""
-    square = cosine * cosine
-    tangent = (1 - square) / square
-    return np.asarray(np.exp(-tangent / roughness**2) / (np.pi * roughness**2 * square * square))
-
-
-def masking(cosine: Array, roughness: float) -> Array:
-    """Return the share of Beckmann's microfacets that are not hidden (Walter et al., eq. 27)."""
-    a = cosine / (roughness * np.sqrt(np.maximum(1 - cosine * cosine, 1e-6)))
-    near = (3.535 + 2.181 * a) * a / (1 + (2.276 + 2.577 * a) * a)
-    return np.asarray(np.where(a < 1.6, near, 1))

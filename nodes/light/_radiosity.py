@@ -20,6 +20,8 @@ MOST_RIM_CELLS = 4
 BLOCK, SPAN = 4, 16
 """Cells of a block's side, as which film far away counts; cells of a row that share what is near,
 as many as the lanes of a kernel."""
+LEAST = np.float32(0.1)
+"""Smallest denominator: beyond it the camera sees the film from behind."""
 NEAREST = np.float32(1e-12)
 """mm2, keeps a cell's distance from itself from being zero; its light on itself is zero anyway."""
 
@@ -59,23 +61,36 @@ def framed(grid: Grid) -> NDArray[np.intp]:
 
 
 def cells_of(
-    height: F4, lights: F4, pixel: np.float32, grid: Grid, slope: F4 | None = None
+    height: F4,
+    lights: F4,
+    pixel: np.float32,
+    grid: Grid,
+    slope: F4 | None = None,
+    camera: float = 0.0,
 ) -> tuple[F4, F4, F4]:
     """Return N x 3 middles, N x 3 area vectors and K x N irradiances of the film at rest.
 
-    Without `slope` (2 x H x W) the height's own differences are the slopes.
+    `height` is the one that the camera sees (`view_slope`), the rest what the film has in mm.
+    The irradiance is that of the film at rest that the same pixels see.
+    Without `slope` (2 x H x W), which is the film's, the height's own differences tell it.
     """
-    x, across = _sides(height.shape[1], pixel, grid)
-    y, down = _sides(height.shape[0], pixel, grid)
-    z, p, q = (np.pad(part, grid.rim) for part in _tilts(height, slope, pixel, grid.factor))
-    area = down[:, None] * across
-    places = np.stack([np.broadcast_to(x, z.shape), np.broadcast_to(y[:, None], z.shape), z], -1)
-    areas = np.stack([-p * area, -q * area, area], -1)
-    rest = np.empty((len(lights), *z.shape), np.float32)
+    u, across = _sides(height.shape[1], pixel, grid)
+    v, down = _sides(height.shape[0], pixel, grid)
+    v, by = v[:, None], np.float32(camera)
+    seen, p, q = (np.pad(part, grid.rim) for part in _tilts(height, slope, pixel, grid.factor))
+    if slope is None:
+        steep = np.maximum(1 + by * (seen - (p * u + q * v)), LEAST)
+        p, q = p / steep, q / steep
+    nearer: F4 = np.float32(1) / (np.float32(1) + by * seen)
+    x, y = u * nearer, v * nearer
+    area = down[:, None] * across * nearer**2 / np.maximum(1 + by * (p * u + q * v), LEAST)
+    places = np.stack([x, y, seen * nearer], -1)
+    areas: F4 = np.asarray(np.stack([-p * area, -q * area, area], -1), np.float32)
+    rest = np.empty((len(lights), *seen.shape), np.float32)
     for found, (lx, ly, lz) in zip(rest, lights, strict=True):
-        dx, dy = lx - x, ly - y[:, None]
-        nearer = lz * lz / (dx * dx + dy * dy + lz * lz)
-        np.multiply(nearer, np.sqrt(nearer), out=found)
+        dx, dy = lx - u, ly - v
+        square = lz * lz / (dx * dx + dy * dy + lz * lz)
+        np.multiply(square, np.sqrt(square), out=found)
     return places.reshape(-1, 3), areas.reshape(-1, 3), rest.reshape(len(lights), -1)
 
 

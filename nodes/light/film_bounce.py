@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 MOST_ALBEDO = 0.95
+CELLS = 4800
+"""Most cells of a frame, where none are asked for."""
 COAT = "lights", "diffuse", "base", "roughness", "refraction", "camera"
 """What of a film makes its coat."""
 
@@ -43,9 +45,8 @@ def film_bounce(
     before: Light | None = None,
     slope: Slope | None = None,
     *,
-    cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
+    cells: Annotated[int, Interval(ge=1, le=20000)] = CELLS,
     near: Annotated[int, Interval(ge=0, le=8)] = 1,
-    rim_mm: Annotated[float, Interval(ge=0, le=50)] = 2.0,
     share: Annotated[float, Interval(gt=0, le=1)] = 0.5,
 ) -> Light:
     r"""Return the part of the light that comes from other places of the film.
@@ -60,15 +61,15 @@ def film_bounce(
     Kanade 1991).  E_j is the light relative to the film at rest times the irradiance of the
     film at rest, which falls off with the inverse square and the cosine.  The result is
     relative to the film at rest again; taken off `light`, it leaves what comes from the LED.
-    A flat film lights itself nowhere.  Cells do not hide one another.  A film with a coat
-    mirrors light, too (`_coated_bounce`).
+    A flat film lights itself nowhere; `film.rim` mm of it surround the frame.  Cells do not hide
+    one another.  A film with a coat mirrors light, too (`_coated_bounce`).
 
     Parameters
     ----------
     light
         K x H x W, as seen, 1 on the film at rest.
     height
-        H x W, mm.
+        H x W in mm, as the camera sees it (`view_slope`).
     film
         The LEDs' and the film's properties.  Of an `albedo` of 0 the result is 0; 0.95 is the most.
     pixel
@@ -76,15 +77,14 @@ def film_bounce(
     before
         K x H x W, the result of the round before, where height and bounce are found in turns.
     slope
-        2 x H x W, where it is known better than from the differences of a height on large pixels.
+        2 x H x W, of the film, where it is known better than from the differences of a height on
+        large pixels.
     cells
         Most cells.  They are squares of as many pixels as it takes, and the result is
         interpolated between them.
     near
         So many blocks of 4 x 4 cells away film counts cell by cell; farther away a block counts
         as one cell, for the sum would grow with the square of the cells' number.
-    rim_mm
-        How far the film goes on beyond the frame, flat and at rest.
     share
         By how much of the way the result goes from `before` to what this round says: below 1
         it keeps the turns from swinging.
@@ -102,8 +102,8 @@ def film_bounce(
     _check(film.albedo)
     if film.albedo == 0:
         return np.zeros_like(light)
-    grid = cell_grid(height.shape, pixel, cells, rim_mm)
-    places, areas, rest = cells_of(height, film.lights, np.float32(pixel), grid, slope)
+    grid = cell_grid(height.shape, pixel, cells, film.rim)
+    places, areas, rest = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
     sources = rest.copy()
     inside = framed(grid)
     sources[:, inside] *= means(light, grid.factor).reshape(len(light), -1)
@@ -126,7 +126,7 @@ def _launch(run: Launch) -> None:
         work = run.in_lanes(count, *size)
         run.kernel("nothing", work, out, count * math.prod(size), constants=constants)
         return
-    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
+    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], of["film.rim"])
     cells = math.prod(grid.whole)
     table = run.scratch((6 + 2 * count, cells))
     edge = rim_blocks(grid.rim)
@@ -136,7 +136,7 @@ def _launch(run: Launch) -> None:
     shape = grid.rows, grid.columns, grid.rim
     local = (run.group,)
     arguments = of["light"], of["height"], of.get("slope"), lights, pixel, table, *size
-    arguments = *arguments, grid.factor, *shape, grid.rim_mm
+    arguments = *arguments, grid.factor, *shape, grid.rim_mm, of["film.camera"]
     run.kernel("lay_out", (cells,), *arguments, local=local, constants=constants)
     run.kernel("put_together", (blocks,), table, far, *shape, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)

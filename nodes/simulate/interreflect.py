@@ -92,7 +92,7 @@ def interreflect(
             refraction=refractive_index,
             camera=1 / camera_mm if camera_mm else 0.0,
         )
-        arriving = coated_arriving(film)
+        arriving = coated_arriving(film, from_above=True)
     bounced = np.zeros_like(direct)
     for _ in range(bounces):
         sources = irradiance.copy()
@@ -129,6 +129,7 @@ def _launch(run: Launch) -> None:
             grid.factor,
             *shape,
             grid.rim_mm,
+            0.0,
         )
         run.kernel("lay_out", (all_cells,), *arguments, local=local, constants=constants)
     work = run.in_row_lanes(grid.rows, grid.columns)

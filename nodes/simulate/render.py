@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
+from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -376,13 +377,11 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     length = np.sqrt(hx * hx + hy * hy + hz * hz)
     upright = np.maximum((hz - spot.p * hx - spot.q * hy) / (spot.norm * length), SMALLEST_COSINE)
     between = (vx * hx + vy * hy + vz * hz) / length
-    alpha, index = np.float32(film.coat_alpha), np.float32(film.refractive_index)
-    square = upright * upright
-    spread = np.exp((square - ONE) / (square * alpha * alpha)) / (alpha * alpha * square * square)
-    mirrored = _fresnel(between, index) * spread * _unhidden(lit, alpha) * _unhidden(seen, alpha)
-    matt = cosine * _let_in(lit, alpha, index) * _let_in(seen, alpha, index)
-    # Beckmann's distribution has 1 / pi, which that of pi / albedo cancels.
-    return matt + mirrored / (np.float32(4 * film.albedo) * seen)
+    alpha, index = film.coat_alpha, film.refractive_index
+    mirrored = beckmann(upright, alpha) * fresnel(between, index)
+    mirrored = mirrored * masking(lit, alpha) * masking(seen, alpha)
+    matt = cosine * let_in(lit, alpha, index) * let_in(seen, alpha, index)
+    return np.asarray(matt + mirrored * np.float32(np.pi / (4 * film.albedo)) / seen, np.float32)
 
 
 def _to_camera(spot: _Spots, distance: np.float32) -> tuple[F4, F4, F4]:
@@ -393,30 +392,6 @@ def _to_camera(spot: _Spots, distance: np.float32) -> tuple[F4, F4, F4]:
     up = distance - spot.z
     length = np.sqrt(spot.x * spot.x + spot.y * spot.y + up * up)
     return -spot.x / length, -spot.y / length, up / length
-
-
-def _fresnel(cosine: F4, index: np.float32) -> F4:
-    """Share of unpolarised light that a dielectric mirrors."""
-    inside = np.sqrt(np.maximum(ONE - (ONE - cosine * cosine) / (index * index), np.float32(0)))
-    across = (cosine - index * inside) / (cosine + index * inside)
-    along = (inside - index * cosine) / (inside + index * cosine)
-    return np.asarray(np.float32(0.5) * (across * across + along * along))
-
-
-def _let_in(cosine: F4, alpha: np.float32, index: np.float32) -> F4:
-    """Share that a rough coat lets through, averaged over the facets seen (`light/_film`)."""
-    lean = np.float32(0.25) * alpha * alpha * (ONE - cosine * cosine)
-    mean = cosine + lean / np.sqrt(cosine * cosine + np.float32(2 / np.pi) * lean)
-    return np.asarray(ONE - _fresnel(np.minimum(mean, ONE), index))
-
-
-def _unhidden(cosine: F4, alpha: np.float32) -> F4:
-    """Smith's share of facets that others do not hide, Walter's rational approximation."""
-    a = cosine / (alpha * np.sqrt(np.maximum(ONE - cosine * cosine, np.float32(1e-12))))
-    share = (np.float32(3.535) * a + np.float32(2.181) * a * a) / (
-        ONE + np.float32(2.276) * a + np.float32(2.577) * a * a
-    )
-    return np.where(a < np.float32(1.6), share, ONE)
 
 
 def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film: _Film) -> B1:

@@ -49,6 +49,7 @@ FILM = Film(
     roughness=0.3,
     refraction=1.4,
     albedo=0.6,
+    rim=1.3,
     camera=0.015,
     grain=0.012,
     uneven=0.02,

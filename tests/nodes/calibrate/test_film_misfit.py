@@ -9,7 +9,7 @@ import pytest
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted, start_at
-from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
+from tactograph.nodes.calibrate._film_misfit import Held, _half_way, misfit, unevenness
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
@@ -26,7 +26,7 @@ def held(noise: float = 0.0, **changed: Any) -> Held:
     none = np.zeros((len(LIGHTS), u.size))
     balls = Balls(
         u, v, none, np.zeros(u.size, int), np.zeros((1, 2)), np.array([RIM]), np.array([RADIUS]),
-        none, np.zeros(u.size, int),
+        none, none, none, np.zeros(u.size, int),
     )  # fmt: skip
     fitted = start_at(cast(F4, LEDS), np.ones(len(LIGHTS), np.float32), 1)
     true = fitted._replace(film=fitted.film._replace(**changed))
@@ -62,6 +62,12 @@ def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
         film = part.fitted.film._replace(albedo=albedo)
         parts.append(part._replace(fitted=part.fitted._replace(film=film)))
     assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(0.03 / 0.63, rel=1e-3)
+
+
+def test_where_chance_hides_how_wide_errors_are_they_may_be_as_wide_as_any() -> None:
+    lags = np.array([2, 5, 11])
+    assert _half_way(lags, np.array([1.0, 0.7, 0.2])) == pytest.approx(5 + 6 * 0.2 / 0.5)
+    assert _half_way(lags, np.array([-1e-9, 2e-9, -3e-9])) == 11
 
 
 def test_few_presses_state_more_than_many() -> None:

@@ -35,13 +35,27 @@ def press(film: Film, centre: tuple[float, float], seed: int) -> F4:
     return (light + rng.normal(0, 0.004, light.shape)).astype(np.float32)
 
 
-def fitted(film: Film, centres: list[tuple[float, float]], **more: object) -> FilmFit:
-    """Fit to balls that are a third of a pixel off, from LEDs that are 3 % off."""
+def fitted(
+    film: Film,
+    centres: list[tuple[float, float]],
+    *,
+    rim: float = RIM,
+    emission: float = 0,
+    **more: object,
+) -> FilmFit:
+    """Fit to balls that are a third of a pixel off, from LEDs that are 3 % off.
+
+    `rim` is the contacts' radius as it was found, `emission` that of LEDs that face the middle.
+    """
     light = np.concatenate([press(film, c, seed) for seed, c in enumerate(centres)], axis=1)
     flat = rest_light(film, X, Y)
+    for plane, led in zip(flat, film.lights, strict=True):
+        away = led[:, None, None] - np.stack([X, Y, np.zeros_like(X)])
+        cosine = np.einsum("c,cyx->yx", led, away) / np.linalg.norm(away, axis=0)
+        plane *= (cosine / np.linalg.norm(led)) ** emission
     flat = (0.6 * flat / flat.mean(axis=(1, 2), keepdims=True)).astype(np.float32)
     places = np.array(centres) / PIXEL + [63.5, 47.5] + [0.2, -0.25]
-    circle = np.column_stack([places, np.full(len(centres), RIM / PIXEL)]).astype(np.float32)
+    circle = np.column_stack([places, np.full(len(centres), rim / PIXEL)]).astype(np.float32)
     lights = LEDS * np.float32(1.03)
     return fit_film(
         light,
@@ -104,6 +118,33 @@ def test_light_that_bounces_is_found() -> None:
     assert found.film.albedo == pytest.approx(0.7, abs=0.1)
     assert found.film.refraction == 1
     assert found.quality["film_heldout_deg"] < 0.3
+
+
+def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
+    # The ball stands higher than its circle says, and throws more: the fit lifts it.
+    found = fitted(MATT._replace(albedo=0.7), FOUR, rim=RIM - 0.15)
+    assert found.film.albedo == pytest.approx(0.7, abs=0.05)
+    assert found.quality["film_heldout_deg"] < 0.3
+
+
+def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on() -> None:
+    narrow, wide = (fitted(MATT._replace(albedo=0.7, rim=rim), FOUR) for rim in (0.5, 2.5))
+    assert narrow.film.rim < 1.5 < 2 < wide.film.rim
+    for found in (narrow, wide):
+        assert found.film.albedo == pytest.approx(0.7, abs=0.05)
+
+
+def test_bounced_light_is_not_asked_of_balls_smaller_than_the_cells() -> None:
+    found = fitted(MATT._replace(albedo=0.7), FOUR, rim=RIM / 3)
+    assert not any("bounce" in model for model in tried(found))
+
+
+@pytest.mark.parametrize("emission", [0.0, 1.0])
+def test_leds_that_shine_by_the_cosine_lie_where_they_are(emission: float) -> None:
+    found = fitted(MATT._replace(albedo=0.7), FOUR, emission=emission)
+    distance = np.linalg.norm(found.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
+    assert distance == pytest.approx(1, abs=0.006)
+    assert found.quality["led_emission"] == pytest.approx(emission, abs=0.1)
 
 
 def test_the_pupils_height_is_found() -> None:

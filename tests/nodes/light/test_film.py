@@ -8,11 +8,7 @@ import pytest
 from tactograph.nodes.light._film import (
     FADE,
     _reflected,
-    beckmann,
-    fresnel,
     is_affine,
-    let_in,
-    masking,
     predict,
     turned,
 )
@@ -45,45 +41,6 @@ def test_only_a_matt_film_is_a_linear_function_of_the_normal(name: str) -> None:
 def test_a_coat_that_does_not_refract_is_none() -> None:
     nearly = MATT._replace(base=0.6, roughness=0.3, refraction=1 + 1e-4)
     assert predict(nearly, N, X, Y, Z) == pytest.approx(predict(MATT, N, X, Y, Z), abs=1e-5)
-
-
-@pytest.mark.parametrize("index", [1.2, 1.5, 2.0])
-def test_a_dielectric_mirrors_what_fresnel_says(index: float) -> None:
-    assert fresnel(np.array(1.0), index) == pytest.approx(((index - 1) / (index + 1)) ** 2)
-    assert fresnel(np.array(0.0), index) == pytest.approx(1)
-    cosines = np.linspace(0, 1, 50)
-    assert (np.diff(fresnel(cosines, index)) < 0).all()
-
-
-@pytest.mark.parametrize("roughness", [0.1, 0.2, 0.4])
-@pytest.mark.parametrize("index", [1.3, 1.5])
-def test_a_rough_coat_lets_in_what_its_microfacets_do_on_average(
-    roughness: float, index: float
-) -> None:
-    """Facets of Beckmann's distribution, weighted by how large light sees them."""
-    x, y = RNG.normal(0, roughness / np.sqrt(2), (2, 200_000))
-    film = MATT._replace(roughness=roughness, refraction=index)
-    for cosine in (0.05, 0.1, 0.2, 0.4, 0.7, 1.0):
-        seen = np.maximum(cosine - np.sqrt(1 - cosine**2) * x, 0)
-        through = 1 - fresnel(np.minimum(seen / np.sqrt(1 + x * x + y * y), 1), index)
-        mean = (seen * through).sum() / seen.sum()
-        assert let_in(film, np.float64(cosine)) == pytest.approx(mean, abs=0.06)
-    assert let_in(film, np.float64(1.0)) == pytest.approx(1 - fresnel(np.array(1.0), index))
-
-
-@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.5])
-def test_microfacets_cover_the_film_once(roughness: float) -> None:
-    cosine = np.linspace(1e-3, 1, 200001)
-    density = beckmann(cosine, roughness) * cosine * 2 * np.pi
-    assert np.trapezoid(density, cosine) == pytest.approx(1, abs=1e-3)
-
-
-@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.5])
-def test_microfacets_hide_one_another_at_grazing_angles_only(roughness: float) -> None:
-    share = masking(np.linspace(0.01, 1, 100), roughness)
-    assert (share >= 0).all()
-    assert share.max() == pytest.approx(1, abs=1e-3)
-    assert share[0] < 0.4 < share[-1]
 
 
 @pytest.mark.parametrize("slant", [0, 30, 60])

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4, Film
-from tactograph.nodes.light._film import let_in, matt_film
+from tactograph.nodes.calibrate._film_fit import ball_height
+from tactograph.nodes.light._coat import let_in
+from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.film_bounce import film_bounce
 
 RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
@@ -45,7 +47,7 @@ def bump(side: int = 120, radius: float = 2.5, rise: float = 1.0) -> F4:
 @pytest.mark.parametrize("level", [0.0, 1.3])
 def test_a_flat_film_lights_itself_nowhere(level: float) -> None:
     height = np.full((40, 50), level, np.float32)
-    found = film_bounce(ones(height), height, film(0.9), PIXEL, rim_mm=0.0)
+    found = film_bounce(ones(height), height, film(0.9, rim=0.0), PIXEL)
     assert (found == 0).all()
 
 
@@ -84,7 +86,7 @@ def test_a_slope_sees_the_film_at_rest_below_its_own_plane() -> None:
     # A plane seen at an angle from the normal fills (1 - cos) / 2 of what a slope sees.
     height, albedo = bump(), 0.5
     p = np.gradient(height, PIXEL, axis=1)
-    found = film_bounce(ones(height), height, film(albedo), PIXEL, cells=120 * 120, rim_mm=50.0)
+    found = film_bounce(ones(height), height, film(albedo, rim=50.0), PIXEL, cells=120 * 120)
     ring = (distance(120) > 1.4) & (distance(120) < 1.8)
     q = np.gradient(height, PIXEL, axis=0)
     expected = albedo * (1 - 1 / np.sqrt(1 + p * p + q * q)) / 2
@@ -94,7 +96,7 @@ def test_a_slope_sees_the_film_at_rest_below_its_own_plane() -> None:
 def test_film_beyond_the_frame_lights_what_is_inside() -> None:
     height = bump(60)
     without, with_rim = (
-        film_bounce(ones(height), height, film(0.7), PIXEL, rim_mm=r).mean() for r in (0.0, 4.0)
+        film_bounce(ones(height), height, film(0.7, rim=r), PIXEL).mean() for r in (0.0, 4.0)
     )
     assert with_rim > 1.1 * without
 
@@ -103,7 +105,7 @@ def test_the_bounce_grows_with_albedo_and_light_alike() -> None:
     height = bump()
     light = np.random.default_rng(0).random((3, *height.shape), np.float32)
     once, more, brighter = (
-        film_bounce(gain * light, height, film(albedo), PIXEL, rim_mm=0.0)
+        film_bounce(gain * light, height, film(albedo, rim=0.0), PIXEL)
         for gain, albedo in ((1, 0.4), (1, 0.8), (2, 0.4))
     )
     np.testing.assert_allclose(more, 2 * once, rtol=1e-5)
@@ -124,9 +126,7 @@ def test_a_film_that_reflects_nothing_has_no_bounce() -> None:
 
 def test_on_a_device_too_a_film_that_reflects_nothing_has_no_bounce(device: OpenCL) -> None:
     height = bump(33)
-    prepared = device.prepare(
-        film_bounce, {"cells": 100, "rim_mm": 2.0, "share": 0.5}, {"K": 3, "H": 33, "W": 33}
-    )
+    prepared = device.prepare(film_bounce, {"cells": 100, "share": 0.5}, {"K": 3, "H": 33, "W": 33})
     black = {f"film.{name}": value for name, value in film(0.0)._asdict().items()}
     given = {"light": ones(height), "height": height, "pixel": PIXEL, **black}
     arrays = {name: isinstance(value, np.ndarray) for name, value in given.items()}
@@ -158,6 +158,39 @@ def test_a_coat_that_does_not_refract_throws_as_a_matt_film() -> None:
     np.testing.assert_allclose(found, matt, rtol=2e-3, atol=2e-6)
 
 
+@pytest.mark.parametrize("near", [1 / 60, 1 / 30])
+def test_a_camera_near_the_film_sees_the_light_that_one_far_away_sees(near: float) -> None:
+    # A ball off the middle, by the height that each ray meets.
+    cx, cy, _ = centre = 2.0, -1.0, -2.4
+    v, u = (np.indices((160, 160)) - 79.5) * PIXEL
+
+    def bounced(camera: float) -> tuple[F4, F4]:
+        z = np.maximum(ball_height(u, v, centre, 4.0, camera), 0)
+        z[np.hypot(u * (1 - camera * z) - cx, v * (1 - camera * z) - cy) > 4] = 0
+        seen = (z / (1 - camera * z)).astype(np.float32)
+        matt = film(0.7, camera=camera, rim=4.0)
+        return z, film_bounce(ones(seen), seen, matt, PIXEL, cells=6400)[0]
+
+    z, found = bounced(near)
+    x, y = (w * (1 - near * z) for w in (u, v))
+    expected = cv2.remap(
+        bounced(0.0)[1], *((w / PIXEL + 79.5).astype(np.float32) for w in (x, y)), cv2.INTER_LINEAR
+    )
+    on_ball = (np.hypot(x - cx, y - cy) < 2.8) & (z > 0.1)
+    assert np.abs(found - expected)[on_ball].mean() < 0.005 * expected[on_ball].mean()
+
+
+def test_a_coat_in_a_shadow_mirrors_no_led() -> None:
+    height, led = bump(160, radius=3.0, rise=1.8), np.float32([[5.8e4, 0, 1e5]])
+    coat = {"base": 0.7, "roughness": 0.2, "refraction": 1.5}
+    light = ones(height)[:1]
+    shadowed, lit = (
+        film_bounce(share * light, height, film(0.7, led, rim=0.0, **coat), PIXEL)
+        for share in (1e-4, 1)
+    )
+    assert shadowed.max() < 1e-3 * lit.max()
+
+
 def test_a_coat_mirrors_an_led_over_the_top_to_the_film_behind() -> None:
     # Light from 60 degrees above leaves film that leans 30 degrees away from it level.
     height, led = bump(160, radius=3.0, rise=1.8), np.float32([[5.8e4, 0, 1e5]])
@@ -178,7 +211,7 @@ def test_less_light_of_a_coated_film_reaches_what_it_grazes() -> None:
     coat = {"base": 5.0, "roughness": 0.1, "refraction": 1.5}
     matt, coated = (film_bounce(ones(height), height, film(0.7, **c), PIXEL)[0] for c in ({}, coat))
     ring = (distance(120) > 0.3) & (distance(120) < 0.6)
-    grazing = let_in(film(0.7, **coat), np.float32(0.1))
+    grazing = let_in(np.float32(0.1), coat["roughness"], coat["refraction"])
     assert coated[ring].mean() < grazing * matt[ring].mean()
 
 
