@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +14,8 @@ import click
 from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
@@ -131,7 +133,7 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
         say(f"fallback: {line}", err=True)
     told: set[str] = set()
     count = 0
-    with pipeline, _stoppable(pipeline):
+    with pipeline, _stoppable(pipeline) as stop_if_asked:
         for count, result in enumerate(pipeline.items(repeats), start=1):
             for warning in result.warnings:
                 if warning not in told:
@@ -142,6 +144,7 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
                 write_kept(result, kept, folder / str(count))
             if not quiet and (not pipeline.endless or count == 1):
                 say(_summary(count, result))
+            stop_if_asked()
         # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
         if not count:
             raise InputError(f"{read.name}: its stream ended before a first item came")
@@ -183,17 +186,37 @@ def _ending(pipeline: Pipeline, told: set[str]) -> str:
 
 
 @contextmanager
-def _stoppable(pipeline: Pipeline) -> Iterator[None]:
-    """Let Ctrl-C, or SIGTERM, end an endless stream as it should end."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
+    """Let Ctrl-C, or SIGTERM, end an endless stream as it should end.
+
+    Python drops what is raised while it frees an object, an interrupt too. What is yielded
+    raises it again, between items.
+    """
+    asked = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        asked = True
+        signal.default_int_handler(number, frame)
+
+    def stop_if_asked() -> None:
+        if asked:
+            raise KeyboardInterrupt
+
+    # A shell lets its background jobs ignore Ctrl-C; they keep to that.
+    signals = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signals.append(signal.SIGINT)
+    before = {number: signal.signal(number, interrupt) for number in signals}
     try:
-        yield
+        yield stop_if_asked
     except KeyboardInterrupt:
         if not pipeline.endless:
             raise
         say("stopped", err=True)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _summary(number: int, result: Result) -> str:

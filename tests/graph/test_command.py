@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -610,6 +611,30 @@ def test_a_stream_without_an_item_is_no_success(
 ) -> None:
     said = one_line(tactograph("run", write(STREAM), "count=0", "--backend", "numpy"))
     assert "ended before a first item" in said
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_a_stream_also_while_python_frees_an_object(
+    tactograph: Command,
+    toys: list[str],
+    write: Write,
+    monkeypatch: pytest.MonkeyPatch,
+    number: signal.Signals,
+) -> None:
+    class Freed:
+        def __del__(self) -> None:
+            signal.raise_signal(number)
+
+    def summary(*_: object) -> str:
+        Freed()
+        return "one item"
+
+    monkeypatch.setattr("tactograph.graph.commands.run._summary", summary)
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
+    done = tactograph("run", write(text), "--backend", "numpy")
+    assert (done.code, done.err.strip()) == (0, "stopped")
+    assert [call for call in toys if "noted" in call] == ["noted 1"]
 
 
 def test_ctrl_c_says_how_to_go_on(
