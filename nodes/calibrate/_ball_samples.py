@@ -152,7 +152,7 @@ def _unit_bounce(
         away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z + sunk) ** 2
         height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
-    thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel)
+    thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=19200)
     # Balls are no film at rest, for all that little is thrown on their tops.
     shown = np.where(seen > 0, press, 1 + thrown)
     drift = film_drift(coarsen(shown), sigma, degree=DEGREE, rough=ROUGH)

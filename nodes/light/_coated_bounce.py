@@ -7,9 +7,10 @@ sends to P, under LED k,
 
     e_kj = (E_j r_k - E_jk f_m(l, v)) T(to P) / T(v) + E_jk f_m(l, to P)
 
-where E_j r_k is what the camera sees of it, f_m in parts of base / pi, and P throws back
+where E_j r_k is what the camera sees of it, f_m in parts of base / pi, and for L of equation B1
+P throws back
 
-    B(P) = albedo sum_j max(n.d, 0) max(-S_j.d, 0) / (pi |d|^4) [T(d) T(v) + f_m(d, v)] e_kj / r_k.
+    [T(d) T(v) + f_m(d, v)] e_kj / r_k.
 
 r_k is the reflectance of the film at rest.  Of a cell that shows less light than the LED alone
 would give it, a shadow takes the rest, and as much of what the coat mirrors.  Light that the coat
@@ -23,13 +24,17 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
 from tactograph.nodes.light._coat import let_in
 from tactograph.nodes.light._film import GRAZING, direct_share, glint, to_pupil
-from tactograph.nodes.light._radiosity import NEAREST, Arriving
+from tactograph.nodes.light._radiosity import Cells, Grid
+from tactograph.nodes.light._sweep import COATED_AZIMUTHS, Law
 
 LEAST = np.float32(GRAZING)
+NEAREST = np.float32(1e-12)
+"""Keeps from dividing by 0."""
 
 
 class _Surface(NamedTuple):
@@ -42,8 +47,8 @@ class _Surface(NamedTuple):
     let_out: F4
 
 
-def coated_arriving(film: Film, from_above: bool = False) -> Arriving:
-    """Return what takes the place of `matt_arriving` on a film with a coat.
+def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool = False) -> Law:
+    """Cells of a film with a coat, of which the camera sees so much light.
 
     Light is relative to the film at rest that the same pixel sees, or to that below (`from_above`).
     """
@@ -53,34 +58,32 @@ def coated_arriving(film: Film, from_above: bool = False) -> Arriving:
         nearer = 1 - np.float32(at_rest.camera) * at[2]
         return _at_rest(film, light, at[:2] / nearer)
 
-    def arriving(at: F4, normal: F4, places: F4, areas: F4, sources: F4) -> F4:
-        here, there = _surface(film, at, normal), _surface(film, places, areas)
-        emitted, mirrored = _emitted(film, there, sources, rest)
-        away = there.at[:, None, :] - here.at[:, :, None]
-        square = (away * away).sum(0) + NEAREST
-        away /= np.sqrt(square)
-        size = np.sqrt((areas * areas).sum(0))
-        c_in = np.maximum(_dot(here.normal[:, :, None], away), 0)
-        c_out = np.maximum(-_dot(there.normal[:, None, :], away), 0)
-        thrown = here.let_out[:, None] * _let_in(film, c_in)
-        thrown += _mirrored(film, here.normal[:, :, None], away, here.eye[:, :, None])
-        thrown *= c_in * c_out * size / square
-        let_out = _let_in(film, c_out)
-        found = np.empty((len(sources), at.shape[1]), np.float32)
-        for k, light in enumerate(film.lights):
-            led = light[:, None] - there.at
-            led /= np.sqrt((led * led).sum(0))
-            lobe = _mirrored(film, there.normal[:, None, :], led[:, None, :], -away)
-            sent = emitted[k] * let_out + mirrored[k] * lobe
-            found[k] = (thrown * sent).sum(1) / rest(light, here.at)
-        return found
+    frame = slice(None), *grid.frame
+    there = _surface(film, cells.at.reshape(3, -1), cells.normal.reshape(3, -1))
+    here = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
+    emitted, mirrored = _emitted(film, there, sources.reshape(len(sources), -1), rest)
+    by_rest = np.stack([1 / rest(light, here.at) for light in film.lights])
 
-    return arriving
+    def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
+        normal, eye = here.normal[:, at], here.eye[:, at]
+        c_in = np.maximum(_dot(normal, away), 0)
+        back = here.let_out[at] * _let_in(film, c_in) + _mirrored(film, normal, away, eye)
+        facing = there.normal[:, other]
+        let_out = _let_in(film, np.maximum(-_dot(facing, away), 0))
+        found = np.empty((len(emitted), at.size), np.float32)
+        for k, light in enumerate(film.lights):
+            led = light[:, None] - there.at[:, other]
+            led /= np.sqrt((led * led).sum(0))
+            lobe = _mirrored(film, facing, led, -away)
+            found[k] = back * (emitted[k, other] * let_out + mirrored[k, other] * lobe)
+        return found * by_rest[:, at]
+
+    return Law(COATED_AZIMUTHS, thrown)
 
 
 def source_rows(leds: int) -> int:
     """Return the rows of the kernels' table of sources: SOURCE_ROWS."""
-    return 7 + 5 * leds
+    return 5 * leds
 
 
 def _surface(film: Film, at: F4, normal: F4) -> _Surface:

@@ -11,17 +11,9 @@ from annotated_types import Interval
 from tactograph.graph import Close, InputError, node
 from tactograph.nodes import Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._coated_bounce import coated_arriving, source_rows
-from tactograph.nodes.light._radiosity import (
-    BLOCK,
-    cell_grid,
-    cells_of,
-    framed,
-    matt_arriving,
-    means,
-    near_and_far,
-    rim_blocks,
-)
+from tactograph.nodes.light._coated_bounce import coated, source_rows
+from tactograph.nodes.light._radiosity import cell_grid, cells_of, means
+from tactograph.nodes.light._sweep import matt, swept
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -35,7 +27,7 @@ COAT = "lights", "diffuse", "base", "roughness", "refraction", "camera"
 
 @node(
     neutral=0.0,
-    tolerance=Close(1e-5, 2e-4, why="sums over all cells, in another order"),
+    tolerance=Close(1e-5, 5e-4, why="what barely rises over a horizon may rise or not"),
 )
 def film_bounce(
     light: Light,
@@ -46,23 +38,17 @@ def film_bounce(
     slope: Slope | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=20000)] = CELLS,
-    near: Annotated[int, Interval(ge=0, le=8)] = 1,
     share: Annotated[float, Interval(gt=0, le=1)] = 0.5,
 ) -> Light:
     r"""Return the part of the light that comes from other places of the film.
 
-    A cell of the film that reflects `albedo` of the light E_j that falls on it lights another
-    one.  The camera sees all the light of a cell, that of earlier bounces too, so that one sum
-    over the cells holds all bounces::
-
-        B(P) = albedo sum_j max(n.d, 0) max(-S_j.d, 0) / (pi |d|^4) E_j,    d = P_j - P
-
-    with n the normal at P and S_j the area vector of cell j (radiosity; Nayar, Ikeuchi and
-    Kanade 1991).  E_j is the light relative to the film at rest times the irradiance of the
-    film at rest, which falls off with the inverse square and the cosine.  The result is
+    The camera sees all the light E_j of a cell, that of earlier bounces too, so that one sum over
+    what a place sees of the film (equation B1, `_sweep`) holds all bounces (radiosity; Nayar,
+    Ikeuchi and Kanade 1991).  E_j is the light relative to the film at rest times the irradiance
+    of the film at rest, which falls off with the inverse square and the cosine.  The result is
     relative to the film at rest again; taken off `light`, it leaves what comes from the LED.
-    A flat film lights itself nowhere; `film.rim` mm of it surround the frame.  Cells do not hide
-    one another.  A film with a coat mirrors light, too (`_coated_bounce`).
+    A flat film lights itself nowhere; `film.rim` mm of it surround the frame.  Film behind film
+    that is nearer throws nothing.  A film with a coat mirrors light, too (`_coated_bounce`).
 
     Parameters
     ----------
@@ -82,9 +68,6 @@ def film_bounce(
     cells
         Most cells.  They are squares of as many pixels as it takes, and the result is
         interpolated between them.
-    near
-        So many blocks of 4 x 4 cells away film counts cell by cell; farther away a block counts
-        as one cell, for the sum would grow with the square of the cells' number.
     share
         By how much of the way the result goes from `before` to what this round says: below 1
         it keeps the turns from swinging.
@@ -103,14 +86,13 @@ def film_bounce(
     if film.albedo == 0:
         return np.zeros_like(light)
     grid = cell_grid(height.shape, pixel, cells, film.rim)
-    places, areas, rest = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
-    sources = rest.copy()
-    inside = framed(grid)
-    sources[:, inside] *= means(light, grid.factor).reshape(len(light), -1)
-    gain = np.float32(film.albedo) / np.float32(math.pi)
-    arriving = matt_arriving if film.refraction == 1 else coated_arriving(film)
-    bounced = gain * near_and_far(places, areas, sources, grid, near, arriving) / rest[:, inside]
-    planes = bounced.reshape(len(light), grid.rows, grid.columns)
+    of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
+    frame = slice(None), *grid.frame
+    sources = of.rest.copy()
+    sources[frame] *= means(light, grid.factor)
+    law = matt(sources) if film.refraction == 1 else coated(film, of, sources, grid)
+    arriving = swept(of, grid, film.camera, law)
+    planes = np.float32(film.albedo) * arriving / of.rest[frame]
     found = between_cells(planes, height.shape, grid.factor)
     return found if before is None else before + np.float32(share) * (found - before)
 
@@ -120,39 +102,27 @@ def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     of, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
     lights, pixel, albedo = (of[name] for name in ("film.lights", "pixel", "film.albedo"))
-    constants = {"LEDS": count}
+    constants = {"LEDS": count, "COATED": int(of["film.refraction"] != 1)}
     _check(albedo)
     if albedo == 0:
         work = run.in_lanes(count, *size)
         run.kernel("nothing", work, out, count * math.prod(size), constants=constants)
         return
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], of["film.rim"])
-    cells = math.prod(grid.whole)
-    table = run.scratch((6 + 2 * count, cells))
-    edge = rim_blocks(grid.rim)
-    blocks = math.prod(math.ceil(s / BLOCK) + 2 * edge for s in (grid.rows, grid.columns))
-    far = run.scratch((6 + count, blocks))
-    bounced = run.scratch((count, grid.rows, grid.columns))
-    shape = grid.rows, grid.columns, grid.rim
-    local = (run.group,)
+    cells, shape = math.prod(grid.whole), (grid.rows, grid.columns, grid.rim)
+    table, bounced = run.scratch((6 + 2 * count, cells)), run.scratch((count, *shape[:2]))
     arguments = of["light"], of["height"], of.get("slope"), lights, pixel, table, *size
-    arguments = *arguments, grid.factor, *shape, grid.rim_mm, of["film.camera"]
-    run.kernel("lay_out", (cells,), *arguments, local=local, constants=constants)
-    run.kernel("put_together", (blocks,), table, far, *shape, constants=constants)
+    arguments = *arguments, grid.factor, *shape, of["film.camera"]
+    run.kernel("lay_out", (cells,), *arguments, local=(run.group,), constants=constants)
+    coat, sources = [of[f"film.{name}"] for name in COAT], None
+    if constants["COATED"]:
+        sources = run.scratch((source_rows(count), cells))
+        work = run.in_lanes(cells)
+        run.kernel("coat", work, table, sources, *coat, cells, constants=constants)
+    arguments = table, sources, bounced, *coat, *shape, grid.width, grid.film
+    arguments = *arguments, of["film.camera"], albedo
     work = run.in_row_lanes(grid.rows, grid.columns)
-    rest = *shape, settings["near"], float(np.float32(albedo) / np.float32(math.pi))
-    if of["film.refraction"] == 1:
-        run.kernel(
-            "near_and_far", work, table, far, bounced, *rest, local=local, constants=constants
-        )
-    else:
-        coat = [of[f"film.{name}"] for name in COAT]
-        sources = [run.scratch((source_rows(count), number)) for number in (cells, blocks)]
-        for plane, sent, number in zip((table, far), sources, (cells, blocks), strict=True):
-            arguments = plane, sent, *coat, number
-            run.kernel("coat", run.in_lanes(number), *arguments, constants=constants)
-        arguments = table, *sources, bounced, *coat, *rest
-        run.kernel("coated_near_and_far", work, *arguments, local=local, constants=constants)
+    run.kernel("throw_light", work, *arguments, local=(run.group,), constants=constants)
     work = run.in_row_lanes(count, *size)
     arguments = bounced, of.get("before"), out, *size, grid.factor, *shape[:2], settings["share"]
     run.kernel("interpolate", work, *arguments, constants=constants)

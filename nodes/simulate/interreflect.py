@@ -11,17 +11,10 @@ from annotated_types import Interval
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
 from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._coated_bounce import coated_arriving, source_rows
+from tactograph.nodes.light._coated_bounce import coated, source_rows
 from tactograph.nodes.light._film import matt_film
-from tactograph.nodes.light._radiosity import (
-    Arriving,
-    all_on_all,
-    cell_grid,
-    cells_of,
-    framed,
-    matt_arriving,
-    means,
-)
+from tactograph.nodes.light._radiosity import cell_grid, cells_of, means
+from tactograph.nodes.light._sweep import matt, swept
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -70,7 +63,7 @@ def interreflect(
     bounces
         How many; a film of albedo 0.7 has converged to a thousandth after 5.
     cells
-        Most cells, squares of as many pixels as it takes; time grows with the square.
+        Most cells, squares of as many pixels as it takes.
     rim_mm
         How far the film goes on beyond the frame, flat and at rest.
     coat_alpha, refractive_index, camera_mm
@@ -78,29 +71,25 @@ def interreflect(
     """
     if albedo == 0:
         return light.copy()
-    grid = cell_grid(height.shape, pixel, cells, rim_mm)
-    places, areas, irradiance = cells_of(height, lights, np.float32(pixel), grid)
-    inside = framed(grid)
+    grid, by = cell_grid(height.shape, pixel, cells, rim_mm), np.float32(albedo)
+    of = cells_of(height, lights, np.float32(pixel), grid)
+    frame = slice(None), *grid.frame
     relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
-    direct = means(relative, grid.factor).reshape(len(light), -1)
-    gain = np.float32(albedo) / np.float32(math.pi)
-    arriving: Arriving = matt_arriving
-    if coat_alpha > 0:
-        film = matt_film(lights)._replace(
-            base=albedo,
-            roughness=coat_alpha,
-            refraction=refractive_index,
-            camera=1 / camera_mm if camera_mm else 0.0,
-        )
-        arriving = coated_arriving(film, from_above=True)
+    direct = means(relative, grid.factor)
+    film = matt_film(lights)._replace(
+        base=albedo,
+        roughness=coat_alpha,
+        refraction=refractive_index,
+        camera=1 / camera_mm if camera_mm else 0.0,
+    )
     bounced = np.zeros_like(direct)
     for _ in range(bounces):
-        sources = irradiance.copy()
-        sources[:, inside] *= direct + bounced
-        thrown = all_on_all(places, areas, sources, inside, arriving)
-        bounced = gain * thrown / irradiance[:, inside]
-    planes = bounced.reshape(len(light), grid.rows, grid.columns)
-    return light + rest * between_cells(planes, height.shape, grid.factor)
+        sources = of.rest.copy()
+        sources[frame] *= direct + bounced
+        law = coated(film, of, sources, grid, True) if coat_alpha > 0 else matt(sources)
+        arriving = swept(of, grid, 0.0, law)
+        bounced = by * arriving / of.rest[frame]
+    return light + rest * between_cells(bounced, height.shape, grid.factor)
 
 
 @interreflect.opencl()
@@ -109,6 +98,7 @@ def _launch(run: Launch) -> None:
     names = "light", "rest", "height", "lights", "pixel"
     light, rest, height, lights, pixel = (run.inputs[name] for name in names)
     settings, out, constants = run.settings, run.outputs["interreflect"], {"LEDS": count}
+    constants["COATED"] = int(settings["coat_alpha"] > 0)
     pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
     shape, all_cells = (grid.rows, grid.columns, grid.rim), math.prod(grid.whole)
@@ -128,33 +118,28 @@ def _launch(run: Launch) -> None:
             *size,
             grid.factor,
             *shape,
-            grid.rim_mm,
             0.0,
         )
         run.kernel("lay_out", (all_cells,), *arguments, local=local, constants=constants)
-    work = run.in_row_lanes(grid.rows, grid.columns)
-    gain = float(np.float32(settings["albedo"]) / np.float32(math.pi))
-    camera = settings["camera_mm"]
+    work, camera = run.in_row_lanes(grid.rows, grid.columns), settings["camera_mm"]
     none = run.keep(("no diffuse share", count), lambda: run.upload(np.zeros(count, np.float32)))
     coat = (
         lights, none, settings["albedo"], settings["coat_alpha"], settings["refractive_index"],
         1 / camera if camera else 0.0,
     )  # fmt: skip
-    coated = settings["coat_alpha"] > 0 and settings["albedo"] > 0
-    sources = run.scratch((source_rows(count), all_cells if coated else 1))
+    sources = None
+    if constants["COATED"]:
+        sources = run.scratch((source_rows(count), all_cells))
+    arguments = table, sources, bounced, *coat, *shape, grid.width, grid.film
+    arguments = *arguments, 0.0, settings["albedo"]
     for bounce in range(settings["bounces"]):
         if bounce:
             every = grid.rows * grid.columns
             run.kernel("add_bounce", (every,), direct, bounced, table, *shape, constants=constants)
-        if not coated:
-            arguments = table, bounced, *shape, gain
-            run.kernel("bounce", work, *arguments, local=local, constants=constants)
-            continue
-        run.kernel(
-            "coat", run.in_lanes(all_cells), table, sources, *coat, all_cells, constants=constants
-        )
-        arguments = table, sources, bounced, *coat, *shape, gain
-        run.kernel("coated_bounce", work, *arguments, local=local, constants=constants)
+        if sources is not None:
+            every = run.in_lanes(all_cells)
+            run.kernel("coat", every, table, sources, *coat, all_cells, constants=constants)
+        run.kernel("throw_light", work, *arguments, local=local, constants=constants)
     arguments = light, rest, bounced, out, *size, grid.factor, *shape[:2]
     run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
 

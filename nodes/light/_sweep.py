@@ -1,0 +1,180 @@
+"""What the cells of a film throw on one another: a sweep over azimuths with a rising horizon.
+
+The half-space above a cell at P is cut into half-planes that hold the camera's ray at P.
+The film in such a plane is met in steps that grow; where a place rises above the horizon of those
+before it, t = tan(elevation) from t_0 to t_1, it throws on P::
+
+    B(P) = albedo / pi sum L(P, Q) [F(t_1) - F(t_0)] dphi,
+    F(t) = n_h / 2 (atan t + t / (1 + t^2)) + n_e / 2 t^2 / (1 + t^2)                         (B1)
+
+with n_e and n_h the normal's parts along the ray and across it, in the plane, and F the integral
+of cosine and solid angle.  The first horizon is the film's own tangent, so a convex film
+lights itself nowhere, and what hides behind nearer film throws nothing (horizons: Max 1988).
+A camera that sees P sees whatever rises from its ray in order, near or far away, so a line of its
+image is such a plane.  ``kernels/headers/sweep.clh`` holds the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.light._film import to_pupil
+from tactograph.nodes.light._radiosity import Cells, Grid
+
+MATT_AZIMUTHS, COATED_AZIMUTHS = 16, 32
+"""What a coat mirrors is narrower than the light of matt film."""
+GROWTH = 8
+"""Steps of the way after which a step is one cell longer, ..."""
+LONGEST = 8
+"""... and the longest step."""
+LEAST_FACING = np.float32(1e-3)
+"""Smallest n_e."""
+
+
+class Law(NamedTuple):
+    """How cells throw light on one another."""
+
+    azimuths: int
+    thrown: Callable[[NDArray[np.intp], F4, NDArray[np.intp]], F4]
+    """K x N: on N of the frame's cells, by number, in directions, 3 x N, from N of all cells."""
+
+
+class _Looking(NamedTuple):
+    """The cells of the frame, as one azimuth sees them; the horizon and F there rise."""
+
+    at: F4
+    eye: F4
+    facing: F4
+    across: F4
+    longest: F4
+    """Steps to where the film ends."""
+    horizon: F4
+    below: F4
+
+
+def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
+    """Return what arrives at the cells of the frame, over pi: K x rows x columns.
+
+    `camera` is 1 over the height of the pupil that lines up the cells.
+    """
+    inside = slice(None), *grid.frame
+    at, normal = cells.at[inside], cells.normal[inside]
+    eye = np.stack(to_pupil(camera, *at))
+    facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
+    total = np.zeros((len(cells.rest), grid.rows * grid.columns), np.float32)
+    for number in range(law.azimuths):
+        turn = 2 * math.pi * (number + 0.5) / law.azimuths
+        x, y = math.cos(turn), math.sin(turn)
+        along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
+        flat = 1 - along * along
+        forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
+        across = forwards / np.sqrt(flat)
+        horizon = -across / facing
+        step = tuple(part / max(abs(x), abs(y)) for part in (x, y))
+        below = gathered(horizon, across, facing)
+        on = _Looking(at, eye, facing, across, _longest(grid, step), horizon, below)
+        gain = np.float32(2 / law.azimuths) * eye[2] / flat
+        for share, away, (row, column), there in _risen(on, cells.at[2], step, grid, camera):
+            here = row * grid.columns + column
+            total[:, here] += gain[row, column] * share * law.thrown(here, away, there)
+    return total.reshape(-1, grid.rows, grid.columns)
+
+
+def matt(sources: F4) -> Law:
+    """Cells of a matt film, K x rows x columns, throw the same in all directions."""
+    flat = sources.reshape(len(sources), -1)
+    return Law(MATT_AZIMUTHS, lambda at, away, other: flat[:, other])
+
+
+def gathered(t: F4, across: F4, facing: F4) -> F4:
+    """F of equation B1."""
+    part = t / (1 + t * t)
+    half = np.float32(0.5)
+    return np.asarray(half * across * (np.arctan(t) + part) + half * facing * t * part)
+
+
+def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
+    """Return how many steps each cell of the frame is from the film's end."""
+    ways = []
+    for part, count in zip(step, (grid.columns, grid.rows), strict=True):
+        place = np.arange(count, dtype=np.float32)
+        last = np.float32(grid.film - 0.5 + (count if part > 0 else 0))
+        ways.append((last - place if part > 0 else last + 1 + place) / np.float32(abs(part)))
+    across, down = ways
+    return np.minimum(across, down[:, None])
+
+
+def _risen(
+    on: _Looking, rises: F4, unit: tuple[float, ...], grid: Grid, camera: float
+) -> Iterator[tuple[F4, F4, tuple[NDArray[np.intp], ...], NDArray[np.intp]]]:
+    """Yield, step by step, what has risen over the horizon: its share of F, the direction of its
+    middle, rows and columns that see it, and the cell half-way to the step before."""
+    across, down = unit
+    by, wide = np.float32(camera), np.float32(grid.width)
+    last, step = 0, 1
+    while True:
+        dx, dy = across * step, down * step
+        rows = _reaching(down * last, grid.rows, grid.film)
+        columns = _reaching(across * last, grid.columns, grid.film)
+        if not rows or not columns:
+            return
+        here = slice(rows.start, rows.stop), slice(columns.start, columns.stop)
+        longest = on.longest[here]
+        ends = longest < step
+        way = np.minimum(longest, np.float32(step)) * wide
+        z = np.where(ends, 0, _between(rises, here, dx, dy, grid.rim))
+        px, py, pz = (part[here] for part in on.at)
+        ex, ey, ez = (part[here] for part in on.eye)
+        # From where the camera's ray of P meets the film at rest.
+        seen, nearer = 1 - by * pz, 1 - by * z
+        x = (px / seen + np.float32(across) * way) * nearer - px
+        y = (py / seen + np.float32(down) * way) * nearer - py
+        z = z - pz
+        up = x * ex + y * ey + z * ez
+        square = x * x + y * y + z * z - up * up
+        horizon = on.horizon[here]
+        risen = up * np.abs(up) > horizon * np.abs(horizon) * square
+        if not grid.film:
+            risen &= ~ends
+        row, column = risen = np.nonzero(risen)
+        if len(row):
+            chosen = row + rows.start, column + columns.start
+            eye = on.eye[(slice(None), *chosen)]
+            aside = np.sqrt(square[risen])
+            level = (np.stack([x[risen], y[risen], z[risen]]) - up[risen] * eye) / aside
+            t, before = up[risen] / aside, on.horizon[chosen]
+            higher = gathered(t, on.across[chosen], on.facing[chosen])
+            share = higher - on.below[chosen]
+            on.horizon[chosen], on.below[chosen] = t, higher
+            half = (t + before) / 2
+            away = (level + half * eye) / np.sqrt(1 + half * half)
+            half_way = (last + step) / 2
+            below, right = (grid.rim + round(part * half_way) for part in (down, across))
+            there = (chosen[0] + below) * grid.whole[1] + chosen[1] + right
+            yield share, away, chosen, there
+        last, step = step, step + min(max(1, step // GROWTH), LONGEST)
+
+
+def _reaching(far: float, count: int, film: float) -> range:
+    """Return which cells of an axis lie on the film if they go so far."""
+    first = max(0, math.ceil(-0.5 - film - far))
+    return range(first, min(count, math.floor(count - 0.5 + film - far) + 1))
+
+
+def _between(rises: F4, here: tuple[slice, slice], dx: float, dy: float, rim: int) -> F4:
+    """Return `rises`, which has `rim` cells more on all sides, so far from what lies `here`.
+
+    One of dx and dy is whole; along the other one it lies between two cells.
+    """
+    below, right = math.floor(dy), math.floor(dx)
+    one, other = (
+        rises[tuple(slice(s.start + rim + d, s.stop + rim + d) for s, d in zip(here, by))]
+        for by in ((below, right), (math.ceil(dy), math.ceil(dx)))
+    )
+    return one + np.float32(max(dy - below, dx - right)) * (other - one)
