@@ -76,7 +76,7 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
             led /= np.sqrt((led * led).sum(0))
             lobe = _mirrored(film, facing, led, -away)
             found[k] = back * (emitted[k, other] * let_out + mirrored[k, other] * lobe)
-        return found * by_rest[:, at]
+        return np.asarray(found * by_rest[:, at], np.float32)
 
     return Law(COATED_AZIMUTHS, thrown)
 

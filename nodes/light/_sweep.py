@@ -174,7 +174,10 @@ def _between(rises: F4, here: tuple[slice, slice], dx: float, dy: float, rim: in
     """
     below, right = math.floor(dy), math.floor(dx)
     one, other = (
-        rises[tuple(slice(s.start + rim + d, s.stop + rim + d) for s, d in zip(here, by))]
-        for by in ((below, right), (math.ceil(dy), math.ceil(dx)))
+        rises[tuple(slice(s.start + rim + d, s.stop + rim + d) for s, d in pairs)]
+        for pairs in (
+            zip(here, (below, right), strict=True),
+            zip(here, (math.ceil(dy), math.ceil(dx)), strict=True),
+        )
     )
     return one + np.float32(max(dy - below, dx - right)) * (other - one)

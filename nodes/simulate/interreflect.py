@@ -137,8 +137,8 @@ def _launch(run: Launch) -> None:
             every = grid.rows * grid.columns
             run.kernel("add_bounce", (every,), direct, bounced, table, *shape, constants=constants)
         if sources is not None:
-            every = run.in_lanes(all_cells)
-            run.kernel("coat", every, table, sources, *coat, all_cells, constants=constants)
+            lanes = run.in_lanes(all_cells)
+            run.kernel("coat", lanes, table, sources, *coat, all_cells, constants=constants)
         run.kernel("throw_light", work, *arguments, local=local, constants=constants)
     arguments = light, rest, bounced, out, *size, grid.factor, *shape[:2]
     run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
