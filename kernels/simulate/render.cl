@@ -112,13 +112,16 @@ float exposure(const Surface s, __global const float *lights, const int K, const
     return level / brightest;
 }
 
-// To point i of `count` on a sunflower spiral over an LED's disk, which faces the middle of the
-// film or lies parallel to it; a single one is its centre.
+// To point i of `count` on sunflower spirals over an LED's disk, which faces the middle of the film
+// or lies parallel to it: pairs of opposite points, whose mean is the centre; an odd one lies there.
 Ray towards(const Spot spot, __global const float *led, const float size_mm, const int i,
             const int count, const int distant, const int facing)
 {
-    const float radius = 0.5f * size_mm * sqrt((float)i / (float)count);
-    const float angle = (float)i * GOLDEN_ANGLE;
+    const int odd = count % 2, pair = (i + odd) / 2;
+    const float side = (i + odd) % 2 ? -1.0f : 1.0f;
+    const float inside = (2.0f * (float)pair + (float)(1 - odd)) / (float)count;
+    const float radius = 0.5f * size_mm * sqrt(inside) * side;
+    const float angle = (float)pair * GOLDEN_ANGLE;
     const float u = radius * cos(angle), v = radius * sin(angle);
     float x = led[0], y = led[1], z = led[2];
     if (facing) {

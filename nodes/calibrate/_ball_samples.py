@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import cut
 from tactograph.nodes.light._near_light import F8, places
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.light.film_bounce import CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
 
@@ -23,6 +23,9 @@ SAMPLES, ENOUGH = 1500, 30
 """Samples of all balls together, and of each ball at least."""
 USUAL_ALBEDO = 0.6
 """Of a film that a bounce is computed for."""
+FINE = 4 * CELLS
+"""Cells of `film_bounce` on a matt film.  Fewer tell what changes with a lift or a rim, and what a
+coat mirrors, which takes five times as long."""
 LIFT = 0.02
 """Share of a ball's radius by which it is lifted to see how a bounce grows with its height."""
 ON_BALL = 1 + 1e-6
@@ -83,14 +86,17 @@ def sample_balls(
 
     wider = film._replace(rim=film.rim + RIM)
 
-    def thrown(i: int, film: Film, lift: float = 0) -> F4:
+    def thrown(i: int, film: Film, lift: float = 0, cells: int = CELLS) -> F4:
         balls = circle[of == i], radius[of == i]
         places = moved[of == i] + lift * balls[1][:, None] * np.array([0, 0, 1])
-        return _unit_bounce(presses[i], sigma, *balls, places, film, pixel)
+        return _unit_bounce(presses[i], sigma, *balls, places, film, pixel, cells)
 
-    used = np.unique(of)
-    still, lifted = {i: thrown(i, film) for i in used}, {i: thrown(i, film, LIFT) for i in used}
-    rimmed = {i: thrown(i, wider) for i in used}
+    still, lifted, rimmed = {}, {}, {}
+    for i in np.unique(of):
+        coarse = thrown(i, film)
+        lifted[i] = (thrown(i, film, LIFT) - coarse) / LIFT
+        rimmed[i] = (thrown(i, wider) - coarse) / RIM
+        still[i] = thrown(i, film, cells=FINE) if film.refraction == 1 else coarse
     found: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
         u0, v0, rim = circle[number].astype(np.float64)
@@ -108,8 +114,8 @@ def sample_balls(
         yy, xx = yy[inside], xx[inside]
         sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
         values, bounced = presses[i][:, yy, xx], still[i][:, yy, xx].astype(np.float64)
-        by_lift = (lifted[i][:, yy, xx] - bounced) / (LIFT * radius[number])
-        by_rim = (rimmed[i][:, yy, xx] - bounced) / RIM
+        by_lift = lifted[i][:, yy, xx] / radius[number].astype(np.float64)
+        by_rim = rimmed[i][:, yy, xx].astype(np.float64)
         bounced -= moved[number, 2] * by_lift + film.rim * by_rim
         each_ball = values, bounced, by_lift, by_rim, np.full(xx.size, number), sector
         found.append((x[xx], y[yy], *each_ball))
@@ -133,7 +139,7 @@ def sample_balls(
 
 
 def _unit_bounce(
-    press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float
+    press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float, cells: int
 ) -> F4:
     """The light that balls in a film of albedo 1 throw on it and on the film around them.
 
@@ -152,7 +158,7 @@ def _unit_bounce(
         away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z + sunk) ** 2
         height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
-    thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=19200)
+    thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
     # Balls are no film at rest, for all that little is thrown on their tops.
     shown = np.where(seen > 0, press, 1 + thrown)
     drift = film_drift(coarsen(shown), sigma, degree=DEGREE, rough=ROUGH)

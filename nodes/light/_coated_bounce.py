@@ -63,6 +63,8 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
     here = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
     emitted, mirrored = _emitted(film, there, sources.reshape(len(sources), -1), rest)
     by_rest = np.stack([1 / rest(light, here.at) for light in film.lights])
+    towards = [light[:, None] - there.at for light in film.lights]
+    towards = [led / np.sqrt((led * led).sum(0)) for led in towards]
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
         normal, eye = here.normal[:, at], here.eye[:, at]
@@ -71,10 +73,8 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
         facing = there.normal[:, other]
         let_out = _let_in(film, np.maximum(-_dot(facing, away), 0))
         found = np.empty((len(emitted), at.size), np.float32)
-        for k, light in enumerate(film.lights):
-            led = light[:, None] - there.at[:, other]
-            led /= np.sqrt((led * led).sum(0))
-            lobe = _mirrored(film, facing, led, -away)
+        for k, led in enumerate(towards):
+            lobe = _mirrored(film, facing, led[:, other], -away)
             found[k] = back * (emitted[k, other] * let_out + mirrored[k, other] * lobe)
         return np.asarray(found * by_rest[:, at], np.float32)
 

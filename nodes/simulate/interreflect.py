@@ -98,7 +98,7 @@ def _launch(run: Launch) -> None:
     names = "light", "rest", "height", "lights", "pixel"
     light, rest, height, lights, pixel = (run.inputs[name] for name in names)
     settings, out, constants = run.settings, run.outputs["interreflect"], {"LEDS": count}
-    constants["COATED"] = int(settings["coat_alpha"] > 0)
+    constants["COATED"] = int(settings["coat_alpha"] > 0 and settings["albedo"] > 0)
     pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
     shape, all_cells = (grid.rows, grid.columns, grid.rim), math.prod(grid.whole)

@@ -314,13 +314,17 @@ def _outside(foot: np.float32, size: int, pixel: np.float32) -> np.float32:
 
 
 def _points(led: F4, count: int, size_mm: np.float32, facing: bool) -> list[F4]:
-    """`count` points spread evenly over an LED's disk; a single one is its centre.
+    """`count` points spread evenly over an LED's disk, opposite ones in pairs.
 
-    The disk faces the middle of the film, or lies parallel to the film.
+    Their mean is the centre, where an odd one lies.  The disk faces the middle of the film, or
+    lies parallel to the film.
     """
-    i = np.arange(count, dtype=np.float32)
-    radius = np.float32(0.5) * size_mm * np.sqrt(i / np.float32(count))
-    angle = i * np.float32(GOLDEN_ANGLE)
+    odd = count % 2
+    i = np.arange(count) + odd
+    pair = (i // 2).astype(np.float32)
+    inside = (2 * pair + np.float32(1 - odd)) / np.float32(count)
+    radius = np.float32(0.5) * size_mm * np.sqrt(inside) * np.where(i % 2, -1, 1)
+    angle = pair * np.float32(GOLDEN_ANGLE)
     u, v = radius * np.cos(angle), radius * np.sin(angle)
     if not facing:
         return list(led + np.stack([u, v, np.zeros_like(i)], axis=1))
