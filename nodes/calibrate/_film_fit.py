@@ -68,6 +68,10 @@ SHARED = {
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
 }
 DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
+ONE_ALBEDO = {"base": 1, "albedo": -1}
+"""The albedo of film under its coat is that by which film lights film: they differ by 0, ..."""
+ALIKE = 0.01
+"""... give or take so much.  Alone, the one under a coat nearly trades with the coat's index."""
 EMISSION = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
 """m: an LED that faces the middle of the film shines by cos^m from its axis.  Only the flat frame
 is asked: it would tell a wrong distance, while touched film, relative to it, hardly changes."""
@@ -433,6 +437,17 @@ def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, fl
             number += 1
 
 
+def _albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
+    """The difference of both albedos over its standard deviation, and by all shared numbers."""
+    if not ONE_ALBEDO.keys() <= set(names):
+        return
+    numbers = [(number, name) for number, (name, *_) in _numbers(now, names)]
+    by = np.zeros(now.leds.size + len(numbers))
+    for number, name in numbers:
+        by[now.leds.size + number] = ONE_ALBEDO.get(name, 0) / ALIKE
+    yield (now.film.base - now.film.albedo) / ALIKE, by
+
+
 def _cost(problem: _Problem, now: Fitted) -> float:
     balls, rest, names, shift_mm, width_mm, scale, certain = problem
     total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
@@ -440,6 +455,7 @@ def _cost(problem: _Problem, now: Fitted) -> float:
     if rest is not None:
         total += _huber(_rest_left(rest, now) / certain)
     total += float(now.leds[:, 3].mean() ** 2)
+    total += sum(away**2 for away, _ in _albedos(now, names))
     return total + sum((away / sure) ** 2 for _, away, sure in _priors(now, names, width_mm))
 
 
@@ -470,6 +486,9 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     for j, away_from, sure_of in _priors(now, names, width_mm):
         shared[j, j] += sure_of**-2
         right[j] -= away_from / sure_of**2
+    for away_from, by_all in _albedos(now, names):
+        shared += np.outer(by_all, by_all)
+        right -= by_all * away_from
     return _Equations(shared, mixed, own, right, right_own)
 
 

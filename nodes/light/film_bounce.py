@@ -38,7 +38,7 @@ def film_bounce(
     slope: Slope | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=20000)] = CELLS,
-    share: Annotated[float, Interval(gt=0, le=1)] = 0.5,
+    share: Annotated[float, Interval(gt=0, le=2)] = 0.5,
 ) -> Light:
     r"""Return the part of the light that comes from other places of the film.
 
@@ -70,7 +70,7 @@ def film_bounce(
         interpolated between them.
     share
         By how much of the way the result goes from `before` to what this round says: below 1
-        it keeps the turns from swinging.
+        it keeps the turns from swinging, above 1 it saves some where they creep.
 
     Returns
     -------
