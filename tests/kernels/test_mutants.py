@@ -201,8 +201,8 @@ MUTANTS = {
     "film_bounce": {
         "hidden film seen": ("seen ? up / aside : on->horizon", "up / aside"),
         "no tangent to begin with": (
-            "horizon = -across / facing,",
-            "horizon = -9.0f + 0.0f * across,",
+            "horizon = -across / facing;",
+            "horizon = -9.0f + 0.0f * across;",
         ),
         "the horizon never rises": ("on->below = higher", "on->below = on->below"),
         "half of the azimuths": ("number < AZIMUTHS", "number < AZIMUTHS / 2"),
