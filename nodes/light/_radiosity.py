@@ -14,7 +14,7 @@ from tactograph.nodes import F4
 
 FARTHEST = 64
 """Cells beyond the frame after which the film throws next to nothing."""
-MARGIN = 32
+MARGIN = 22
 """Cells beyond the film that a sweep may read: lanes of a kernel, a step that goes too far."""
 LEAST = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""

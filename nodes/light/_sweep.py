@@ -110,55 +110,85 @@ def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
     return np.minimum(across, down[:, None])
 
 
+class _Met(NamedTuple):
+    """What cells meet a step farther on: the way there, its part along the camera's ray, the square
+    of the rest, and whether the film ends before."""
+
+    way: F4
+    up: F4
+    square: F4
+    ends: NDArray[np.bool_]
+
+
 def _risen(
     on: _Looking, rises: F4, unit: tuple[float, ...], grid: Grid, camera: float
 ) -> Iterator[tuple[F4, F4, tuple[NDArray[np.intp], ...], NDArray[np.intp]]]:
-    """Yield, step by step, what has risen over the horizon: its share of F, the direction of its
-    middle, rows and columns that see it, and the cell half-way to the step before."""
+    """Yield, step by step, what has risen over the horizon.
+
+    Its share of F, the direction of its middle, rows and columns that see it, and the number of the
+    cell half-way to the step before.
+    """
     across, down = unit
-    by, wide = np.float32(camera), np.float32(grid.width)
     last, step = 0, 1
     while True:
-        dx, dy = across * step, down * step
         rows = _reaching(down * last, grid.rows, grid.film)
         columns = _reaching(across * last, grid.columns, grid.film)
         if not rows or not columns:
             return
         here = slice(rows.start, rows.stop), slice(columns.start, columns.stop)
-        longest = on.longest[here]
-        ends = longest < step
-        way = np.minimum(longest, np.float32(step)) * wide
-        z = np.where(ends, 0, _between(rises, here, dx, dy, grid.rim))
-        px, py, pz = (part[here] for part in on.at)
-        ex, ey, ez = (part[here] for part in on.eye)
-        # From where the camera's ray of P meets the film at rest.
-        seen, nearer = 1 - by * pz, 1 - by * z
-        x = (px / seen + np.float32(across) * way) * nearer - px
-        y = (py / seen + np.float32(down) * way) * nearer - py
-        z = z - pz
-        up = x * ex + y * ey + z * ez
-        square = x * x + y * y + z * z - up * up
+        met = _met(on, rises, unit, step, here, grid, camera)
         horizon = on.horizon[here]
-        risen = up * np.abs(up) > horizon * np.abs(horizon) * square
-        if not grid.film:
-            risen &= ~ends
-        row, column = risen = np.nonzero(risen)
+        # Neither root nor quotient: most steps see nothing rise.
+        higher = met.up * np.abs(met.up) > horizon * np.abs(horizon) * met.square
+        row, column = seen = np.nonzero(higher if grid.film else higher & ~met.ends)
         if len(row):
             chosen = row + rows.start, column + columns.start
-            eye = on.eye[(slice(None), *chosen)]
-            aside = np.sqrt(square[risen])
-            level = (np.stack([x[risen], y[risen], z[risen]]) - up[risen] * eye) / aside
-            t, before = up[risen] / aside, on.horizon[chosen]
-            higher = gathered(t, on.across[chosen], on.facing[chosen])
-            share = higher - on.below[chosen]
-            on.horizon[chosen], on.below[chosen] = t, higher
-            half = (t + before) / 2
-            away = (level + half * eye) / np.sqrt(1 + half * half)
-            half_way = (last + step) / 2
-            below, right = (grid.rim + round(part * half_way) for part in (down, across))
+            below, right = (grid.rim + round(part * (last + step) / 2) for part in (down, across))
             there = (chosen[0] + below) * grid.whole[1] + chosen[1] + right
-            yield share, away, chosen, there
+            yield *_share(on, met, seen, chosen), chosen, there
         last, step = step, step + min(max(1, step // GROWTH), LONGEST)
+
+
+def _met(
+    on: _Looking,
+    rises: F4,
+    unit: tuple[float, ...],
+    step: int,
+    here: tuple[slice, slice],
+    grid: Grid,
+    camera: float,
+) -> _Met:
+    by, (across, down), longest = np.float32(camera), unit, on.longest[here]
+    ends = longest < step
+    far = np.minimum(longest, np.float32(step)) * np.float32(grid.width)
+    z = np.where(ends, 0, _between(rises, here, across * step, down * step, grid.rim))
+    (px, py, pz), (ex, ey, ez) = (part[(slice(None), *here)] for part in (on.at, on.eye))
+    # From where the camera's ray of P meets the film at rest.
+    seen, nearer = 1 - by * pz, 1 - by * z
+    x = (px / seen + np.float32(across) * far) * nearer - px
+    y = (py / seen + np.float32(down) * far) * nearer - py
+    z = z - pz
+    up = x * ex + y * ey + z * ez
+    return _Met(np.stack([x, y, z]), up, x * x + y * y + z * z - up * up, ends)
+
+
+def _share(
+    on: _Looking,
+    met: _Met,
+    seen: tuple[NDArray[np.intp], ...],
+    chosen: tuple[NDArray[np.intp], ...],
+) -> tuple[F4, F4]:
+    """Raise the horizon of those `chosen`; return their shares of F and directions, 3 x N."""
+    (rows, columns), (down, across) = chosen, seen
+    eye, up = on.eye[:, rows, columns], met.up[seen]
+    aside = np.sqrt(met.square[seen])
+    level = (met.way[:, down, across] - up * eye) / aside
+    t: F4 = np.asarray(up / aside, np.float32)
+    half = (t + on.horizon[chosen]) / 2
+    higher = gathered(t, on.across[chosen], on.facing[chosen])
+    share = higher - on.below[chosen]
+    on.horizon[chosen], on.below[chosen] = t, higher
+    return share, np.asarray((level + half * eye) / np.sqrt(1 + half * half), np.float32)
 
 
 def _reaching(far: float, count: int, film: float) -> range:

@@ -130,11 +130,11 @@ def _launch(run: Launch) -> None:
 
 @film_bounce.example
 def _example(rng: np.random.Generator, K: int, **_: int) -> dict[str, Any]:
-    """LEDs in front of the film; one in two has no coat."""
+    """LEDs in front of a film that hardly goes on beyond the frame; one in two has no coat."""
     sideways = rng.uniform(-20, 20, (K, 2))
     lights = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)
     matt = {"film.refraction": 1.0} if rng.random() < 1 / 2 else {}
-    return {"film.lights": lights, **matt}
+    return {"film.lights": lights, "film.rim": float(rng.uniform(0, 0.6)), **matt}
 
 
 def _check(albedo: float) -> None:
