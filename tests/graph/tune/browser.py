@@ -61,6 +61,19 @@ class Browser:
         self._mouse("mousePressed", x, y)
         self._mouse("mouseReleased", x, y)
 
+    def click_until(self, selector: str, script: str) -> None:
+        """Click, and again where a dialog that is still opening did not take it."""
+        for _ in range(9):
+            if self.look(f"document.querySelector(`{selector}`) !== null"):
+                self.click(selector)
+            end = time.monotonic() + 2
+            while time.monotonic() < end:
+                if self.look(script):
+                    return
+                time.sleep(0.03)
+        page = self.look("document.body.innerText")
+        raise AssertionError(f"never came true: {script}; the page says {page}")
+
     def drag(self, selector: str, parts: list[float], down: float = 0.5, hold: str = "") -> None:
         """Press at the first part of an element's width, go through the others, let go.
 

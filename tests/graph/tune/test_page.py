@@ -181,8 +181,8 @@ def test_a_back_end_is_switched_a_second_graph_beside_and_all_is_saved(page: Pag
     page.browser.click(element("save"))
     page.browser.wait(f"document.querySelector('{element('file')}') !== null")
     page.browser.type(f"input{element('file')}", "saved.yaml")
-    page.browser.click(element("write"))
-    page.browser.wait("document.body.innerText.includes('saved and checked')")
+    saved_now = "document.body.innerText.includes('saved and checked')"
+    page.browser.click_until(element("write"), saved_now)
     assert (page.folder / "saved.yaml").read_text().splitlines() == [
         "format: 1",
         "extends: mine.yaml",

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate._film_fit import _Equations, _solve
+from tactograph.nodes.calibrate._film_fit import (
+    ALIKE,
+    _albedos,
+    _Equations,
+    _solve,
+    _stepped,
+    start_at,
+)
 from tactograph.nodes.calibrate.fit_film import FilmFit, fit_film
 from tactograph.nodes.light._film import predict, rest_light
 from tactograph.nodes.light.film_bounce import film_bounce
@@ -111,6 +118,20 @@ def test_a_glossy_coat_is_found() -> None:
     assert found.film.roughness == pytest.approx(0.25, abs=0.03)
     assert found.film.refraction > 1
     assert found.quality["film_heldout_deg"] < 0.3
+
+
+def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> None:
+    names = ["base", "roughness", "refraction", "albedo", "rim"]
+    start = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
+    now = start._replace(film=start.film._replace(base=0.8, albedo=0.7))
+    ((away, by),) = _albedos(now, names)
+    assert away == pytest.approx(0.1 / ALIKE)
+    for number, found in enumerate(by):
+        changed, step = _stepped(now, names, number)
+        ((moved, _),) = _albedos(changed, names)
+        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALIKE)
+    assert not list(_albedos(now, names[:3]))
+    assert not list(_albedos(now, names[3:]))
 
 
 def test_light_that_bounces_is_found() -> None:

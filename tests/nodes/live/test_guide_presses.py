@@ -83,7 +83,8 @@ def test_the_captures_that_are_kept_give_the_same_calibration(guided: Path) -> N
         list(pipeline.items())
     one, two = read_calibration(file=guided), read_calibration(file=again)
     np.testing.assert_allclose(one.film.lights, two.film.lights, rtol=1e-4)
-    np.testing.assert_allclose(one.flat, two.flat, atol=1e-6)
+    # Within a quarter of a grey level: pixels at a limit of `denoise_flat` may fall on either side.
+    np.testing.assert_allclose(one.flat, two.flat, atol=1e-3)
 
 
 def test_presses_of_an_earlier_session_are_not_mixed_in(guided: Path) -> None:
