@@ -61,16 +61,21 @@ class Browser:
         self._mouse("mousePressed", x, y)
         self._mouse("mouseReleased", x, y)
 
-    def click_until(self, selector: str, script: str) -> None:
-        """Click, and again where a dialog that is still opening did not take it."""
+    def click_until(self, selector: str, script: str, then: str = "") -> None:
+        """Click, and look at `then`, again and again until a script is true.
+
+        What opens, moves or is drawn anew may not take a click.
+        """
         for _ in range(9):
             if self.look(f"document.querySelector(`{selector}`) !== null"):
                 self.click(selector)
             end = time.monotonic() + 2
             while time.monotonic() < end:
+                if then:
+                    self.look(then)
                 if self.look(script):
                     return
-                time.sleep(0.03)
+                time.sleep(0.06)
         page = self.look("document.body.innerText")
         raise AssertionError(f"never came true: {script}; the page says {page}")
 

@@ -19,6 +19,9 @@ from tactograph.graph.files.read_graph import read_graph
 from tests.conftest import Calibration, Raytraced
 from tests.graph.tune.browser import Browser
 
+# Beside other tests a browser is late: what it shows, and what takes a click.
+pytestmark = pytest.mark.realtime
+
 VARIANT = """\
 format: 1
 extends: paper
@@ -104,10 +107,10 @@ def choose(page: Page, node: str) -> None:
 
 def pick(page: Page, name: str, option: str) -> None:
     """Open a list and choose one of its lines."""
-    page.browser.click(element(name))
+    field = f"document.querySelector('{element(name)}')?.closest('.q-field')"
     line = f"[...document.querySelectorAll('.q-item')].find(e => e.innerText.trim() === '{option}')"
-    page.browser.wait(f"{line} !== undefined")
-    page.browser.look(f"{line}.click()")
+    chosen = f"({field}?.innerText ?? '').includes('{option}')"
+    page.browser.click_until(element(name), chosen, then=f"{line}?.click()")
 
 
 def test_the_page_shows_the_graph_its_result_and_figures(page: Page) -> None:
