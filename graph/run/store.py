@@ -16,6 +16,7 @@ from typing import Any
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
+from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
 from tactograph.graph.run.keys import content_key, key_of
 
@@ -27,7 +28,10 @@ _ARRAYS = {"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"}
 def recall_or_make(
     node: Node, settings: dict[str, Any], arguments: Sequence[Any], make: Callable[[], Any]
 ) -> Any:
-    """What a node makes of settings and inputs, taken from disk if it was slow before."""
+    """What a node makes of settings and inputs, taken from disk if it was slow before.
+
+    What came with a warning is made anew: a file would not tell it.
+    """
     folder = kept_folder()
     if folder is None:
         return make()
@@ -38,8 +42,12 @@ def recall_or_make(
         if found is not None:
             return found[0]
     start = time.perf_counter()
-    made = make()
-    if 1e3 * (time.perf_counter() - start) > SLOW_MS:
+    told: list[str] = []
+    with collect_warnings(told):
+        made = make()
+    for warning in told:
+        warn(warning)
+    if not told and 1e3 * (time.perf_counter() - start) > SLOW_MS:
         _write(file or _file(folder, node, settings, arguments), node, made)
     return made
 
