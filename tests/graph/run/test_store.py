@@ -15,6 +15,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from tactograph.graph import Port, node
+from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.files import kept_files
 from tactograph.graph.run import store
 from tactograph.graph.run.store import recall_or_make
@@ -169,6 +170,7 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 WRITER = """
 import sys
 from tests.graph.run.test_store import tabled
+from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.files import kept_files
 from tactograph.graph.run import store
 import numpy as np
@@ -201,3 +203,16 @@ def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
     for writer in writers:
         assert writer.stdout is not None
         writer.stdout.close()
+
+
+def test_what_came_with_a_warning_is_made_and_told_anew(folder: Path) -> None:
+    def make() -> Table:
+        warn("half of it is dark")
+        result: Table = tabled(IMAGE)
+        return result
+
+    for _ in range(2):
+        told: list[str] = []
+        with collect_warnings(told):
+            recall_or_make(tabled, {}, [IMAGE], make)
+        assert told == ["half of it is dark"]
