@@ -43,10 +43,12 @@ def recall_or_make(
             return found[0]
     start = time.perf_counter()
     told: list[str] = []
-    with collect_warnings(told):
-        made = make()
-    for warning in told:
-        warn(warning)
+    try:
+        with collect_warnings(told):
+            made = make()
+    finally:
+        for warning in told:
+            warn(warning)
     if not told and 1e3 * (time.perf_counter() - start) > SLOW_MS:
         _write(file or _file(folder, node, settings, arguments), node, made)
     return made

@@ -15,7 +15,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from tactograph.graph import Port, node
-from tactograph.graph.errors import collect_warnings, warn
+from tactograph.graph.errors import InputError, collect_warnings, warn
 from tactograph.graph.files import kept_files
 from tactograph.graph.run import store
 from tactograph.graph.run.store import recall_or_make
@@ -170,7 +170,7 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 WRITER = """
 import sys
 from tests.graph.run.test_store import tabled
-from tactograph.graph.errors import collect_warnings, warn
+from tactograph.graph.errors import InputError, collect_warnings, warn
 from tactograph.graph.files import kept_files
 from tactograph.graph.run import store
 import numpy as np
@@ -216,3 +216,14 @@ def test_what_came_with_a_warning_is_made_and_told_anew(folder: Path) -> None:
         with collect_warnings(told):
             recall_or_make(tabled, {}, [IMAGE], make)
         assert told == ["half of it is dark"]
+
+
+def test_what_fails_still_tells_its_warnings(folder: Path) -> None:
+    def make() -> Table:
+        warn("half of it is dark")
+        raise InputError("and the rest is too bright")
+
+    told: list[str] = []
+    with collect_warnings(told), pytest.raises(InputError):
+        recall_or_make(tabled, {}, [IMAGE], make)
+    assert told == ["half of it is dark"]
