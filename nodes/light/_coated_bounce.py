@@ -20,6 +20,7 @@ mirrors twice between cells before it reaches the camera is in what the camera s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -27,12 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.light._coat import let_in
-from tactograph.nodes.light._film import GRAZING, direct_share, glint, to_pupil
+from tactograph.nodes.light._coat import fresnel, let_in, masking
+from tactograph.nodes.light._film import GRAZING, direct_share, to_pupil
 from tactograph.nodes.light._radiosity import Cells, Grid
 from tactograph.nodes.light._sweep import COATED_AZIMUTHS, Law
 
 LEAST = np.float32(GRAZING)
+NOT_ASIDE = np.zeros((3, 1), np.float32)
 NEAREST = np.float32(1e-12)
 """Keeps from dividing by 0."""
 
@@ -68,13 +70,15 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
         normal, eye = here.normal[:, at], here.eye[:, at]
+        aside = np.float32(math.pi / COATED_AZIMUTHS) * _cross(eye, away)
         c_in = np.maximum(_dot(normal, away), 0)
-        back = here.let_out[at] * _let_in(film, c_in) + _mirrored(film, normal, away, eye)
+        lobe = _mirrored(film, normal, away, eye, aside)
+        back = here.let_out[at] * _let_in(film, c_in) + lobe
         facing = there.normal[:, other]
         let_out = _let_in(film, np.maximum(-_dot(facing, away), 0))
         found = np.empty((len(emitted), at.size), np.float32)
         for k, led in enumerate(towards):
-            lobe = _mirrored(film, facing, led[:, other], -away)
+            lobe = _mirrored(film, facing, led[:, other], -away, aside)
             found[k] = back * (emitted[k, other] * let_out + mirrored[k, other] * lobe)
         return np.asarray(found * by_rest[:, at], np.float32)
 
@@ -128,13 +132,41 @@ def _let_in(film: Film, cosine: F4) -> F4:
     return let_in(np.maximum(cosine, LEAST), film.roughness, film.refraction)
 
 
-def _mirrored(film: Film, normal: F4, light: F4, eye: F4) -> F4:
-    """f_m from the light to the eye, in parts of base / pi."""
+def _mirrored(
+    film: Film, normal: F4, light: F4, eye: F4, aside: F4 = NOT_ASIDE
+) -> F4:
+    """f_m from the light to the eye, in parts of base / pi; its mean where one of both moves by up
+    to `aside` on either side."""
     half = light + eye
-    unit = 1 / np.sqrt((half * half).sum(0) + NEAREST)
     c_i, c_o = np.maximum(_dot(normal, light), LEAST), np.maximum(_dot(normal, eye), LEAST)
-    c_h, v_h = np.maximum(_dot(normal, half) * unit, LEAST), _dot(eye, half) * unit
-    return np.asarray(np.float32(np.pi / film.base) * glint(film, c_i, c_o, c_h, v_h), np.float32)
+    v_h = _dot(eye, half) / np.sqrt(_dot(half, half) + NEAREST)
+    wide = np.float32(film.roughness)
+    spread = _facets(film, normal, half, aside) * fresnel(v_h, film.refraction)
+    hidden = masking(c_i, wide) * masking(c_o, wide)
+    return np.asarray(np.float32(np.pi / 4 / film.base) * spread * hidden / (c_i * c_o), np.float32)
+
+
+def _facets(film: Film, normal: F4, half: F4, aside: F4) -> F4:
+    """Beckmann's density of microfacets that face `half`; its mean as `half` moves.
+
+    In the plane of the microfacets' slopes, x = half_t / half_n, the density is a Gaussian, and so
+    nearly is its mean over a way x' on either side: wider by 2 / 3 x'^2 along it.
+    """
+    size, rises, along = _dot(half, half) + NEAREST, _dot(normal, aside), _dot(normal, half)
+    forwards = np.maximum(along, LEAST * np.sqrt(size))
+    cosine, wide = forwards * forwards / size, np.float32(film.roughness**2)
+    square, of = size - along * along, wide * forwards * forwards
+    moved = of + np.float32(2 / 3) * (_dot(aside, aside) - rises * rises)
+    sideways = _dot(half, aside) - along * rises
+    falls = (np.float32(2 / 3) * sideways * sideways / moved - square) / of
+    peak = np.float32(np.pi) * wide * np.sqrt(moved / of) * cosine * cosine
+    return np.asarray(np.exp(falls) / peak, np.float32)
+
+
+def _cross(a: F4, b: F4) -> F4:
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def _dot(a: F4, b: F4) -> F4:

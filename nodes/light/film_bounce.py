@@ -38,7 +38,7 @@ def film_bounce(
     slope: Slope | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=20000)] = CELLS,
-    share: Annotated[float, Interval(gt=0, le=2)] = 0.5,
+    share: Annotated[float, Interval(gt=0, le=3)] = 0.5,
 ) -> Light:
     r"""Return the part of the light that comes from other places of the film.
 
