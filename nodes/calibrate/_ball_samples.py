@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1, Film
-from tactograph.nodes.calibrate._film_fit import FAINT, Balls, ball_height
+from tactograph.nodes.calibrate._contact_edge import FARTHEST, contact_edge
+from tactograph.nodes.calibrate._film_fit import FAINT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import cut
 from tactograph.nodes.light._near_light import F8, places
@@ -51,6 +52,8 @@ def sample_balls(
     most: int | None = SAMPLES,
     bare: U1 | None = None,
     shifts: F8 | None = None,
+    rim: F8 | None = None,
+    edges: bool = False,
 ) -> Balls:
     """Choose samples of the balls, evenly over each.
 
@@ -73,9 +76,12 @@ def sample_balls(
     bare
         S x W, 0 on pixels that are left out; None: there are none.
     shifts
-        B x 3 in mm, by which a fit has moved the balls: they throw light from there.  A contact
-        is often found too small, and what the film throws grows with the height of its flanks;
-        `by_lift` tells the fit how much.
+        B x 3 in mm, by which a fit has moved the balls: they throw light from there.  What the
+        film throws grows with the height of their flanks; `by_lift` tells the fit how much.
+    rim
+        B radii of the contacts in mm; those of `circle` if there are none.
+    edges
+        Whether the light around a ball then says where film leaves it (`contact_edge`).
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
@@ -83,7 +89,8 @@ def sample_balls(
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-
+    if rim is not None:
+        circle = np.column_stack([circle[:, :2], rim / pixel])
     wider = film._replace(rim=film.rim + RIM)
 
     def thrown(i: int, film: Film, lift: float = 0, cells: int = CELLS) -> F4:
@@ -97,10 +104,16 @@ def sample_balls(
         lifted[i] = (thrown(i, film, LIFT) - coarse) / LIFT
         rimmed[i] = (thrown(i, wider) - coarse) / RIM
         still[i] = thrown(i, film, cells=FINE) if film.refraction == 1 else coarse
+    if edges:
+        each_ball = zip(circle, radius, moved, of, strict=True)
+        light_of = {i: (presses[i], film.albedo * still[i]) for i in still}
+        edge = np.array([_edge(*light_of[i], c, r, by, film, pixel) for c, r, by, i in each_ball])
+        circle, before = np.column_stack([circle[:, :2], edge / pixel]), circle
+        moved = moved_with(moved, radius, before[:, 2] * pixel, edge)
     found: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
-        u0, v0, rim = circle[number].astype(np.float64)
-        reach = min(INNER * rim, radius[number] / pixel * np.sin(np.arctan(steepest)))
+        u0, v0, contact = circle[number].astype(np.float64)
+        reach = min(INNER * contact, radius[number] / pixel * np.sin(np.arctan(steepest)))
         yy, xx = np.mgrid[
             max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
             max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
@@ -138,6 +151,34 @@ def sample_balls(
     )
 
 
+def moved_with(shifts: F8, radius: F4, before: F8, rim: F8) -> F8:
+    """Return the shifts of balls that stay where they are, while their contacts' radii change."""
+    size = radius.astype(np.float64)
+    moved = shifts.copy()
+    moved[:, 2] += sunk(size, rim) - sunk(size, before)
+    return moved
+
+
+def _edge(
+    press: F4, thrown: F4, circle: F4, radius: np.float32, shift: F8, film: Film, pixel: float
+) -> float:
+    """The radius of a ball's contact in mm, by the light around it."""
+    x, y, contact = (float(part) for part in circle)
+    around = int(FARTHEST * contact) + 2
+    rows = slice(max(0, int(y) - around), int(y) + around + 2)
+    columns = slice(max(0, int(x) - around), int(x) + around + 2)
+    u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
+    middle = np.interp(x, np.arange(u.size), u), np.interp(y, np.arange(v.size), v)
+    rim, size = np.float64(contact * pixel), np.float64(radius)
+    centre = middle[0] + shift[0], middle[1] + shift[1], shift[2] - float(sunk(size, rim))
+    across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
+    seen, bounced = (
+        planes[:, rows, columns].reshape(len(press), -1).astype(np.float64)
+        for planes in (press, thrown)
+    )
+    return contact_edge(across, down, seen, bounced, centre, float(size), float(rim), film)
+
+
 def _unit_bounce(
     press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float, cells: int
 ) -> F4:
@@ -150,12 +191,12 @@ def _unit_bounce(
     v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
     height = np.zeros((rows, columns))
     for (x, y, contact), size, (dx, dy, dz) in zip(circle, radius, shifts, strict=True):
-        sunk = np.sqrt(max(size**2 - (float(contact) * pixel) ** 2, 0)) - dz
+        deep = float(sunk(np.float64(size), np.float64(contact) * pixel)) - dz
         cx = np.interp(x, np.arange(columns), u) + dx
         cy = np.interp(y, np.arange(rows), v[:, 0]) + dy
-        z = ball_height(u, v, (cx, cy, -sunk), size, film.camera)
+        z = ball_height(u, v, (cx, cy, -deep), size, film.camera)
         nearer = 1 - film.camera * z
-        away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z + sunk) ** 2
+        away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z + deep) ** 2
         height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
     thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)

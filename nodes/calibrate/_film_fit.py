@@ -131,8 +131,7 @@ class Balls:
         """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
         radius = self.radius[self.ball]
         cx, cy = (self.centre + shifts[:, :2])[self.ball].T
-        height = shifts[:, 2] - np.sqrt(np.maximum(self.radius**2 - self.rim**2, 0))
-        cz = height[self.ball]
+        cz = (shifts[:, 2] - sunk(self.radius, self.rim))[self.ball]
         z = ball_height(self.u, self.v, (cx, cy, cz), radius, camera)
         x, y = self.u * (1 - camera * z), self.v * (1 - camera * z)
         n = np.stack([x - cx, y - cy, z - cz]) / radius
@@ -153,6 +152,11 @@ class Balls:
                 for i, j in pairwise(ends)
             ]
         )
+
+
+def sunk(radius: F8, rim: F8) -> F8:
+    """Return how far below the film at rest balls have their centres, by their contacts' radii."""
+    return np.asarray(np.sqrt(np.maximum(radius**2 - rim**2, 0)))
 
 
 def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera: float) -> F8:

@@ -26,7 +26,7 @@ from tactograph.nodes import (
     PixelSize,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
-from tactograph.nodes.calibrate._ball_samples import SAMPLES, grain, sample_balls
+from tactograph.nodes.calibrate._ball_samples import SAMPLES, grain, moved_with, sample_balls
 from tactograph.nodes.calibrate._film_fit import (
     F8,
     PARTS,
@@ -146,9 +146,15 @@ def fit_film(
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
-    def samples(film: Film, shifts: F8 | None = None, most: int | None = SAMPLES) -> Balls:
+    def samples(
+        film: Film,
+        shifts: F8 | None = None,
+        rim: F8 | None = None,
+        edges: bool = False,
+        most: int | None = SAMPLES,
+    ) -> Balls:
         found = light, flat, circle, radius, of, film, noise, pixel, steepest
-        return sample_balls(*found, most=most, bare=bare, shifts=shifts)
+        return sample_balls(*found, most=most, bare=bare, shifts=shifts, rim=rim, edges=edges)
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
@@ -176,7 +182,7 @@ def fit_film(
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    whole = samples(film, shifts, most=None)
+    whole = samples(film, shifts, trial.balls.rim, most=None)
     held = _held_out(trial, best, whole, bad)
     typed["uneven"] = uneven = unevenness(held, pixel)
     typed["grain"] = grain(balls, left, flat, noise)
@@ -196,8 +202,9 @@ class _Trial(NamedTuple):
     rest: Rest | None
     shift_mm: float
     width_mm: float
-    samples: Callable[[Film, F8], Balls]
-    """The same, with the light that a film throws on itself and balls moved by their shifts."""
+    samples: Callable[[Film, F8, F8, bool], Balls]
+    """The same, with the light that a film throws on itself, balls moved by their shifts, and
+    contacts of such radii."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to some."""
@@ -283,12 +290,19 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
         best = better
         if best.fitted.film.refraction > 1 or best.fitted.film.albedo > 0:
             for _ in range(ROUNDS):
-                balls = trial.samples(best.fitted.film, best.fitted.shifts)
-                trial = trial._replace(balls=balls)
-                best = best._replace(fitted=trial.fit(best.parts, best.fitted))
+                trial, fitted = _sampled_again(trial, best.fitted)
+                best = best._replace(fitted=trial.fit(best.parts, fitted))
             best = _judge(trial, best.parts, best.fitted)
             errors[f"film_heldout_deg/{best}"] = best.error
     return trial, best, errors | {"film_heldout_deg": best.error}
+
+
+def _sampled_again(trial: _Trial, fitted: Fitted) -> tuple[_Trial, Fitted]:
+    """Return samples under a film that is known better, up to where it leaves the balls."""
+    before = trial.balls
+    balls = trial.samples(fitted.film, fitted.shifts, before.rim, True)
+    shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
+    return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 
 
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
