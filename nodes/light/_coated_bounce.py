@@ -12,7 +12,8 @@ P throws back
 
     [T(d) T(v) + f_m(d, v)] e_kj / r_k.
 
-r_k is the reflectance of the film at rest.  Of a cell that shows less light than the LED alone
+r_k is the reflectance of the film at rest.  A lobe at a grazing angle is narrower than what lies
+between two azimuths: its mean over that counts (`_facets`).  Of a cell that shows less light than the LED alone
 would give it, a shadow takes the rest, and as much of what the coat mirrors.  Light that the coat
 mirrors twice between cells before it reaches the camera is in what the camera sees.
 ``kernels/headers/coated_bounce.clh`` holds the same.
@@ -34,19 +35,32 @@ from tactograph.nodes.light._radiosity import Cells, Grid
 from tactograph.nodes.light._sweep import COATED_AZIMUTHS, Law
 
 LEAST = np.float32(GRAZING)
-NOT_ASIDE = np.zeros((3, 1), np.float32)
 NEAREST = np.float32(1e-12)
 """Keeps from dividing by 0."""
+FADED = np.float32(-20)
+"""Exponent of a lobe that is nothing."""
 
 
 class _Surface(NamedTuple):
-    """Places of a film, each 3 x N: normals, directions to the pupil; T along those, N."""
+    """Places of a film, each 3 x N: normals, directions to the pupil; along those the normal's
+    part, T, and what they make of f_m, N each."""
 
     at: F4
     normal: F4
     eye: F4
     to_eye: F4
     let_out: F4
+    unhidden: F4
+
+
+class _Sent(NamedTuple):
+    """Under each LED: what a cell's base sends, over T; the light that its coat mirrors, with what
+    the LED's direction makes of f_m; the normal's part along it, K x N each; and it, 3 x N."""
+
+    base: F4
+    mirrored: F4
+    facing: F4
+    towards: list[F4]
 
 
 def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool = False) -> Law:
@@ -63,23 +77,35 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
     frame = slice(None), *grid.frame
     there = _surface(film, cells.at.reshape(3, -1), cells.normal.reshape(3, -1))
     here = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
-    emitted, mirrored = _emitted(film, there, sources.reshape(len(sources), -1), rest)
+    sent = _emitted(film, there, sources.reshape(len(sources), -1), rest)
     by_rest = np.stack([1 / rest(light, here.at) for light in film.lights])
-    towards = [light[:, None] - there.at for light in film.lights]
-    towards = [led / np.sqrt((led * led).sum(0)) for led in towards]
+    turn = np.float32(math.pi / COATED_AZIMUTHS)
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
-        normal, eye = here.normal[:, at], here.eye[:, at]
-        aside = np.float32(math.pi / COATED_AZIMUTHS) * _cross(eye, away)
-        c_in = np.maximum(_dot(normal, away), 0)
-        lobe = _mirrored(film, normal, away, eye, aside)
-        back = here.let_out[at] * _let_in(film, c_in) + lobe
-        facing = there.normal[:, other]
-        let_out = _let_in(film, np.maximum(-_dot(facing, away), 0))
-        found = np.empty((len(emitted), at.size), np.float32)
-        for k, led in enumerate(towards):
-            lobe = _mirrored(film, facing, led[:, other], -away, aside)
-            found[k] = back * (emitted[k, other] * let_out + mirrored[k, other] * lobe)
+        eye, normal, facing = here.eye[:, at], here.normal[:, at], there.normal[:, other]
+        # Across both directions at P, and across that to P at the cells.
+        aside, along = turn * _cross(eye, away), _dot(eye, away)
+        square = turn * turn * (1 - along * along)
+        c_in, c_out = _dot(normal, away), -_dot(facing, away)
+        rises = _dot(normal, aside)
+        half, reach = here.to_eye[at] + c_in, square - rises * rises
+        back = _facets(film, half, 2 + 2 * along, reach, -half * rises)
+        back *= here.unhidden[at] * _unhidden(film, c_in)
+        back += here.let_out[at] * _let_in(film, c_in)
+        let_out, unhidden, rises = (
+            _let_in(film, c_out),
+            _unhidden(film, c_out) * (c_out > 0),
+            _dot(facing, aside),
+        )
+        reach = square - rises * rises
+        found = np.empty((len(by_rest), at.size), np.float32)
+        for k, led in enumerate(sent.towards):
+            light, half = led[:, other], sent.facing[k, other] + c_out
+            lobe = _facets(
+                film, half, 2 - 2 * _dot(light, away), reach, _dot(light, aside) - half * rises
+            )
+            base = sent.base[k, other] * let_out
+            found[k] = back * (base + sent.mirrored[k, other] * unhidden * lobe)
         return np.asarray(found * by_rest[:, at], np.float32)
 
     return Law(COATED_AZIMUTHS, thrown)
@@ -91,29 +117,31 @@ def source_rows(leds: int) -> int:
 
 
 def _surface(film: Film, at: F4, normal: F4) -> _Surface:
-    normal = normal / np.sqrt((normal * normal).sum(0))
     eye = np.stack(to_pupil(film.camera, *at))
-    to_eye = np.maximum(_dot(normal, eye), LEAST)
-    return _Surface(at, normal, eye, to_eye, _let_in(film, to_eye))
+    to_eye = _dot(normal, eye)
+    return _Surface(at, normal, eye, to_eye, _let_in(film, to_eye), _unhidden(film, to_eye))
 
 
-def _emitted(
-    film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], F4]
-) -> tuple[F4, F4]:
-    """What the base sends, over T, and the LED's light that the coat mirrors: K x N each."""
-    emitted, mirrored = np.empty_like(sources), np.empty_like(sources)
+def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], F4]) -> _Sent:
+    base, mirrored, facing = (np.empty_like(sources) for _ in range(3))
+    towards = []
     for k, (light, share) in enumerate(zip(film.lights, direct_share(film), strict=True)):
         led = light[:, None] - there.at
         square = (led * led).sum(0)
         led = led / np.sqrt(square)
-        lit = np.maximum(_dot(there.normal, led), 0)
-        mirrored[k] = share * lit * light[2] * light[2] / square
+        facing[k] = _dot(there.normal, led)
+        lit = np.maximum(facing[k], 0)
+        whole = share * lit * light[2] * light[2] / square
         seen = sources[k] * rest(light, there.at)
-        lobe = _mirrored(film, there.normal, led, there.eye)
-        unshadowed = mirrored[k] * (_let_in(film, lit) * there.let_out + lobe)
-        mirrored[k] *= np.minimum(seen / np.maximum(unshadowed, NEAREST), 1)
-        emitted[k] = np.maximum(seen - mirrored[k] * lobe, 0) / there.let_out
-    return emitted, mirrored
+        unhidden = _unhidden(film, facing[k])
+        lobe = _facets(film, facing[k] + there.to_eye, 2 + 2 * _dot(led, there.eye))
+        lobe *= unhidden * there.unhidden
+        unshadowed = whole * (_let_in(film, lit) * there.let_out + lobe)
+        whole *= np.minimum(seen / np.maximum(unshadowed, NEAREST), 1)
+        base[k] = np.maximum(seen - whole * lobe, 0) / there.let_out
+        mirrored[k] = whole * unhidden
+        towards.append(np.asarray(led, np.float32))
+    return _Sent(base, mirrored, facing, towards)
 
 
 def _at_rest(film: Film, light: F4, at: F4) -> F4:
@@ -125,42 +153,44 @@ def _at_rest(film: Film, light: F4, at: F4) -> F4:
     led = light[:, None] - flat
     led /= np.sqrt((led * led).sum(0))
     base = _let_in(film, led[2]) * _let_in(film, eye[2])
-    return np.asarray(base + _mirrored(film, level, led, eye), np.float32)
+    lobe = _facets(film, led[2] + eye[2], 2 + 2 * _dot(led, eye))
+    return np.asarray(base + lobe * _unhidden(film, led[2]) * _unhidden(film, eye[2]), np.float32)
 
 
 def _let_in(film: Film, cosine: F4) -> F4:
     return let_in(np.maximum(cosine, LEAST), film.roughness, film.refraction)
 
 
-def _mirrored(
-    film: Film, normal: F4, light: F4, eye: F4, aside: F4 = NOT_ASIDE
+def _unhidden(film: Film, cosine: F4) -> F4:
+    """What a direction makes of f_m by itself."""
+    c = np.maximum(cosine, LEAST)
+    return np.asarray(masking(c, film.roughness) / c, np.float32)
+
+
+def _facets(
+    film: Film, half: F4, square: F4, reach: F4 | float = 0, sideways: F4 | float = 0
 ) -> F4:
-    """f_m from the light to the eye, in parts of base / pi; its mean where one of both moves by up
-    to `aside` on either side."""
-    half = light + eye
-    c_i, c_o = np.maximum(_dot(normal, light), LEAST), np.maximum(_dot(normal, eye), LEAST)
-    v_h = _dot(eye, half) / np.sqrt(_dot(half, half) + NEAREST)
-    wide = np.float32(film.roughness)
-    spread = _facets(film, normal, half, aside) * fresnel(v_h, film.refraction)
-    hidden = masking(c_i, wide) * masking(c_o, wide)
-    return np.asarray(np.float32(np.pi / 4 / film.base) * spread * hidden / (c_i * c_o), np.float32)
+    """What two directions make of f_m together, in parts of base / pi.
 
-
-def _facets(film: Film, normal: F4, half: F4, aside: F4) -> F4:
-    """Beckmann's density of microfacets that face `half`; its mean as `half` moves.
-
-    In the plane of the microfacets' slopes, x = half_t / half_n, the density is a Gaussian, and so
-    nearly is its mean over a way x' on either side: wider by 2 / 3 x'^2 along it.
+    `half` is the part of their sum, whose square is `square`, along the normal.  If one of them
+    moves by up to an s on either side, the mean: in the plane of the microfacets' slopes Beckmann's
+    density is a Gaussian, and so nearly is its mean along a line, wider by 2 / 3 of the square of
+    its half.  `reach` is the square of the part of s across the normal, `sideways` its product with
+    the sum's.
     """
-    size, rises, along = _dot(half, half) + NEAREST, _dot(normal, aside), _dot(normal, half)
-    forwards = np.maximum(along, LEAST * np.sqrt(size))
-    cosine, wide = forwards * forwards / size, np.float32(film.roughness**2)
-    square, of = size - along * along, wide * forwards * forwards
-    moved = of + np.float32(2 / 3) * (_dot(aside, aside) - rises * rises)
-    sideways = _dot(half, aside) - along * rises
-    falls = (np.float32(2 / 3) * sideways * sideways / moved - square) / of
-    peak = np.float32(np.pi) * wide * np.sqrt(moved / of) * cosine * cosine
-    return np.asarray(np.exp(falls) / peak, np.float32)
+    size = np.maximum(square, 0) + NEAREST
+    forwards = np.maximum(half, LEAST * np.sqrt(size))
+    of = np.float32(film.roughness**2) * forwards * forwards
+    moved = of + np.float32(2 / 3) * reach
+    falls = (np.float32(2 / 3) * sideways * sideways / moved - (size - half * half)) / of
+    found, near = np.zeros_like(half), np.nonzero(falls > FADED)
+    size, wider = size[near], np.broadcast_to(of / moved, half.shape)[near]
+    lobe = np.exp(np.minimum(falls[near], 0)) * np.sqrt(wider)
+    cosine = forwards[near] ** 2 / size
+    mirrored = fresnel(np.sqrt(size) / 2, film.refraction)
+    scale = np.float32(0.25 / (film.base * film.roughness**2))
+    found[near] = scale * lobe / (cosine * cosine) * mirrored
+    return found
 
 
 def _cross(a: F4, b: F4) -> F4:

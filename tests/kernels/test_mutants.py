@@ -219,12 +219,17 @@ MUTANTS = {
         "the base sends alike": ("k * N) * from->let_out", "k * N)"),
         "the camera's mirror kept": ("seen - falls *", "seen - 0.0f * falls *"),
         "no mirror on the way out": (
-            "facets(film, from->normal,",
-            "0.0f * facets(film, from->normal,",
+            "lobe = facets(film, along, 2.0f - 2.0f",
+            "lobe = 0.0f * facets(film, along, 2.0f - 2.0f",
         ),
         "no mirror on the way in": (
-            "facets(on->film, on->normal,",
-            "0.0f * facets(on->film, on->normal,",
+            "lobe = facets(on->film,",
+            "lobe = 0.0f * facets(on->film,",
+        ),
+        "a lobe of the middle alone": ("+ 2.0f / 3.0f * reach", ""),
+        "mirrored from behind": (
+            "facing > none ? unhidden(film, facing) : none",
+            "unhidden(film, facing)",
         ),
         "all lit by the first LED": ("(SOURCE_LED + 3 * k) * N;", "SOURCE_LED * N;"),
     },
@@ -250,8 +255,8 @@ MUTANTS = {
         "as if lit evenly": ("direct[(CELL_REST + k) * N + cell]", "1.0f"),
         "added as it is": ("load_floats(rest + i, count) * added", "added"),
         "no mirror between places": (
-            "facets(film, from->normal,",
-            "0.0f * facets(film, from->normal,",
+            "lobe = facets(film, along, 2.0f - 2.0f",
+            "lobe = 0.0f * facets(film, along, 2.0f - 2.0f",
         ),
     },
     "light_noise": {
