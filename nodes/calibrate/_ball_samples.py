@@ -105,11 +105,13 @@ def sample_balls(
         rimmed[i] = (thrown(i, wider) - coarse) / RIM
         still[i] = thrown(i, film, cells=FINE) if film.refraction == 1 else coarse
     if edges:
-        each_ball = zip(circle, radius, moved, of, strict=True)
-        light_of = {i: (presses[i], film.albedo * still[i]) for i in still}
-        edge = np.array([_edge(*light_of[i], c, r, by, film, pixel) for c, r, by, i in each_ball])
-        circle, before = np.column_stack([circle[:, :2], edge / pixel]), circle
-        moved = moved_with(moved, radius, before[:, 2] * pixel, edge)
+        edge = np.empty(len(of))
+        for number, i in enumerate(of):
+            seen = presses[i] if bare is None else presses[i] * cut(bare[None], rows)[i]
+            placed = circle[number], float(radius[number]), moved[number]
+            edge[number] = _edge(seen, film.albedo * still[i], *placed, film, pixel)
+        moved = moved_with(moved, radius, circle[:, 2] * pixel, edge)
+        circle = np.column_stack([circle[:, :2], edge / pixel])
     found: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
         u0, v0, contact = circle[number].astype(np.float64)
@@ -151,16 +153,15 @@ def sample_balls(
     )
 
 
-def moved_with(shifts: F8, radius: F4, before: F8, rim: F8) -> F8:
+def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDArray[Any]) -> F8:
     """Return the shifts of balls that stay where they are, while their contacts' radii change."""
-    size = radius.astype(np.float64)
     moved = shifts.copy()
-    moved[:, 2] += sunk(size, rim) - sunk(size, before)
+    moved[:, 2] += sunk(radius, rim) - sunk(radius, before)
     return moved
 
 
 def _edge(
-    press: F4, thrown: F4, circle: F4, radius: np.float32, shift: F8, film: Film, pixel: float
+    press: F4, thrown: F4, circle: F4, radius: float, shift: F8, film: Film, pixel: float
 ) -> float:
     """The radius of a ball's contact in mm, by the light around it."""
     x, y, contact = (float(part) for part in circle)
@@ -169,14 +170,14 @@ def _edge(
     columns = slice(max(0, int(x) - around), int(x) + around + 2)
     u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
     middle = np.interp(x, np.arange(u.size), u), np.interp(y, np.arange(v.size), v)
-    rim, size = np.float64(contact * pixel), np.float64(radius)
-    centre = middle[0] + shift[0], middle[1] + shift[1], shift[2] - float(sunk(size, rim))
+    rim = contact * pixel
+    centre = middle[0] + shift[0], middle[1] + shift[1], shift[2] - float(sunk(radius, rim))
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
     seen, bounced = (
         planes[:, rows, columns].reshape(len(press), -1).astype(np.float64)
         for planes in (press, thrown)
     )
-    return contact_edge(across, down, seen, bounced, centre, float(size), float(rim), film)
+    return contact_edge(across, down, seen, bounced, centre, radius, rim, film)
 
 
 def _unit_bounce(
@@ -191,7 +192,7 @@ def _unit_bounce(
     v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
     height = np.zeros((rows, columns))
     for (x, y, contact), size, (dx, dy, dz) in zip(circle, radius, shifts, strict=True):
-        deep = float(sunk(np.float64(size), np.float64(contact) * pixel)) - dz
+        deep = float(sunk(size, contact * pixel)) - dz
         cx = np.interp(x, np.arange(columns), u) + dx
         cy = np.interp(y, np.arange(rows), v[:, 0]) + dy
         z = ball_height(u, v, (cx, cy, -deep), size, film.camera)

@@ -154,7 +154,7 @@ class Balls:
         )
 
 
-def sunk(radius: F8, rim: F8) -> F8:
+def sunk(radius: Any, rim: Any) -> F8:
     """Return how far below the film at rest balls have their centres, by their contacts' radii."""
     return np.asarray(np.sqrt(np.maximum(radius**2 - rim**2, 0)))
 

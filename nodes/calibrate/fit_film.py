@@ -290,8 +290,8 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
         best = better
         if best.fitted.film.refraction > 1 or best.fitted.film.albedo > 0:
             for _ in range(ROUNDS):
-                trial, fitted = _sampled_again(trial, best.fitted)
-                best = best._replace(fitted=trial.fit(best.parts, fitted))
+                trial, placed = _sampled_again(trial, best.fitted)
+                best = best._replace(fitted=trial.fit(best.parts, placed))
             best = _judge(trial, best.parts, best.fitted)
             errors[f"film_heldout_deg/{best}"] = best.error
     return trial, best, errors | {"film_heldout_deg": best.error}

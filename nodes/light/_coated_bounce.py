@@ -13,9 +13,9 @@ P throws back
     [T(d) T(v) + f_m(d, v)] e_kj / r_k.
 
 r_k is the reflectance of the film at rest.  A lobe at a grazing angle is narrower than what lies
-between two azimuths: its mean over that counts (`_facets`).  Of a cell that shows less light than the LED alone
-would give it, a shadow takes the rest, and as much of what the coat mirrors.  Light that the coat
-mirrors twice between cells before it reaches the camera is in what the camera sees.
+between two azimuths: its mean over that counts (`_facets`).  Of a cell that shows less light than
+the LED alone would give it, a shadow takes the rest, and as much of what the coat mirrors.  Light
+that the coat mirrors twice between cells before it reaches the camera is in what the camera sees.
 ``kernels/headers/coated_bounce.clh`` holds the same.
 """
 
@@ -112,7 +112,7 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
 
 
 def source_rows(leds: int) -> int:
-    """Return the rows of the kernels' table of sources: SOURCE_ROWS."""
+    """Return the rows of the kernels' table of sources."""
     return 5 * leds
 
 
