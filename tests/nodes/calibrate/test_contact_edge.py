@@ -35,9 +35,9 @@ def test_a_contact_that_is_known_badly_is_found(film, known, thrown):
     assert found == pytest.approx(RIM, abs=PIXEL)
 
 
-def test_noise_moves_it_by_less_than_a_pixel(rng):
+def test_noise_moves_it_by_less_than_a_pixel():
     u, v, light, thrown, centre = press(COATED, 0.1)
-    noisy = light + rng.normal(0, 0.02, light.shape)
+    noisy = light + np.random.default_rng(0).normal(0, 0.02, light.shape)
     found = contact_edge(u, v, noisy, thrown, centre, RADIUS, 0.92 * RIM, COATED)
     assert found == pytest.approx(RIM, abs=PIXEL)
 
