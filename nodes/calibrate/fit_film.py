@@ -289,7 +289,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
             break
         best = better
         if best.fitted.film.refraction > 1 or best.fitted.film.albedo > 0:
-            for _ in range(ROUNDS):
+            for _ in range(ROUNDS if best.fitted.film.albedo > 0 else 1):
                 trial, placed = _sampled_again(trial, best.fitted)
                 best = best._replace(fitted=trial.fit(best.parts, placed))
             best = _judge(trial, best.parts, best.fitted)
