@@ -19,9 +19,9 @@ from tests.pipelines.test_accuracy import run
 RIGS = {
     "hand_perspective": 5.0,
     "hand_lens": 5.0,
-    "hand_bounce": 15.0,
+    "hand_bounce": 4.0,
     "hand_gloss": 5.0,
-    "hand": 20.0,
+    "hand": 8.0,
 }
 """Root mean square error in um of a ball that is pressed in softly by 2.2 mm."""
 PARTS = {
