@@ -105,11 +105,12 @@ def sample_balls(
         rimmed[i] = (thrown(i, wider) - coarse) / RIM
         still[i] = thrown(i, film, cells=FINE) if film.refraction == 1 else coarse
     if edges:
+        masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
         edge = np.empty(len(of))
         for number, i in enumerate(of):
-            seen = presses[i] if bare is None else presses[i] * cut(bare[None], rows)[i]
+            seen = presses[i], masks[i], still[i]
             placed = circle[number], float(radius[number]), moved[number]
-            edge[number] = _edge(seen, film.albedo * still[i], *placed, film, pixel)
+            edge[number] = _edge(*seen, *placed, film, pixel)
         moved = moved_with(moved, radius, circle[:, 2] * pixel, edge)
         circle = np.column_stack([circle[:, :2], edge / pixel])
     found: list[tuple[NDArray[Any], ...]] = []
@@ -161,7 +162,14 @@ def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDAr
 
 
 def _edge(
-    press: F4, thrown: F4, circle: F4, radius: float, shift: F8, film: Film, pixel: float
+    press: F4,
+    bare: U1,
+    thrown: F4,
+    circle: F4,
+    radius: float,
+    shift: F8,
+    film: Film,
+    pixel: float,
 ) -> float:
     """The radius of a ball's contact in mm, by the light around it."""
     x, y, contact = (float(part) for part in circle)
@@ -169,15 +177,27 @@ def _edge(
     rows = slice(max(0, int(y) - around), int(y) + around + 2)
     columns = slice(max(0, int(x) - around), int(x) + around + 2)
     u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
-    middle = np.interp(x, np.arange(u.size), u), np.interp(y, np.arange(v.size), v)
-    rim = contact * pixel
-    centre = middle[0] + shift[0], middle[1] + shift[1], shift[2] - float(sunk(radius, rim))
+    centre = _centre(circle, radius, shift, u, v, pixel)
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
+    # Covered film counts as dark, which tells nothing.
     seen, bounced = (
-        planes[:, rows, columns].reshape(len(press), -1).astype(np.float64)
-        for planes in (press, thrown)
+        plane.reshape(len(press), -1).astype(np.float64)
+        for plane in (
+            press[:, rows, columns] * bare[rows, columns],
+            film.albedo * thrown[:, rows, columns],
+        )
     )
-    return contact_edge(across, down, seen, bounced, centre, radius, rim, film)
+    return contact_edge(across, down, seen, bounced, centre, radius, contact * pixel, film)
+
+
+def _centre(
+    circle: F4, radius: float, shift: F8, u: F8, v: F8, pixel: float
+) -> tuple[float, float, float]:
+    """A ball's centre in mm, moved by `shift`; u and v are the places of columns and rows."""
+    x, y, contact = (float(part) for part in circle)
+    cx, cy = np.interp(x, np.arange(u.size), u), np.interp(y, np.arange(v.size), v)
+    deep = float(sunk(radius, contact * pixel))
+    return float(cx + shift[0]), float(cy + shift[1]), float(shift[2] - deep)
 
 
 def _unit_bounce(
@@ -191,13 +211,11 @@ def _unit_bounce(
     u = places(columns, np.float32(pixel)).astype(np.float64)
     v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
     height = np.zeros((rows, columns))
-    for (x, y, contact), size, (dx, dy, dz) in zip(circle, radius, shifts, strict=True):
-        deep = float(sunk(size, contact * pixel)) - dz
-        cx = np.interp(x, np.arange(columns), u) + dx
-        cy = np.interp(y, np.arange(rows), v[:, 0]) + dy
-        z = ball_height(u, v, (cx, cy, -deep), size, film.camera)
+    for each, size, shift in zip(circle, radius, shifts, strict=True):
+        cx, cy, cz = _centre(each, size, shift, u, v[:, 0], pixel)
+        z = ball_height(u, v, (cx, cy, cz), size, film.camera)
         nearer = 1 - film.camera * z
-        away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z + deep) ** 2
+        away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
         height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
     thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -158,7 +159,8 @@ def fit_film(
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
-    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, samples)
+    again = partial(samples, edges=True)
+    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, again)
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
@@ -202,9 +204,9 @@ class _Trial(NamedTuple):
     rest: Rest | None
     shift_mm: float
     width_mm: float
-    samples: Callable[[Film, F8, F8, bool], Balls]
+    samples: Callable[[Film, F8, F8], Balls]
     """The same, with the light that a film throws on itself, balls moved by their shifts, and
-    contacts of such radii."""
+    contacts of about such radii."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to some."""
@@ -300,7 +302,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
 def _sampled_again(trial: _Trial, fitted: Fitted) -> tuple[_Trial, Fitted]:
     """Return samples under a film that is known better, up to where it leaves the balls."""
     before = trial.balls
-    balls = trial.samples(fitted.film, fitted.shifts, before.rim, True)
+    balls = trial.samples(fitted.film, fitted.shifts, before.rim)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
 from tactograph.nodes.light._coat import fresnel, let_in, masking
-from tactograph.nodes.light._film import GRAZING, direct_share, to_pupil
+from tactograph.nodes.light._film import GRAZING, direct_share, glint, to_pupil
 from tactograph.nodes.light._radiosity import Cells, Grid
 from tactograph.nodes.light._sweep import COATED_AZIMUTHS, Law
 
@@ -133,13 +133,11 @@ def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], 
         lit = np.maximum(facing[k], 0)
         whole = share * lit * light[2] * light[2] / square
         seen = sources[k] * rest(light, there.at)
-        unhidden = _unhidden(film, facing[k])
-        lobe = _facets(film, facing[k] + there.to_eye, 2 + 2 * _dot(led, there.eye))
-        lobe *= unhidden * there.unhidden
+        lobe = _mirrored(film, facing[k], there.to_eye, _dot(led, there.eye))
         unshadowed = whole * (_let_in(film, lit) * there.let_out + lobe)
         whole *= np.minimum(seen / np.maximum(unshadowed, NEAREST), 1)
         base[k] = np.maximum(seen - whole * lobe, 0) / there.let_out
-        mirrored[k] = whole * unhidden
+        mirrored[k] = whole * _unhidden(film, facing[k])
         towards.append(np.asarray(led, np.float32))
     return _Sent(base, mirrored, facing, towards)
 
@@ -153,8 +151,7 @@ def _at_rest(film: Film, light: F4, at: F4) -> F4:
     led = light[:, None] - flat
     led /= np.sqrt((led * led).sum(0))
     base = _let_in(film, led[2]) * _let_in(film, eye[2])
-    lobe = _facets(film, led[2] + eye[2], 2 + 2 * _dot(led, eye))
-    return np.asarray(base + lobe * _unhidden(film, led[2]) * _unhidden(film, eye[2]), np.float32)
+    return np.asarray(base + _mirrored(film, led[2], eye[2], _dot(led, eye)), np.float32)
 
 
 def _let_in(film: Film, cosine: F4) -> F4:
@@ -167,15 +164,21 @@ def _unhidden(film: Film, cosine: F4) -> F4:
     return np.asarray(masking(c, film.roughness) / c, np.float32)
 
 
-def _facets(
-    film: Film, half: F4, square: F4, reach: F4 | float = 0, sideways: F4 | float = 0
-) -> F4:
-    """What two directions make of f_m together, in parts of base / pi.
+def _mirrored(film: Film, c_i: F4, c_o: F4, between: F4) -> F4:
+    """f_m, in parts of base / pi, by the cosines to the light, to the eye and between both."""
+    size = np.sqrt(np.maximum(2 + 2 * between, NEAREST))
+    c_h = np.maximum((c_i + c_o) / size, LEAST)
+    lobe = glint(film, np.maximum(c_i, LEAST), np.maximum(c_o, LEAST), c_h, size / 2)
+    return np.asarray(np.float32(np.pi / film.base) * lobe, np.float32)
 
-    `half` is the part of their sum, whose square is `square`, along the normal.  If one of them
-    moves by up to an s on either side, the mean: in the plane of the microfacets' slopes Beckmann's
-    density is a Gaussian, and so nearly is its mean along a line, wider by 2 / 3 of the square of
-    its half.  `reach` is the square of the part of s across the normal, `sideways` its product with
+
+def _facets(film: Film, half: F4, square: F4, reach: F4, sideways: F4) -> F4:
+    """What two directions make of f_m together, in parts of base / pi, where one of them moves.
+
+    `half` is the part of their sum, whose square is `square`, along the normal.  The mean, as one
+    moves by up to s on either side: in the plane of the microfacets' slopes Beckmann's density is
+    a Gaussian, and so nearly is its mean along a line, wider by 2 / 3 of the square of half of the
+    line.  `reach` is the square of the part of s across the normal, `sideways` its product with
     the sum's.
     """
     size = np.maximum(square, 0) + NEAREST
@@ -184,8 +187,8 @@ def _facets(
     moved = of + np.float32(2 / 3) * reach
     falls = (np.float32(2 / 3) * sideways * sideways / moved - (size - half * half)) / of
     found, near = np.zeros_like(half), np.nonzero(falls > FADED)
-    size, wider = size[near], np.broadcast_to(of / moved, half.shape)[near]
-    lobe = np.exp(np.minimum(falls[near], 0)) * np.sqrt(wider)
+    size = size[near]
+    lobe = np.exp(np.minimum(falls[near], 0)) * np.sqrt(of[near] / moved[near])
     cosine = forwards[near] ** 2 / size
     mirrored = fresnel(np.sqrt(size) / 2, film.refraction)
     scale = np.float32(0.25 / (film.base * film.roughness**2))

@@ -170,7 +170,6 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 WRITER = """
 import sys
 from tests.graph.run.test_store import tabled
-from tactograph.graph.errors import InputError, collect_warnings, warn
 from tactograph.graph.files import kept_files
 from tactograph.graph.run import store
 import numpy as np
