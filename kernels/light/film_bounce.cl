@@ -7,19 +7,25 @@
 #include "coated_bounce.clh"
 #include "sweep.clh"
 
-// The light of cells brought to pixels, and no further from the one before than `share`.
+// The light of cells brought to pixels, with what they miss, of which larger cells miss more; and no
+// further from the one before than `share`.
 LANED __kernel void interpolate(
     __global const float *restrict bounced,
+    __global const float *restrict of_larger,
     __global const float *restrict before,
     __global float *restrict out,
     const int H, const int W,
     const int factor,
     const int h, const int w,
+    const int larger,
+    const int h_larger, const int w_larger,
+    const float missed,
     const float share)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H;
     floats found = between_cells(bounced, k, y, x, count, factor, h, w);
+    found += missed * (found - between_cells(of_larger, k, y, x, count, larger, h_larger, w_larger));
     const int i = line * W + x;
     if (before) {
         const floats earlier = load_floats(before + i, count);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,8 @@ SAMPLES, ENOUGH = 1500, 30
 USUAL_ALBEDO = 0.6
 """Of a film that a bounce is computed for."""
 FINE = 4 * CELLS
-"""Cells of `film_bounce` on a matt film.  Fewer tell what changes with a lift or a rim, and what a
-coat mirrors, which takes five times as long."""
+"""Cells of `film_bounce` on a matt film, and at last on one with a coat, which takes seven times as
+long.  By coarser cells a ball's height or the rim changes the light in steps."""
 LIFT = 0.02
 """Share of a ball's radius by which it is lifted to see how a bounce grows with its height."""
 ON_BALL = 1 + 1e-6
@@ -37,6 +37,29 @@ NOISY = 1.5
 """Times the camera's noise, up to which a departure is no more than that."""
 SLICES = 16
 """Of a ball; every fourth is held out where there is no other ball."""
+
+
+class _Press(NamedTuple):
+    """A press, K x H x W, that its balls and the film around them throw light on.
+
+    `bounced` is what a film of albedo 1 throws; how that grows with the balls' height, relative to
+    their radius, and per mm of the film's rim.
+    """
+
+    light: F4
+    bounced: F4
+    by_lift: F4
+    by_rim: F4
+
+
+class _Thrown(NamedTuple):
+    """Light thrown, K x H x W, and what `level_touches` has left of it.
+
+    Balls brighten the film at rest around them, too, which it takes for drift.
+    """
+
+    whole: F4
+    left: F4
 
 
 def sample_balls(
@@ -54,6 +77,7 @@ def sample_balls(
     shifts: F8 | None = None,
     rim: F8 | None = None,
     edges: bool = False,
+    fine: bool = False,
 ) -> Balls:
     """Choose samples of the balls, evenly over each.
 
@@ -82,28 +106,24 @@ def sample_balls(
         B radii of the contacts in mm; those of `circle` if there are none.
     edges
         Whether the light around a ball then says where film leaves it (`contact_edge`).
+    fine
+        Whether the film is the one looked for: what its coat throws is found on cells as small as
+        on touches, and film of no albedo throws nothing.
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
     each = None if most is None else max(ENOUGH, most // len(circle))
-    presses = cut(light, rows)
+    presses = list(cut(light, rows))
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
     if rim is not None:
         circle = np.column_stack([circle[:, :2], rim / pixel])
-    wider = film._replace(rim=film.rim + RIM)
-
-    def thrown(i: int, film: Film, lift: float = 0, cells: int = CELLS) -> F4:
-        balls = circle[of == i], radius[of == i]
-        places = moved[of == i] + lift * balls[1][:, None] * np.array([0, 0, 1])
-        return _unit_bounce(presses[i], sigma, *balls, places, film, pixel, cells)
-
     still, lifted, rimmed = {}, {}, {}
     for i in np.unique(of):
-        coarse = thrown(i, film)
-        lifted[i] = (thrown(i, film, LIFT) - coarse) / LIFT
-        rimmed[i] = (thrown(i, wider) - coarse) / RIM
-        still[i] = thrown(i, film, cells=FINE) if film.refraction == 1 else coarse
+        balls = circle[of == i], radius[of == i], moved[of == i]
+        presses[i], still[i], lifted[i], rimmed[i] = _thrown_on(
+            presses[i], sigma, balls, film, pixel, fine
+        )
     if edges:
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
         edge = np.empty(len(of))
@@ -154,6 +174,14 @@ def sample_balls(
     )
 
 
+def thinned(balls: Balls, most: int = SAMPLES) -> Balls:
+    """Return so many samples of all balls together, evenly over each, though `ENOUGH` of each."""
+    each = max(ENOUGH, most // len(balls.centre))
+    first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
+    number = np.arange(balls.ball.size) - first[balls.ball]
+    return balls.only(number % (np.diff(first)[balls.ball] // each + 1) == 0)
+
+
 def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDArray[Any]) -> F8:
     """Return the shifts of balls that stay where they are, while their contacts' radii change."""
     moved = shifts.copy()
@@ -200,13 +228,39 @@ def _centre(
     return float(cx + shift[0]), float(cy + shift[1]), float(shift[2] - deep)
 
 
+def _thrown_on(
+    press: F4, sigma: F4, balls: tuple[F4, F4, F8], film: Film, pixel: float, fine: bool
+) -> _Press:
+    """What balls (circles, radii and shifts) throw on a press."""
+    if fine and film.albedo == 0:
+        nothing = np.zeros_like(press)
+        return _Press(press, nothing, nothing, nothing)
+    circle, radius, shifts = balls
+
+    def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
+        places = shifts + lift * radius[:, None] * np.array([0, 0, 1])
+        return _unit_bounce(press, sigma, circle, radius, places, film, pixel, cells)
+
+    # A coat changes how much is thrown; with a ball's height that grows as under no coat.
+    matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM)
+    found = on_matt = thrown(matt, FINE)
+    by_lift = (thrown(matt, FINE, LIFT).left - on_matt.left) / LIFT
+    if film.refraction == 1:
+        by_rim = thrown(wider, FINE).left - found.left
+    else:
+        found = thrown(film, CELLS)
+        by_lift *= found.left.mean() / on_matt.left.mean()
+        by_rim = thrown(wider, CELLS).left - found.left
+        found = thrown(film, FINE) if fine else found
+    if film.albedo > 0:
+        press = _levelled(press, sigma, found, film.albedo)
+    return _Press(press, found.left, by_lift, by_rim / np.float32(RIM))
+
+
 def _unit_bounce(
     press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float, cells: int
-) -> F4:
-    """The light that balls in a film of albedo 1 throw on it and on the film around them.
-
-    Less what `level_touches` has taken for drift: they brighten the film at rest, too.
-    """
+) -> _Thrown:
+    """The light that balls in a film of albedo 1 throw on it and on the film around them."""
     rows, columns = press.shape[1:]
     u = places(columns, np.float32(pixel)).astype(np.float64)
     v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
@@ -222,8 +276,21 @@ def _unit_bounce(
     # Balls are no film at rest, for all that little is thrown on their tops.
     shown = np.where(seen > 0, press, 1 + thrown)
     drift = film_drift(coarsen(shown), sigma, degree=DEGREE, rough=ROUGH)
-    level = drift_gain(drift, seen.shape) - 1
-    return (thrown - level * press) / np.float32(USUAL_ALBEDO)
+    level = (drift_gain(drift, seen.shape) - 1) * press
+    whole, taken = thrown / np.float32(USUAL_ALBEDO), level / np.float32(USUAL_ALBEDO)
+    return _Thrown(whole, whole - taken)
+
+
+def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float) -> F4:
+    """Level a press again, now that what is thrown on the film at rest is known not to be drift.
+
+    Of a film with the albedo given, the press less the light thrown is then what the LEDs make;
+    with another one, by `left`, less what would have been taken for drift.
+    """
+    known = coarsen(np.float32(albedo) * thrown.whole)
+    drift = film_drift(coarsen(press), sigma, bounced=known, degree=DEGREE, rough=ROUGH)
+    taken = np.float32(albedo) * (thrown.whole - thrown.left)
+    return np.asarray(press / drift_gain(drift, press.shape[1:]) - taken, np.float32)
 
 
 def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:

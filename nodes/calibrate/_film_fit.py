@@ -19,7 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate._light_fit import FARTHEST, HUBER, LIFT_MM, SPREAD, Rest
+from tactograph.nodes.calibrate._light_fit import (
+    FARTHEST,
+    HUBER,
+    LIFT_MM,
+    SPREAD,
+    Rest,
+    places_within,
+)
 from tactograph.nodes.light._film import (
     FADE,
     GRAZING,
@@ -288,6 +295,30 @@ def fit(
     return now._replace(scale=problem.scale)
 
 
+def other_places(
+    balls: Balls,
+    rest: Rest | None,
+    parts: frozenset[str],
+    fitted: Fitted,
+    shift_mm: float,
+    width_mm: float,
+) -> F4:
+    """Return 8 x K x 3 in mm: where the LEDs may be too, by what the fit leaves of the light.
+
+    Coat, albedo and all else that is open may differ with them.
+    """
+    names = [name for part in sorted(parts) for name in PARTS[part]]
+    problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(fitted)
+    left = _weighted(balls, predicted(balls, fitted) - balls.light)
+    known = _equations(problem._replace(scale=_robust_spread(left)), fitted)
+    shared, _ = _without_shifts(known.shared, known.mixed, known.own)
+    scale = np.sqrt(np.diag(shared))
+    spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
+    spread /= np.outer(scale, scale)
+    places = [LED * k + j for k in range(len(fitted.leds)) for j in range(3)]
+    return places_within(fitted.leds[:, :3], spread[np.ix_(places, places)], width_mm)
+
+
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     """Return `fitted` with the balls where they lie under a known film."""
     now, scale = fitted, fitted.scale
@@ -382,8 +413,11 @@ def _weighted(balls: Balls, left: F8) -> F8:
 
 def _scale(balls: Balls, now: Fitted) -> float:
     """The standard deviation of what is left of a sample, robustly."""
-    left = _weighted(balls, predicted(balls, now) - balls.light)
-    return max(SPREAD, 1.4826 * float(np.median(np.abs(left))))
+    return max(SPREAD, _robust_spread(_weighted(balls, predicted(balls, now) - balls.light)))
+
+
+def _robust_spread(left: F8) -> float:
+    return 1.4826 * float(np.median(np.abs(left)))
 
 
 def _robust(left: F8) -> F8:
@@ -561,13 +595,18 @@ def _solve(e: _Equations, damping: float) -> tuple[F8, F8]:
     """The step of what is shared and of each ball, by Schur's complement."""
     own = e.own * (1 + damping * np.eye(3))
     shared = e.shared + damping * np.diag(np.diag(e.shared) + 1e-12)
-    less = np.linalg.solve(own, np.transpose(e.mixed, (0, 2, 1)))
-    schur = shared - np.einsum("pgi,pih->gh", e.mixed, less)
+    schur, less = _without_shifts(shared, e.mixed, own)
     solved = np.linalg.solve(own, e.right_own[..., None])[..., 0]
     right = e.right - np.einsum("pgi,pi->g", e.mixed, solved)
     scale = np.sqrt(np.maximum(np.diag(schur), 1e-30))
     by = np.linalg.solve(schur / np.outer(scale, scale), right / scale) / scale
     return by, solved - np.einsum("pig,g->pi", less, by)
+
+
+def _without_shifts(shared: F8, mixed: F8, own: F8) -> tuple[F8, F8]:
+    """Schur's complement of what is each ball's own, and what its shift takes of the step."""
+    less = np.linalg.solve(own, np.transpose(mixed, (0, 2, 1)))
+    return np.asarray(shared - np.einsum("pgi,pih->gh", mixed, less)), np.asarray(less)
 
 
 def start_at(lights: F4, strength: F4, count: int) -> Fitted:

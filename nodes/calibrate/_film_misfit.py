@@ -55,8 +55,8 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     distance is the covariance of what the model leaves, apart from what it leaves all around a
     ball alike: normals that lean too much, or too little.  The level stated holds what chance may
     have hidden, too.  All is stated for one more press: what n presses could not tell the model
-    adds 1/n to the variance, a tilt known from n presses follows Student's law, not the normal
-    one, and errors of the level lean alike by chance by 1/n of it.
+    adds 1/n to the variance, a tilt known from n presses and an albedo from n parts of them follow
+    Student's law, not the normal one, and errors of the level lean alike by chance by 1/n of it.
 
     Parameters
     ----------
@@ -192,9 +192,13 @@ def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
 
 
 def _doubt(held: list[Held]) -> float:
-    """By what share the film's albedo differs between parts of the presses."""
+    """By what share the film's albedo may be wrong: the mean of so many parts of the presses."""
     albedo = np.array([h.fitted.film.albedo for h in held])
-    return float(albedo.std() / albedo.mean()) if albedo.mean() > 0 else 0.0
+    parts = len(albedo)
+    if parts < 2 or albedo.mean() <= 0:
+        return 0.0
+    wider = float(stdtrit(parts - 1, WITHIN) / ndtri(WITHIN))
+    return float(wider * albedo.std(ddof=1) / np.sqrt(parts) / albedo.mean())
 
 
 def _root(square: float) -> float:

@@ -235,13 +235,28 @@ def other_places(
     spread = inverse @ (slopes.T @ (slopes * noise[:, None])) @ inverse / np.outer(scale, scale)
 
     places = [4 * k + j for k in range(len(leds)) for j in range(3)]
+    return places_within(leds[:, :3], spread[np.ix_(places, places)], width_mm)
+
+
+def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
+    """Return 8 x K x 3 in mm: other places of LEDs of which the covariance is known.
+
+    Parameters
+    ----------
+    leds
+        K x 3: L_x / L_z, L_y / L_z, 1 / L_z.
+    spread
+        3 K x 3 K, their covariance.
+    width_mm
+        Width of the film that the camera sees.
+    """
     unit = np.tile([1, 1, 2 / width_mm], len(leds))
-    variance, direction = np.linalg.eigh(spread[np.ix_(places, places)] / np.outer(unit, unit))
+    variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
     modes = direction[:, -OTHERS:] * np.sqrt(np.maximum(variance[-OTHERS:], 0)) * unit[:, None]
     changes = hadamard(OTHERS) @ modes.T
     others = []
     for change in changes.reshape(OTHERS, len(leds), 3):
-        moved = leds[:, :3] + change
+        moved = leds + change
         moved[:, 2] = np.maximum(moved[:, 2], NEAREST * leds[:, 2])
         others.append(_positions(moved))
     return np.stack(others)

@@ -27,7 +27,7 @@ from tactograph.nodes import (
     PixelSize,
 )
 from tactograph.nodes.calibrate._ball_normals import normal_error
-from tactograph.nodes.calibrate._ball_samples import SAMPLES, grain, moved_with, sample_balls
+from tactograph.nodes.calibrate._ball_samples import grain, moved_with, sample_balls, thinned
 from tactograph.nodes.calibrate._film_fit import (
     F8,
     PARTS,
@@ -35,6 +35,7 @@ from tactograph.nodes.calibrate._film_fit import (
     Fitted,
     add_harmonics,
     fit,
+    other_places,
     place_balls,
     predicted,
     start_at,
@@ -151,11 +152,10 @@ def fit_film(
         film: Film,
         shifts: F8 | None = None,
         rim: F8 | None = None,
-        edges: bool = False,
-        most: int | None = SAMPLES,
+        **options: Any,
     ) -> Balls:
         found = light, flat, circle, radius, of, film, noise, pixel, steepest
-        return sample_balls(*found, most=most, bare=bare, shifts=shifts, rim=rim, edges=edges)
+        return sample_balls(*found, bare=bare, shifts=shifts, rim=rim, **options)
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
@@ -171,27 +171,33 @@ def fit_film(
     if np.median(balls.rim) < RESOLVED * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel:
         closed.add("bounce")
     trial, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
+    whole = samples(best.fitted.film, best.fitted.shifts, trial.balls.rim, most=None, fine=True)
+    if best.fitted.film.albedo > 0:
+        trial = trial._replace(balls=thinned(whole))
+        best = _judge(trial, best.parts, trial.fit(best.parts, best.fitted))
+        errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
-    shifts = best.fitted.shifts
     best, balls, bad = _without_bad(trial, best)
     film = best.fitted.film
     if not best.parts and best.degree is None and camera_mm is None:
         # Nothing but matt: the LEDs stay where all pixels of the presses place them.
         film = film._replace(lights=lights)
+    else:
+        evidence = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
+        others = other_places(*evidence)
     left = balls.light - predicted(balls, best.fitted)
     typed: dict[str, Any] = {
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
         for name, value in film._asdict().items()
     }
-    whole = samples(film, shifts, trial.balls.rim, most=None)
     held = _held_out(trial, best, whole, bad)
     typed["uneven"] = uneven = unevenness(held, pixel)
     typed["grain"] = grain(balls, left, flat, noise)
-    typed["others"] = np.asarray(others + (film.lights - lights), np.float32)
+    typed["others"] = others
     return FilmFit(
         Film(**typed),
-        misfit=misfit(held, np.asarray(others - lights, np.float64), pixel, uneven),
+        misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best),
     )

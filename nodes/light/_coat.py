@@ -16,6 +16,8 @@ Array = NDArray[Any]
 TAIL = 0.4361836, -0.1201676, 0.9372980
 """Of the normal distribution, by 1 / (1 + 0.33267 z) (Abramowitz and Stegun, 26.2.16)."""
 
+ROOT_3 = 3**0.5
+
 
 def fresnel(cosine: Array, index: float) -> Array:
     """Return the share of unpolarised light that a dielectric mirrors."""
@@ -30,9 +32,10 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
 
     1 - F, averaged over the microfacets as large as light sees them.  Their slope x towards the
     light is normal with standard deviation t = roughness / sqrt(2); light at the cosine c sees
-    c + s x of each (s the sine), those that face it.  The average over two slopes, at the mean
-    and plus or minus the standard deviation of what light sees, is within 0.006 of the whole
-    for a roughness up to 0.4.
+    c + s x of each (s the sine), those that face it.  Three slopes with the mean, the spread and
+    the skewness of what light sees (Gauss's, of a gamma distribution with a skewness so small) give
+    the average within 0.001 of the whole from a cosine of 0.2, and 0.006 below, for a roughness up
+    to 0.4.
     """
     t = roughness / np.sqrt(2).astype(cosine.dtype)
     sine = np.sqrt(np.maximum(1 - cosine * cosine, 0))
@@ -43,12 +46,21 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
     facing = 1 - density * w * (TAIL[0] + w * (TAIL[1] + w * TAIL[2]))
     open_, grazed = cosine * facing, spread * density
     seen = open_ + grazed
-    mean = spread * facing / seen
-    deviation = np.sqrt(1 + grazed / seen - mean * mean)
-    both: Array = np.zeros_like(cosine)
-    for x in (t * (mean - deviation), t * (mean + deviation)):
-        both += fresnel((cosine + sine * x) / np.sqrt(1 + t * t + x * x), index)
-    return np.asarray(1 - 0.5 * both)
+    mean, beyond = spread * facing / seen, grazed / seen
+    deviation = np.sqrt(1 + beyond - mean * mean)
+    skew = (2 * mean**3 - 3 * mean * beyond - z * beyond) / deviation**3
+    middle = (2 - (49 / 36) * skew * skew) / (3 - 0.25 * skew * skew)
+    apart = (7 / 6 - 0.5 * middle) * skew / ROOT_3
+    mirrored: Array = np.zeros_like(cosine)
+    for node, weight in (
+        (-ROOT_3 + 7 / 6 * skew, 0.5 * (1 - middle + apart)),
+        (2 / 3 * skew, middle),
+        (ROOT_3 + 7 / 6 * skew, 0.5 * (1 - middle - apart)),
+    ):
+        x = t * (mean + deviation * node)
+        along = np.maximum(cosine + sine * x, 0)
+        mirrored += weight * fresnel(along / np.sqrt(1 + t * t + x * x), index)
+    return np.asarray(1 - mirrored)
 
 
 def beckmann(cosine: Array, roughness: float) -> Array:

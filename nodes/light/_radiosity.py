@@ -68,6 +68,13 @@ def cell_grid(size: tuple[int, ...], pixel: float, most: int, rim_mm: float) -> 
     return Grid(factor, rows, columns, math.ceil(film) + MARGIN, width, film)
 
 
+def larger_cells(grid: Grid) -> Grid:
+    """Return cells with sides twice as long, over the same film."""
+    film = grid.film / 2
+    rows, columns = -(-grid.rows // 2), -(-grid.columns // 2)
+    return Grid(2 * grid.factor, rows, columns, math.ceil(film) + MARGIN, 2 * grid.width, film)
+
+
 def cells_of(
     height: F4,
     lights: F4,

@@ -37,8 +37,8 @@ NEAREST_PX = 2
 """The noise of pixels so far apart is independent."""
 BLOCK = 16
 """Pixels of a block's side: single places that depart, dirt or an edge, are not the model's."""
-USUAL = 0.5
-"""Error of a normal by the light that is left, at least: what presses leave may be all noise."""
+LEAST_SHARE, MOST_SHARE = 0.5, 1.5
+"""Error of a normal by the light that is left: what presses leave of either may be all noise."""
 CLEARLY, LEAST = 2.0, 0.005
 """Times what the calibration left, and light, above which a departure is told."""
 
@@ -96,7 +96,7 @@ def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
     found = _typical(total, known)
     if found <= pressed:
         return misfit
-    share = max(level / pressed, USUAL) if pressed > 0 else USUAL
+    share = min(max(level / pressed, LEAST_SHARE), MOST_SHARE) if pressed > 0 else LEAST_SHARE
     beyond = share**2 * (found**2 - pressed**2)
     wider, tilt = (float(np.sqrt(before**2 + beyond)) for before in (level, tilt))
     if found > CLEARLY * pressed and found > LEAST:
