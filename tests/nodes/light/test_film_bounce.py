@@ -175,6 +175,17 @@ def test_a_round_goes_a_share_of_the_way_from_the_one_before() -> None:
     np.testing.assert_allclose(found, 0.75 * before + 0.25 * now, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.parametrize("coat", [{}, {"base": 0.7, "roughness": 0.2, "refraction": 1.5}])
+def test_cells_twice_as_large_find_nearly_the_same_light(coat: dict[str, float]) -> None:
+    (height, inside), lights = imprint(1.2), np.float32([[-6, 2, 20], [5, 5, 25]])
+    light, of = ones(height)[:2], film(0.7, lights, **coat)
+    fine, coarse = (
+        film_bounce(light, height, of, PIXEL, cells=cells)[:, inside].mean()
+        for cells in (121 * 121, 61 * 61)
+    )
+    assert coarse == pytest.approx(fine, rel=0.01)
+
+
 def test_a_coat_that_does_not_refract_throws_as_a_matt_film() -> None:
     (height, inside), lights = imprint(1.2), np.float32([[-6, 2, 20], [5, 5, 25]])
     light = ones(height)[:2]

@@ -16,7 +16,7 @@ LEFT = np.float32([0.004, 1.0, 0.003, 0.02, 0.001])
 
 
 def touch(
-    departure: float | F4, noise: float = 0.0, uneven: float = 0.0
+    departure: float | F4, noise: float = 0.0, uneven: float = 0.0, left: F4 = LEFT
 ) -> tuple[F4, F4, list[str]]:
     """The misfit and the warnings of a slope whose first LED, or all, are too bright."""
     rng = np.random.default_rng(1)
@@ -30,7 +30,7 @@ def touch(
     light += rng.normal(0, noise, light.shape).astype(np.float32)
     told: list[str] = []
     with collect_warnings(told):
-        found = touch_misfit(light, slope, height, used, LIGHTS, LEFT, PIXEL, uneven)
+        found = touch_misfit(light, slope, height, used, LIGHTS, left, PIXEL, uneven)
     return found, light, told
 
 
@@ -51,6 +51,12 @@ def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() ->
     (line,) = told
     assert "departs from the film's model by 2.0 %" in line
     assert "times as wide" in line
+
+
+def test_presses_that_left_no_light_do_not_widen_the_band_without_bound() -> None:
+    # What they left by chance is no measure of how normals err with the light.
+    found, *_ = touch(0.04, left=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
+    assert found[0] == pytest.approx(np.hypot(0.004, 1.5 * 0.04 / 2), rel=1e-3)
 
 
 def test_a_film_that_is_brighter_leaves_little_where_its_brightness_is_unknown() -> None:
