@@ -38,18 +38,23 @@ __kernel void add_bounce(
     }
 }
 
-// The bounces added to the light.
+// The bounces added to the light, with what cells miss, of which larger cells miss more.
 LANED __kernel void add_light(
     __global const float *restrict light,
     __global const float *restrict rest,
     __global const float *restrict bounced,
+    __global const float *restrict of_larger,
     __global float *restrict out,
     const int H, const int W,
     const int factor,
-    const int h, const int w)
+    const int h, const int w,
+    const int larger,
+    const int h_larger, const int w_larger,
+    const float missed)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    const floats added = between_cells(bounced, k, y, x, count, factor, h, w);
+    floats added = between_cells(bounced, k, y, x, count, factor, h, w);
+    added += missed * (added - between_cells(of_larger, k, y, x, count, larger, h_larger, w_larger));
     store_floats(load_floats(light + i, count) + load_floats(rest + i, count) * added, out + i, count);
 }

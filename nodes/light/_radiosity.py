@@ -19,6 +19,10 @@ MARGIN = 22
 LEAST = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 
+MATT_MISSED, COATED_MISSED = 1 / 3, 0.45
+"""What cells still miss, as a share of what they find more than cells twice as large: a third where
+that goes with the square of their side, more under a coat, whose lobes are narrower than cells."""
+
 
 class Grid(NamedTuple):
     """Cells of `factor` x `factor` pixels: rows x columns in the frame, `rim` more on each side.
@@ -73,6 +77,11 @@ def larger_cells(grid: Grid) -> Grid:
     film = grid.film / 2
     rows, columns = -(-grid.rows // 2), -(-grid.columns // 2)
     return Grid(2 * grid.factor, rows, columns, math.ceil(film) + MARGIN, 2 * grid.width, film)
+
+
+def missed(refraction: float) -> float:
+    """Return what cells still miss, in parts of what larger cells miss more (Richardson 1911)."""
+    return MATT_MISSED if refraction == 1 else COATED_MISSED
 
 
 def cells_of(

@@ -12,7 +12,7 @@ from tactograph.graph import Close, InputError, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._coated_bounce import coated, source_rows
-from tactograph.nodes.light._radiosity import Grid, cell_grid, cells_of, larger_cells, means
+from tactograph.nodes.light._radiosity import Grid, cell_grid, cells_of, larger_cells, means, missed
 from tactograph.nodes.light._sweep import matt, swept
 
 if TYPE_CHECKING:
@@ -21,16 +21,13 @@ if TYPE_CHECKING:
 MOST_ALBEDO = 0.95
 CELLS = 4800
 """Most cells of a frame, where none are asked for."""
-MATT_MISSED, COATED_MISSED = 1 / 3, 0.45
-"""What cells still miss, as a share of what they find more than cells twice as large: a third where
-that goes with the square of their side, more under a coat, whose lobes are narrower than cells."""
 COAT = "lights", "diffuse", "base", "roughness", "refraction", "camera"
 """What of a film makes its coat."""
 
 
 @node(
     neutral=0.0,
-    tolerance=Close(1e-5, 1e-3, why="what barely rises over a horizon may rise or not"),
+    tolerance=Close(3e-5, 1e-3, why="what barely rises over a horizon may rise or not"),
 )
 def film_bounce(
     light: Light,
@@ -95,12 +92,8 @@ def film_bounce(
     found, coarse = (
         _on_cells(light, height, film, pixel, slope, on) for on in (grid, larger_cells(grid))
     )
-    found = found + np.float32(_missed(film.refraction)) * (found - coarse)
+    found = found + np.float32(missed(film.refraction)) * (found - coarse)
     return found if before is None else before + np.float32(share) * (found - before)
-
-
-def _missed(refraction: float) -> float:
-    return MATT_MISSED if refraction == 1 else COATED_MISSED
 
 
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
@@ -132,7 +125,7 @@ def _launch(run: Launch) -> None:
     work = run.in_row_lanes(count, *size)
     shapes = (part for on in (grid, larger) for part in (on.factor, on.rows, on.columns))
     arguments = fine, coarse, of.get("before"), out, *size, *shapes
-    arguments = *arguments, _missed(of["film.refraction"]), settings["share"]
+    arguments = *arguments, missed(of["film.refraction"]), settings["share"]
     run.kernel("interpolate", work, *arguments, constants=constants)
 
 

@@ -9,15 +9,15 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Close, node
-from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
+from tactograph.nodes import F4, Film, Height, Light, LightPositions, PixelSize
 from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._coated_bounce import coated, source_rows
 from tactograph.nodes.light._film import matt_film
-from tactograph.nodes.light._radiosity import cell_grid, cells_of, means
+from tactograph.nodes.light._radiosity import Grid, cell_grid, cells_of, larger_cells, means, missed
 from tactograph.nodes.light._sweep import matt, swept
 
 if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
+    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 FAINTEST = np.float32(1e-6)
 
@@ -71,56 +71,69 @@ def interreflect(
     """
     if albedo == 0:
         return light.copy()
-    grid, by = cell_grid(height.shape, pixel, cells, rim_mm), np.float32(albedo)
-    of = cells_of(height, lights, np.float32(pixel), grid)
-    frame = slice(None), *grid.frame
-    relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
-    direct = means(relative, grid.factor)
     film = matt_film(lights)._replace(
         base=albedo,
         roughness=coat_alpha,
-        refraction=refractive_index,
+        refraction=refractive_index if coat_alpha > 0 else 1.0,
         camera=1 / camera_mm if camera_mm else 0.0,
     )
+    relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
+    grid = cell_grid(height.shape, pixel, cells, rim_mm)
+    found, coarse = (
+        _on_cells(relative, height, film, pixel, on, bounces) for on in (grid, larger_cells(grid))
+    )
+    return light + rest * (found + np.float32(missed(film.refraction)) * (found - coarse))
+
+
+def _on_cells(relative: F4, height: F4, film: Film, pixel: float, grid: Grid, bounces: int) -> F4:
+    """The light of all bounces, relative to the film at rest, by cells of a side."""
+    of = cells_of(height, film.lights, np.float32(pixel), grid)
+    frame = slice(None), *grid.frame
+    direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
     for _ in range(bounces):
         sources = of.rest.copy()
         sources[frame] *= direct + bounced
-        law = coated(film, of, sources, grid, True) if coat_alpha > 0 else matt(sources)
+        law = coated(film, of, sources, grid, True) if film.refraction != 1 else matt(sources)
         arriving = swept(of, grid, 0.0, law)
-        bounced = by * arriving / of.rest[frame]
-    return light + rest * between_cells(bounced, height.shape, grid.factor)
+        bounced = np.float32(film.base) * arriving / of.rest[frame]
+    return between_cells(bounced, height.shape, grid.factor)
 
 
 @interreflect.opencl()
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
-    names = "light", "rest", "height", "lights", "pixel"
-    light, rest, height, lights, pixel = (run.inputs[name] for name in names)
+    light, rest, pixel = (run.inputs[name] for name in ("light", "rest", "pixel"))
     settings, out, constants = run.settings, run.outputs["interreflect"], {"LEDS": count}
     constants["COATED"] = int(settings["coat_alpha"] > 0 and settings["albedo"] > 0)
-    pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
-    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
-    shape, all_cells = (grid.rows, grid.columns, grid.rim), math.prod(grid.whole)
     relative = run.scratch((count, *size))
+    pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
+    run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)
+    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
+    larger = larger_cells(grid)
+    fine, coarse = (_launch_on_cells(run, relative, on, constants) for on in (grid, larger))
+    shapes = (part for on in (grid, larger) for part in (on.factor, on.rows, on.columns))
+    share = missed(settings["refractive_index"] if constants["COATED"] else 1.0)
+    arguments = light, rest, fine, coarse, out, *size, *shapes, share
+    run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
+
+
+def _launch_on_cells(
+    run: Launch, relative: DeviceArray, grid: Grid, constants: dict[str, int]
+) -> DeviceArray:
+    """What `_on_cells` does, but for bringing it to pixels."""
+    count, *size = (run.sizes[symbol] for symbol in "KHW")
+    height, lights, pixel = (run.inputs[name] for name in ("height", "lights", "pixel"))
+    settings, local = run.settings, (run.group,)
+    shape, all_cells = (grid.rows, grid.columns, grid.rim), math.prod(grid.whole)
     direct, table = (run.scratch((6 + 2 * count, all_cells)) for _ in range(2))
     bounced = run.scratch((count, grid.rows, grid.columns))
-    local = (run.group,)
-    run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)
     for cells in (direct, table):
-        arguments = (
-            relative,
-            height,
-            None,
-            lights,
-            pixel,
-            cells,
-            *size,
-            grid.factor,
-            *shape,
-            0.0,
-        )
-        run.kernel("lay_out", (all_cells,), *arguments, local=local, constants=constants)
+        run.kernel(
+            "lay_out", (all_cells,),
+            relative, height, None, lights, pixel, cells, *size, grid.factor, *shape, 0.0,
+            local=local, constants=constants,
+        )  # fmt: skip
     work, camera = run.in_row_lanes(grid.rows, grid.columns), settings["camera_mm"]
     none = run.keep(("no diffuse share", count), lambda: run.upload(np.zeros(count, np.float32)))
     coat = (
@@ -130,8 +143,7 @@ def _launch(run: Launch) -> None:
     sources = None
     if constants["COATED"]:
         sources = run.scratch((source_rows(count), all_cells))
-    arguments = table, sources, bounced, *coat, *shape, grid.width, grid.film
-    arguments = *arguments, 0.0, settings["albedo"]
+    sizes = *shape, grid.width, grid.film, 0.0, settings["albedo"]
     for bounce in range(settings["bounces"]):
         if bounce:
             every = grid.rows * grid.columns
@@ -139,9 +151,9 @@ def _launch(run: Launch) -> None:
         if sources is not None:
             lanes = run.in_lanes(all_cells)
             run.kernel("coat", lanes, table, sources, *coat, all_cells, constants=constants)
+        arguments = table, sources, bounced, *coat, *sizes
         run.kernel("throw_light", work, *arguments, local=local, constants=constants)
-    arguments = light, rest, bounced, out, *size, grid.factor, *shape[:2]
-    run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
+    return bounced
 
 
 @interreflect.example
