@@ -17,15 +17,13 @@ LANED __kernel void interpolate(
     const int H, const int W,
     const int factor,
     const int h, const int w,
-    const int larger,
-    const int h_larger, const int w_larger,
     const float missed,
     const float share)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H;
-    floats found = between_cells(bounced, k, y, x, count, factor, h, w);
-    found += missed * (found - between_cells(of_larger, k, y, x, count, larger, h_larger, w_larger));
+    floats found =
+        extrapolated(bounced, of_larger, missed, k, y, x, count, factor, h, w);
     const int i = line * W + x;
     if (before) {
         const floats earlier = load_floats(before + i, count);

@@ -48,13 +48,11 @@ LANED __kernel void add_light(
     const int H, const int W,
     const int factor,
     const int h, const int w,
-    const int larger,
-    const int h_larger, const int w_larger,
     const float missed)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    floats added = between_cells(bounced, k, y, x, count, factor, h, w);
-    added += missed * (added - between_cells(of_larger, k, y, x, count, larger, h_larger, w_larger));
+    const floats added =
+        extrapolated(bounced, of_larger, missed, k, y, x, count, factor, h, w);
     store_floats(load_floats(light + i, count) + load_floats(rest + i, count) * added, out + i, count);
 }

@@ -112,8 +112,7 @@ def sample_balls(
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
-    each = None if most is None else max(ENOUGH, most // len(circle))
-    presses = list(cut(light, rows))
+    presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
     if rim is not None:
@@ -145,8 +144,6 @@ def sample_balls(
         if bare is not None:
             within &= bare[i * rows + yy, xx] > 0
         inside = np.flatnonzero(within)
-        # A stride that is no divisor of rows spreads the samples over all columns.
-        inside = inside[:: 1 if each is None else inside.size // each + 1]
         yy, xx = yy[inside], xx[inside]
         sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
         values, bounced = presses[i][:, yy, xx], still[i][:, yy, xx].astype(np.float64)
@@ -159,7 +156,7 @@ def sample_balls(
         np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    return Balls(
+    every = Balls(
         u=u.astype(np.float64),
         v=v.astype(np.float64),
         light=values.astype(np.float64),
@@ -172,6 +169,7 @@ def sample_balls(
         by_rim=by_rim,
         sector=sector,
     )
+    return every if most is None else thinned(every, most)
 
 
 def thinned(balls: Balls, most: int = SAMPLES) -> Balls:
@@ -179,6 +177,7 @@ def thinned(balls: Balls, most: int = SAMPLES) -> Balls:
     each = max(ENOUGH, most // len(balls.centre))
     first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
     number = np.arange(balls.ball.size) - first[balls.ball]
+    # A stride that is no divisor of rows spreads the samples over all columns.
     return balls.only(number % (np.diff(first)[balls.ball] // each + 1) == 0)
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,12 @@ def larger_cells(grid: Grid) -> Grid:
 def missed(refraction: float) -> float:
     """Return what cells still miss, in parts of what larger cells miss more (Richardson 1911)."""
     return MATT_MISSED if refraction == 1 else COATED_MISSED
+
+
+def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid, refraction: float) -> F4:
+    """Return what cells find, and what they miss by what larger cells find."""
+    found, coarse = on_cells(grid), on_cells(larger_cells(grid))
+    return found + np.float32(missed(refraction)) * (found - coarse)
 
 
 def cells_of(

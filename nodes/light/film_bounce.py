@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -12,7 +13,15 @@ from tactograph.graph import Close, InputError, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._coated_bounce import coated, source_rows
-from tactograph.nodes.light._radiosity import Grid, cell_grid, cells_of, larger_cells, means, missed
+from tactograph.nodes.light._radiosity import (
+    Grid,
+    cell_grid,
+    cells_of,
+    extrapolated,
+    larger_cells,
+    means,
+    missed,
+)
 from tactograph.nodes.light._sweep import matt, swept
 
 if TYPE_CHECKING:
@@ -89,10 +98,8 @@ def film_bounce(
     if film.albedo == 0:
         return np.zeros_like(light)
     grid = cell_grid(height.shape, pixel, cells, film.rim)
-    found, coarse = (
-        _on_cells(light, height, film, pixel, slope, on) for on in (grid, larger_cells(grid))
-    )
-    found = found + np.float32(missed(film.refraction)) * (found - coarse)
+    on_cells = partial(_on_cells, light, height, film, pixel, slope)
+    found = extrapolated(on_cells, grid, film.refraction)
     return found if before is None else before + np.float32(share) * (found - before)
 
 
@@ -120,12 +127,10 @@ def _launch(run: Launch) -> None:
         run.kernel("nothing", work, out, count * math.prod(size), constants=constants)
         return
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], of["film.rim"])
-    larger = larger_cells(grid)
-    fine, coarse = (_launch_on_cells(run, on, constants) for on in (grid, larger))
-    work = run.in_row_lanes(count, *size)
-    shapes = (part for on in (grid, larger) for part in (on.factor, on.rows, on.columns))
-    arguments = fine, coarse, of.get("before"), out, *size, *shapes
+    fine, coarse = (_launch_on_cells(run, on, constants) for on in (grid, larger_cells(grid)))
+    arguments = fine, coarse, of.get("before"), out, *size, grid.factor, grid.rows, grid.columns
     arguments = *arguments, missed(of["film.refraction"]), settings["share"]
+    work = run.in_row_lanes(count, *size)
     run.kernel("interpolate", work, *arguments, constants=constants)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -13,7 +14,15 @@ from tactograph.nodes import F4, Film, Height, Light, LightPositions, PixelSize
 from tactograph.nodes.light._between_cells import between_cells
 from tactograph.nodes.light._coated_bounce import coated, source_rows
 from tactograph.nodes.light._film import matt_film
-from tactograph.nodes.light._radiosity import Grid, cell_grid, cells_of, larger_cells, means, missed
+from tactograph.nodes.light._radiosity import (
+    Grid,
+    cell_grid,
+    cells_of,
+    extrapolated,
+    larger_cells,
+    means,
+    missed,
+)
 from tactograph.nodes.light._sweep import matt, swept
 
 if TYPE_CHECKING:
@@ -79,13 +88,11 @@ def interreflect(
     )
     relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
     grid = cell_grid(height.shape, pixel, cells, rim_mm)
-    found, coarse = (
-        _on_cells(relative, height, film, pixel, on, bounces) for on in (grid, larger_cells(grid))
-    )
-    return light + rest * (found + np.float32(missed(film.refraction)) * (found - coarse))
+    on_cells = partial(_on_cells, relative, height, film, pixel, bounces)
+    return light + rest * extrapolated(on_cells, grid, film.refraction)
 
 
-def _on_cells(relative: F4, height: F4, film: Film, pixel: float, grid: Grid, bounces: int) -> F4:
+def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, grid: Grid) -> F4:
     """The light of all bounces, relative to the film at rest, by cells of a side."""
     of = cells_of(height, film.lights, np.float32(pixel), grid)
     frame = slice(None), *grid.frame
@@ -110,11 +117,12 @@ def _launch(run: Launch) -> None:
     pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
     run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
-    larger = larger_cells(grid)
-    fine, coarse = (_launch_on_cells(run, relative, on, constants) for on in (grid, larger))
-    shapes = (part for on in (grid, larger) for part in (on.factor, on.rows, on.columns))
+    fine, coarse = (
+        _launch_on_cells(run, relative, on, constants) for on in (grid, larger_cells(grid))
+    )
     share = missed(settings["refractive_index"] if constants["COATED"] else 1.0)
-    arguments = light, rest, fine, coarse, out, *size, *shapes, share
+    shape = grid.factor, grid.rows, grid.columns
+    arguments = light, rest, fine, coarse, out, *size, *shape, share
     run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
 
 
