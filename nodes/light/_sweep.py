@@ -80,9 +80,14 @@ def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
         below = gathered(horizon, across, facing)
         on = _Looking(at, eye, facing, across, _longest(grid, step), horizon, below)
         gain = np.float32(2 / law.azimuths) * eye[2] / flat
-        for share, away, (row, column), there in _risen(on, cells.at[2], step, grid, camera):
-            here = row * grid.columns + column
-            total[:, here] += gain[row, column] * share * law.thrown(here, away, there)
+        risen = list(_risen(on, cells.at[2], step, grid, camera))
+        if not risen:
+            continue
+        # A law of few cells, step by step, would be nothing but calls of NumPy.
+        share, away, here, there = (np.concatenate(part, axis=-1) for part in zip(*risen, strict=True))
+        thrown = gain.ravel()[here] * share * law.thrown(here, away, there)
+        for plane, arriving in zip(total, thrown, strict=True):
+            plane += np.bincount(here, arriving, plane.size)
     return total.reshape(-1, grid.rows, grid.columns)
 
 
@@ -122,11 +127,11 @@ class _Met(NamedTuple):
 
 def _risen(
     on: _Looking, rises: F4, unit: tuple[float, ...], grid: Grid, camera: float
-) -> Iterator[tuple[F4, F4, tuple[NDArray[np.intp], ...], NDArray[np.intp]]]:
+) -> Iterator[tuple[F4, F4, NDArray[np.intp], NDArray[np.intp]]]:
     """Yield, step by step, what has risen over the horizon.
 
-    Its share of F, the direction of its middle, rows and columns that see it, and the number of the
-    cell half-way to the step before.
+    Its share of F, the direction of its middle, the numbers of the frame's cells that see it, and
+    of the cells half-way to the step before.
     """
     across, down = unit
     last, step = 0, 1
@@ -145,7 +150,8 @@ def _risen(
             chosen = row + rows.start, column + columns.start
             below, right = (grid.rim + round(part * (last + step) / 2) for part in (down, across))
             there = (chosen[0] + below) * grid.whole[1] + chosen[1] + right
-            yield *_share(on, met, seen, chosen), chosen, there
+            seeing = chosen[0] * grid.columns + chosen[1]
+            yield *_share(on, met, seen, chosen), seeing, there
         last, step = step, step + min(max(1, step // GROWTH), LONGEST)
 
 
