@@ -47,6 +47,9 @@ STEPS, CONVERGED = 20, 2e-3
 INDEPENDENT = 20
 """What the flat frame tells of an LED if it departs from the model: so many numbers, not more,
 since its departures are smooth."""
+COUNTED = 1500
+"""Samples of balls that count as independent: more of them have less noise, but what a model leaves
+of a real film is alike all around."""
 LIFT = 0.2
 """Standard deviation of a ball's height in the film, as a share of its radius."""
 RIDGE = 1e-3
@@ -77,7 +80,7 @@ SHARED = {
 DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
 ONE_ALBEDO = {"base": 1, "albedo": -1}
 """The albedo of film under its coat is that by which film lights film: they differ by 0, ..."""
-ALIKE = 0.01
+ALIKE = 0.002
 """... give or take so much.  Alone, the one under a coat nearly trades with the coat's index."""
 EMISSION = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
 """m: an LED that faces the middle of the film shines by cos^m from its axis.  Only the flat frame
@@ -210,6 +213,11 @@ class _Problem(NamedTuple):
     width_mm: float
     scale: float = SPREAD
     certain: float = SPREAD
+
+    @property
+    def each(self) -> float:
+        """What a sample counts."""
+        return min(1, COUNTED / max(self.balls.u.size, 1))
 
     def judged(self, now: Fitted) -> _Problem:
         """Return the problem with the spreads that `now` leaves."""
@@ -489,7 +497,8 @@ def _albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
 def _cost(problem: _Problem, now: Fitted) -> float:
     balls, rest, names, shift_mm, width_mm, scale, certain = problem
     total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
-    total += _huber(_weighted(balls, predicted(balls, now) - balls.light) / scale)
+    left = _weighted(balls, predicted(balls, now) - balls.light)
+    total += problem.each * _huber(left / scale)
     if rest is not None:
         total += _huber(_rest_left(rest, now) / certain)
     total += float(now.leds[:, 3].mean() ** 2)
@@ -502,6 +511,7 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     left, by_own = _by_shift(balls, now)
     by = _by_shared(balls, now, names, left + balls.light)
     weight = _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
+    weight *= problem.each
     spread = _spread(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
     shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T

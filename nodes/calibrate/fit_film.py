@@ -49,7 +49,8 @@ from tactograph.nodes.light._radiosity import cell_grid
 from tactograph.nodes.light.film_bounce import CELLS
 
 SURELY = 15000
-"""Samples at which a misfit is measured."""
+"""Samples of the last fit: ten times as many as a part of the model is chosen by, since noise of
+fewer leaves a ball's height, the coat's index and the albedo open to some per cent."""
 FOLDS = 4
 """So many times a part of the balls is held out."""
 BETTER, BENT, SURE = 0.97, 0.99, 0.7
@@ -58,8 +59,9 @@ harmonics by the second; and by the third all where a single ball holds nothing 
 places between the others..."""
 NOTICEABLE = 0.02
 """... and by so many degrees."""
-ROUNDS = 3
-"""In which the balls' places and the light that film throws on film are found in turn."""
+ROUNDS, STILL = 4, 0.004
+"""In which the balls' places and the light that film throws on film are found in turn at most; and
+the share of its albedo, and of a contact's radius, that is not worth another one."""
 MANY, BAD = 8, 2.0
 """Of so many balls, those whose residual is so many times the median are left out."""
 EXACT = 0.1
@@ -159,8 +161,9 @@ def fit_film(
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
-    again = partial(samples, edges=True)
-    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, again)
+    trial = _Trial(
+        balls, rest_of(flat, pixel), shift_px * pixel, width, partial(samples, edges=True)
+    )
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
@@ -171,11 +174,8 @@ def fit_film(
     if np.median(balls.rim) < RESOLVED * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel:
         closed.add("bounce")
     trial, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
-    whole = samples(best.fitted.film, best.fitted.shifts, trial.balls.rim, most=None, fine=True)
-    if best.fitted.film.albedo > 0:
-        trial = trial._replace(balls=thinned(whole))
-        best = _judge(trial, best.parts, trial.fit(best.parts, best.fitted))
-        errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
+    trial, best, whole = _settle(trial, best)
+    errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
     if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
         best = _bend(trial, best, errors)
     best, balls, bad = _without_bad(trial, best)
@@ -210,9 +210,9 @@ class _Trial(NamedTuple):
     rest: Rest | None
     shift_mm: float
     width_mm: float
-    samples: Callable[[Film, F8, F8], Balls]
+    samples: Callable[..., Balls]
     """The same, with the light that a film throws on itself, balls moved by their shifts, and
-    contacts of about such radii."""
+    contacts of about such radii; by more options of `sample_balls`."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to some."""
@@ -268,14 +268,6 @@ def _held_out(trial: _Trial, best: _Model, whole: Balls, bad: NDArray[np.bool_])
         (good.only(good.held_by % FOLDS == number), found)
         for number, found in zip(numbers, best.folds, strict=True)
     ]
-    # More pixels than a part was chosen by: what few of them leave open is not the model's.
-    if best.degree is None:
-        every = np.arange(whole.u.size) % (whole.u.size // SURELY + 1) == 0
-        some = whole.only(every & ~bad[whole.ball])
-        held = [
-            (b, trial.fit(best.parts, f, some.only(some.held_by % FOLDS != number)))
-            for (b, f), number in zip(held, numbers, strict=True)
-        ]
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
 
 
@@ -297,20 +289,38 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
             break
         best = better
         if best.fitted.film.refraction > 1 or best.fitted.film.albedo > 0:
-            for _ in range(ROUNDS if best.fitted.film.albedo > 0 else 1):
-                trial, placed = _sampled_again(trial, best.fitted)
-                best = best._replace(fitted=trial.fit(best.parts, placed))
+            trial, placed = _sampled_again(trial, best.fitted)
+            best = best._replace(fitted=trial.fit(best.parts, placed))
             best = _judge(trial, best.parts, best.fitted)
             errors[f"film_heldout_deg/{best}"] = best.error
     return trial, best, errors | {"film_heldout_deg": best.error}
 
 
-def _sampled_again(trial: _Trial, fitted: Fitted) -> tuple[_Trial, Fitted]:
+def _sampled_again(trial: _Trial, fitted: Fitted, **options: Any) -> tuple[_Trial, Fitted]:
     """Return samples under a film that is known better, up to where it leaves the balls."""
     before = trial.balls
-    balls = trial.samples(fitted.film, fitted.shifts, before.rim)
+    balls = trial.samples(fitted.film, fitted.shifts, before.rim, **options)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
+
+
+def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
+    """Fit the parts chosen to more samples, until the light that film throws on film stands still.
+
+    Returns every pixel of the balls, too.
+    """
+    for _ in range(ROUNDS):
+        film, rim = best.fitted.film, trial.balls.rim
+        mirrors = film.refraction > 1 or film.albedo > 0
+        trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True, edges=mirrors)
+        whole = trial.balls
+        trial = trial._replace(balls=thinned(whole, SURELY))
+        best = best._replace(fitted=trial.fit(best.parts, placed))
+        changed = abs(best.fitted.film.albedo - film.albedo) / max(film.albedo, STILL)
+        moved = np.abs(whole.rim / rim - 1).max()
+        if film.albedo == 0 or max(changed, moved) < STILL:
+            break
+    return trial, _judge(trial, best.parts, best.fitted), whole
 
 
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:

@@ -46,7 +46,11 @@ class Law(NamedTuple):
 
 
 class _Looking(NamedTuple):
-    """The cells of the frame, as one azimuth sees them; the horizon and F there rise."""
+    """The cells of the frame, as one azimuth sees them; the horizon and F there rise.
+
+    Seen by the camera, the film has other heights, but straight lines stay straight: what rises
+    over the horizon there does so here.  Most steps see nothing rise, and that is known by less.
+    """
 
     at: F4
     eye: F4
@@ -56,6 +60,10 @@ class _Looking(NamedTuple):
     """Steps to where the film ends."""
     horizon: F4
     below: F4
+    seen: F4
+    """The height that the camera sees, in mm."""
+    steepest: F4
+    """Of it, where the horizon is: per mm along the longer side of a step."""
 
 
 def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
@@ -67,6 +75,7 @@ def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     at, normal = cells.at[inside], cells.normal[inside]
     eye = np.stack(to_pupil(camera, *at))
     facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
+    nearer = 1 - np.float32(camera) * at[2]
     total = np.zeros((len(cells.rest), grid.rows * grid.columns), np.float32)
     for number in range(law.azimuths):
         turn = 2 * math.pi * (number + 0.5) / law.azimuths
@@ -76,16 +85,26 @@ def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
         forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
         across = forwards / np.sqrt(flat)
         horizon = -across / facing
-        step = tuple(part / max(abs(x), abs(y)) for part in (x, y))
+        longer = max(abs(x), abs(y))
+        step = tuple(part / longer for part in (x, y))
         below = gathered(horizon, across, facing)
-        on = _Looking(at, eye, facing, across, _longest(grid, step), horizon, below)
+        # The image of a line that leaves a cell in this half-plane.
+        away = np.float32(camera * x) * at[0] + np.float32(camera * y) * at[1]
+        widens = nearer * flat - away * along * eye[2]
+        rises = np.float32(1 / longer) * eye[2] / widens
+        steepest = rises * (horizon * np.sqrt(flat) - along)
+        on = _Looking(
+            at, eye, facing, across, _longest(grid, step), horizon, below, at[2] / nearer, steepest
+        )
         gain = np.float32(2 / law.azimuths) * eye[2] / flat
         risen = list(_risen(on, cells.at[2], step, grid, camera))
         if not risen:
             continue
         # A law of few cells, step by step, would be nothing but calls of NumPy.
-        share, away, here, there = (np.concatenate(part, axis=-1) for part in zip(*risen, strict=True))
-        thrown = gain.ravel()[here] * share * law.thrown(here, away, there)
+        share, direction, here, there = (
+            np.concatenate(part, axis=-1) for part in zip(*risen, strict=True)
+        )
+        thrown = gain.ravel()[here] * share * law.thrown(here, direction, there)
         for plane, arriving in zip(total, thrown, strict=True):
             plane += np.bincount(here, arriving, plane.size)
     return total.reshape(-1, grid.rows, grid.columns)
@@ -115,16 +134,6 @@ def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
     return np.minimum(across, down[:, None])
 
 
-class _Met(NamedTuple):
-    """What cells meet a step farther on: the way there, its part along the camera's ray, the square
-    of the rest, and whether the film ends before."""
-
-    way: F4
-    up: F4
-    square: F4
-    ends: NDArray[np.bool_]
-
-
 def _risen(
     on: _Looking, rises: F4, unit: tuple[float, ...], grid: Grid, camera: float
 ) -> Iterator[tuple[F4, F4, NDArray[np.intp], NDArray[np.intp]]]:
@@ -133,7 +142,7 @@ def _risen(
     Its share of F, the direction of its middle, the numbers of the frame's cells that see it, and
     of the cells half-way to the step before.
     """
-    across, down = unit
+    by, (across, down) = np.float32(camera), unit
     last, step = 0, 1
     while True:
         rows = _reaching(down * last, grid.rows, grid.film)
@@ -141,54 +150,45 @@ def _risen(
         if not rows or not columns:
             return
         here = slice(rows.start, rows.stop), slice(columns.start, columns.stop)
-        met = _met(on, rises, unit, step, here, grid, camera)
-        horizon = on.horizon[here]
-        # Neither root nor quotient: most steps see nothing rise.
-        higher = met.up * np.abs(met.up) > horizon * np.abs(horizon) * met.square
-        row, column = seen = np.nonzero(higher if grid.film else higher & ~met.ends)
+        longest = on.longest[here]
+        ends = longest < step
+        far = np.minimum(longest, np.float32(step)) * np.float32(grid.width)
+        z = np.where(ends, 0, _between(rises, here, across * step, down * step, grid.rim))
+        seen = z / (1 - by * z) if camera else z
+        higher = seen - on.seen[here] > on.steepest[here] * far
+        row, column = np.nonzero(higher if grid.film else higher & ~ends)
         if len(row):
             chosen = row + rows.start, column + columns.start
             below, right = (grid.rim + round(part * (last + step) / 2) for part in (down, across))
             there = (chosen[0] + below) * grid.whole[1] + chosen[1] + right
+            met = far[row, column], z[row, column]
+            on.steepest[chosen] = (seen[row, column] - on.seen[chosen]) / met[0]
             seeing = chosen[0] * grid.columns + chosen[1]
-            yield *_share(on, met, seen, chosen), seeing, there
+            yield *_share(on, met, chosen, unit, by), seeing, there
         last, step = step, step + min(max(1, step // GROWTH), LONGEST)
-
-
-def _met(
-    on: _Looking,
-    rises: F4,
-    unit: tuple[float, ...],
-    step: int,
-    here: tuple[slice, slice],
-    grid: Grid,
-    camera: float,
-) -> _Met:
-    by, (across, down), longest = np.float32(camera), unit, on.longest[here]
-    ends = longest < step
-    far = np.minimum(longest, np.float32(step)) * np.float32(grid.width)
-    z = np.where(ends, 0, _between(rises, here, across * step, down * step, grid.rim))
-    (px, py, pz), (ex, ey, ez) = (part[(slice(None), *here)] for part in (on.at, on.eye))
-    # From where the camera's ray of P meets the film at rest.
-    seen, nearer = 1 - by * pz, 1 - by * z
-    x = (px / seen + np.float32(across) * far) * nearer - px
-    y = (py / seen + np.float32(down) * far) * nearer - py
-    z = z - pz
-    up = x * ex + y * ey + z * ez
-    return _Met(np.stack([x, y, z]), up, x * x + y * y + z * z - up * up, ends)
 
 
 def _share(
     on: _Looking,
-    met: _Met,
-    seen: tuple[NDArray[np.intp], ...],
+    met: tuple[F4, F4],
     chosen: tuple[NDArray[np.intp], ...],
+    unit: tuple[float, ...],
+    by: np.float32,
 ) -> tuple[F4, F4]:
-    """Raise the horizon of those `chosen`; return their shares of F and directions, 3 x N."""
-    (rows, columns), (down, across) = chosen, seen
-    eye, up = on.eye[:, rows, columns], met.up[seen]
-    aside = np.sqrt(met.square[seen])
-    level = (met.way[:, down, across] - up * eye) / aside
+    """Raise the horizon of those `chosen`; return their shares of F and directions, 3 x N.
+
+    `met` is how far along the longer side of a step, in mm, film of what height rises.
+    """
+    (rows, columns), (far, z), (across, down) = chosen, met, unit
+    (px, py, pz), eye = on.at[:, rows, columns], on.eye[:, rows, columns]
+    # From where the camera's ray of P meets the film at rest.
+    whole, nearer = 1 - by * pz, 1 - by * z
+    x = (px / whole + np.float32(across) * far) * nearer - px
+    y = (py / whole + np.float32(down) * far) * nearer - py
+    z = z - pz
+    up = x * eye[0] + y * eye[1] + z * eye[2]
+    aside = np.sqrt(x * x + y * y + z * z - up * up)
+    level = (np.stack([x, y, z]) - up * eye) / aside
     t: F4 = np.asarray(up / aside, np.float32)
     half = (t + on.horizon[chosen]) / 2
     higher = gathered(t, on.across[chosen], on.facing[chosen])

@@ -9,7 +9,7 @@ import pytest
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted, start_at
-from tactograph.nodes.calibrate._film_misfit import Held, _half_way, misfit, unevenness
+from tactograph.nodes.calibrate._film_misfit import LEAST_DOUBT, Held, _half_way, misfit, unevenness
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
@@ -63,7 +63,15 @@ def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
         parts.append(part._replace(fitted=part.fitted._replace(film=film)))
     # Of two values, the mean's standard deviation and Student's quantile over the normal one.
     doubt = 0.03 / 0.63 * 6.3138 / 1.6449
+    doubt = np.hypot(doubt, LEAST_DOUBT)
     assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
+
+
+def test_presses_that_agree_on_the_albedo_leave_it_open_all_the_same() -> None:
+    part = held(0.01)
+    film = part.fitted.film._replace(albedo=0.6)
+    parts = [part._replace(fitted=part.fitted._replace(film=film))] * 2
+    assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(LEAST_DOUBT, rel=1e-3)
 
 
 def test_where_chance_hides_how_wide_errors_are_they_may_be_as_wide_as_any() -> None:

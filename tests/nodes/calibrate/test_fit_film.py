@@ -80,6 +80,12 @@ def fitted(
     )
 
 
+@pytest.fixture(scope="module")
+def bouncing() -> FilmFit:
+    """The fit to two balls in a matt film that lights itself."""
+    return fitted(MATT._replace(albedo=0.7), FOUR[:2])
+
+
 def tried(found: FilmFit) -> set[str]:
     """The models that were tried."""
     return {name.partition("/")[2] for name in found.quality} - {""}
@@ -138,11 +144,11 @@ def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> 
     assert not list(_albedos(now, names[3:]))
 
 
-def test_light_that_bounces_is_found() -> None:
-    found = fitted(MATT._replace(albedo=0.7), FOUR[:2])
-    assert found.film.albedo == pytest.approx(0.7, abs=0.02)
-    assert found.film.refraction == 1
-    assert found.quality["film_heldout_deg"] < 0.3
+def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
+    """Of so many samples that the camera's noise leaves less than a per cent of the albedo open."""
+    assert bouncing.film.albedo == pytest.approx(0.7, abs=0.008)
+    assert bouncing.film.refraction == 1
+    assert bouncing.quality["film_heldout_deg"] < 0.3
 
 
 def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
@@ -152,11 +158,11 @@ def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
     assert found.quality["film_heldout_deg"] < 0.3
 
 
-def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on() -> None:
-    narrow, wide = (fitted(MATT._replace(albedo=0.7, rim=rim), FOUR[:2]) for rim in (0.5, 2.5))
-    assert narrow.film.rim < 1.5 < 2 < wide.film.rim
-    for found in (narrow, wide):
-        assert found.film.albedo == pytest.approx(0.7, abs=0.05)
+def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on(bouncing: FilmFit) -> None:
+    narrow = fitted(MATT._replace(albedo=0.7, rim=0.5), FOUR[:2])
+    assert narrow.film.albedo == pytest.approx(0.7, abs=0.02)
+    assert narrow.film.rim == pytest.approx(0.5, abs=0.15)
+    assert bouncing.film.rim == pytest.approx(MATT.rim, abs=0.15)
 
 
 def test_bounced_light_is_not_asked_of_balls_smaller_than_the_cells() -> None:
@@ -164,12 +170,12 @@ def test_bounced_light_is_not_asked_of_balls_smaller_than_the_cells() -> None:
     assert not any("bounce" in model for model in tried(found))
 
 
-@pytest.mark.parametrize("emission", [0.0, 1.0])
-def test_leds_that_shine_by_the_cosine_lie_where_they_are(emission: float) -> None:
-    found = fitted(MATT._replace(albedo=0.7), FOUR[:2], emission=emission)
-    distance = np.linalg.norm(found.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
-    assert distance == pytest.approx(1, abs=0.006)
-    assert found.quality["led_emission"] == pytest.approx(emission, abs=0.1)
+def test_leds_that_shine_by_the_cosine_lie_where_they_are(bouncing: FilmFit) -> None:
+    by_the_cosine = fitted(MATT._replace(albedo=0.7), FOUR[:2], emission=1.0)
+    for found, emission in ((bouncing, 0.0), (by_the_cosine, 1.0)):
+        distance = np.linalg.norm(found.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
+        assert distance == pytest.approx(1, abs=0.006)
+        assert found.quality["led_emission"] == pytest.approx(emission, abs=0.1)
 
 
 def test_the_pupils_height_is_found() -> None:
