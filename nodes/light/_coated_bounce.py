@@ -108,7 +108,7 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
             found[k] = back * (base + sent.mirrored[k, other] * unhidden * lobe)
         return np.asarray(found * by_rest[:, at], np.float32)
 
-    return Law(COATED_AZIMUTHS, thrown)
+    return thrown
 
 
 def source_rows(leds: int) -> int:

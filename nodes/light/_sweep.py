@@ -17,13 +17,13 @@ image is such a plane.  ``kernels/headers/sweep.clh`` holds the same.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.light._film import to_pupil
 from tactograph.nodes.light._radiosity import Cells, Grid
 
@@ -37,12 +37,21 @@ LEAST_FACING = np.float32(1e-3)
 """Smallest n_e."""
 
 
-class Law(NamedTuple):
-    """How cells throw light on one another."""
+Law = Callable[[NDArray[np.intp], F4, NDArray[np.intp]], F4]
+"""How cells throw light on one another: on N of the frame's cells, by number, in directions, 3 x N,
+from N of all cells; K x N."""
 
-    azimuths: int
-    thrown: Callable[[NDArray[np.intp], F4, NDArray[np.intp]], F4]
-    """K x N: on N of the frame's cells, by number, in directions, 3 x N, from N of all cells."""
+
+class Sight(NamedTuple):
+    """What the cells of the frame see along an azimuth: N pairs of cells, by number."""
+
+    share: F4
+    """Of the light that arrives, N."""
+    direction: F4
+    """To the other cell, 3 x N."""
+    here: NDArray[np.intp]
+    there: NDArray[np.intp]
+    """Among all cells."""
 
 
 class _Looking(NamedTuple):
@@ -66,8 +75,8 @@ class _Looking(NamedTuple):
     """Of it, where the horizon is: per mm along the longer side of a step."""
 
 
-def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
-    """Return what arrives at the cells of the frame, over pi: K x rows x columns.
+def sights(cells: Cells, grid: Grid, film: Film, camera: float) -> Iterator[Sight]:
+    """Yield what cells see of one another, azimuth by azimuth.
 
     `camera` is 1 over the height of the pupil that lines up the cells.
     """
@@ -76,9 +85,9 @@ def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     eye = np.stack(to_pupil(camera, *at))
     facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
     nearer = 1 - np.float32(camera) * at[2]
-    total = np.zeros((len(cells.rest), grid.rows * grid.columns), np.float32)
-    for number in range(law.azimuths):
-        turn = 2 * math.pi * (number + 0.5) / law.azimuths
+    azimuths = MATT_AZIMUTHS if film.refraction == 1 else COATED_AZIMUTHS
+    for number in range(azimuths):
+        turn = 2 * math.pi * (number + 0.5) / azimuths
         x, y = math.cos(turn), math.sin(turn)
         along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
         flat = 1 - along * along
@@ -96,24 +105,29 @@ def swept(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
         on = _Looking(
             at, eye, facing, across, _longest(grid, step), horizon, below, at[2] / nearer, steepest
         )
-        gain = np.float32(2 / law.azimuths) * eye[2] / flat
+        gain = np.float32(2 / azimuths) * eye[2] / flat
         risen = list(_risen(on, cells.at[2], step, grid, camera))
-        if not risen:
-            continue
-        # A law of few cells, step by step, would be nothing but calls of NumPy.
-        share, direction, here, there = (
-            np.concatenate(part, axis=-1) for part in zip(*risen, strict=True)
-        )
-        thrown = gain.ravel()[here] * share * law.thrown(here, direction, there)
-        for plane, arriving in zip(total, thrown, strict=True):
-            plane += np.bincount(here, arriving, plane.size)
+        if risen:
+            share, direction, here, there = (
+                np.concatenate(part, axis=-1) for part in zip(*risen, strict=True)
+            )
+            yield Sight(gain.ravel()[here] * share, direction, here, there)
+
+
+def arriving(seen: Iterable[Sight], law: Law, lights: int, grid: Grid) -> F4:
+    """Return what arrives at the cells of the frame, over pi: K x rows x columns."""
+    total = np.zeros((lights, grid.rows * grid.columns), np.float32)
+    for share, direction, here, there in seen:
+        thrown = share * law(here, direction, there)
+        for plane, found in zip(total, thrown, strict=True):
+            plane += np.bincount(here, found, plane.size)
     return total.reshape(-1, grid.rows, grid.columns)
 
 
 def matt(sources: F4) -> Law:
     """Cells of a matt film, K x rows x columns, throw the same in all directions."""
     flat = sources.reshape(len(sources), -1)
-    return Law(MATT_AZIMUTHS, lambda at, away, other: flat[:, other])
+    return lambda here, direction, there: flat[:, there]
 
 
 def gathered(t: F4, across: F4, facing: F4) -> F4:

@@ -22,7 +22,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import matt, swept
+from tactograph.nodes.light._sweep import arriving, matt, sights
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -110,8 +110,8 @@ def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None,
     sources = of.rest.copy()
     sources[frame] *= means(light, grid.factor)
     law = matt(sources) if film.refraction == 1 else coated(film, of, sources, grid)
-    arriving = swept(of, grid, film.camera, law)
-    planes = np.float32(film.albedo) * arriving / of.rest[frame]
+    seen = sights(of, grid, film, film.camera)
+    planes = np.float32(film.albedo) * arriving(seen, law, len(light), grid) / of.rest[frame]
     return between_cells(planes, height.shape, grid.factor)
 
 

@@ -23,7 +23,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import matt, swept
+from tactograph.nodes.light._sweep import arriving, matt, sights
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -98,12 +98,14 @@ def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, 
     frame = slice(None), *grid.frame
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
+    # The cells see the same of one another at every bounce.
+    seen = list(sights(of, grid, film, 0.0))
     for _ in range(bounces):
         sources = of.rest.copy()
         sources[frame] *= direct + bounced
         law = coated(film, of, sources, grid, True) if film.refraction != 1 else matt(sources)
-        arriving = swept(of, grid, 0.0, law)
-        bounced = np.float32(film.base) * arriving / of.rest[frame]
+        thrown = arriving(seen, law, len(direct), grid)
+        bounced = np.float32(film.base) * thrown / of.rest[frame]
     return between_cells(bounced, height.shape, grid.factor)
 
 
