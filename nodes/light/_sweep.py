@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Film
+from tactograph.nodes import F4
 from tactograph.nodes.light._film import to_pupil
 from tactograph.nodes.light._radiosity import Cells, Grid
 
@@ -75,17 +75,17 @@ class _Looking(NamedTuple):
     """Of it, where the horizon is: per mm along the longer side of a step."""
 
 
-def sights(cells: Cells, grid: Grid, film: Film, camera: float) -> Iterator[Sight]:
+def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterator[Sight]:
     """Yield what cells see of one another, azimuth by azimuth.
 
-    `camera` is 1 over the height of the pupil that lines up the cells.
+    `camera` is 1 over the height of the pupil that lines up the cells, `refraction` their coat's.
     """
     inside = slice(None), *grid.frame
     at, normal = cells.at[inside], cells.normal[inside]
     eye = np.stack(to_pupil(camera, *at))
     facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
     nearer = 1 - np.float32(camera) * at[2]
-    azimuths = MATT_AZIMUTHS if film.refraction == 1 else COATED_AZIMUTHS
+    azimuths = MATT_AZIMUTHS if refraction == 1 else COATED_AZIMUTHS
     for number in range(azimuths):
         turn = 2 * math.pi * (number + 0.5) / azimuths
         x, y = math.cos(turn), math.sin(turn)

@@ -110,7 +110,7 @@ def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None,
     sources = of.rest.copy()
     sources[frame] *= means(light, grid.factor)
     law = matt(sources) if film.refraction == 1 else coated(film, of, sources, grid)
-    seen = sights(of, grid, film, film.camera)
+    seen = sights(of, grid, film.camera, film.refraction)
     planes = np.float32(film.albedo) * arriving(seen, law, len(light), grid) / of.rest[frame]
     return between_cells(planes, height.shape, grid.factor)
 

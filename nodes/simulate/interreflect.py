@@ -99,7 +99,7 @@ def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, 
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
     # The cells see the same of one another at every bounce.
-    seen = list(sights(of, grid, film, 0.0))
+    seen = list(sights(of, grid, 0.0, film.refraction))
     for _ in range(bounces):
         sources = of.rest.copy()
         sources[frame] *= direct + bounced
