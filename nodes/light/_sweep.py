@@ -63,6 +63,10 @@ class _Looking(NamedTuple):
 
     at: F4
     eye: F4
+    step: tuple[float, float]
+    """In cells; its longer side is 1."""
+    flat: F4
+    """The square of the azimuth's part across the camera's ray."""
     facing: F4
     across: F4
     longest: F4
@@ -83,35 +87,50 @@ def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterat
     inside = slice(None), *grid.frame
     at, normal = cells.at[inside], cells.normal[inside]
     eye = np.stack(to_pupil(camera, *at))
-    facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
-    nearer = 1 - np.float32(camera) * at[2]
     azimuths = MATT_AZIMUTHS if refraction == 1 else COATED_AZIMUTHS
     for number in range(azimuths):
         turn = 2 * math.pi * (number + 0.5) / azimuths
-        x, y = math.cos(turn), math.sin(turn)
-        along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
-        flat = 1 - along * along
-        forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
-        across = forwards / np.sqrt(flat)
-        horizon = -across / facing
-        longer = max(abs(x), abs(y))
-        step = tuple(part / longer for part in (x, y))
-        below = gathered(horizon, across, facing)
-        # The image of a line that leaves a cell in this half-plane.
-        away = np.float32(camera * x) * at[0] + np.float32(camera * y) * at[1]
-        widens = nearer * flat - away * along * eye[2]
-        rises = np.float32(1 / longer) * eye[2] / widens
-        steepest = rises * (horizon * np.sqrt(flat) - along)
-        on = _Looking(
-            at, eye, facing, across, _longest(grid, step), horizon, below, at[2] / nearer, steepest
-        )
-        gain = np.float32(2 / azimuths) * eye[2] / flat
-        risen = list(_risen(on, cells.at[2], step, grid, camera))
+        on = _looking(at, normal, eye, (math.cos(turn), math.sin(turn)), grid, camera)
+        risen = list(_risen(on, cells.at[2], grid, camera))
         if risen:
             share, direction, here, there = (
                 np.concatenate(part, axis=-1) for part in zip(*risen, strict=True)
             )
-            yield Sight(gain.ravel()[here] * share, direction, here, there)
+            gain = np.float32(2 / azimuths) * eye[2].ravel()[here] / on.flat.ravel()[here]
+            yield Sight(gain * share, direction, here, there)
+
+
+def _looking(
+    at: F4, normal: F4, eye: F4, azimuth: tuple[float, float], grid: Grid, camera: float
+) -> _Looking:
+    """Return what the cells of the frame see before anything rises: their own tangents."""
+    x, y = azimuth
+    facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
+    along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
+    flat = 1 - along * along
+    forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
+    across = forwards / np.sqrt(flat)
+    horizon = -across / facing
+    longer = max(abs(x), abs(y))
+    step = x / longer, y / longer
+    # The image of the tangent.
+    nearer = 1 - np.float32(camera) * at[2]
+    away = np.float32(camera * x) * at[0] + np.float32(camera * y) * at[1]
+    widens = nearer * flat - away * along * eye[2]
+    steepest = np.float32(1 / longer) * eye[2] / widens * (horizon * np.sqrt(flat) - along)
+    return _Looking(
+        at,
+        eye,
+        step,
+        flat,
+        facing,
+        across,
+        _longest(grid, step),
+        horizon,
+        gathered(horizon, across, facing),
+        at[2] / nearer,
+        steepest,
+    )
 
 
 def arriving(seen: Iterable[Sight], law: Law, lights: int, grid: Grid) -> F4:
@@ -149,14 +168,14 @@ def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
 
 
 def _risen(
-    on: _Looking, rises: F4, unit: tuple[float, ...], grid: Grid, camera: float
+    on: _Looking, rises: F4, grid: Grid, camera: float
 ) -> Iterator[tuple[F4, F4, NDArray[np.intp], NDArray[np.intp]]]:
     """Yield, step by step, what has risen over the horizon.
 
     Its share of F, the direction of its middle, the numbers of the frame's cells that see it, and
     of the cells half-way to the step before.
     """
-    by, (across, down) = np.float32(camera), unit
+    by, (across, down) = np.float32(camera), on.step
     last, step = 0, 1
     while True:
         rows = _reaching(down * last, grid.rows, grid.film)
@@ -178,7 +197,7 @@ def _risen(
             met = far[row, column], z[row, column]
             on.steepest[chosen] = (seen[row, column] - on.seen[chosen]) / met[0]
             seeing = chosen[0] * grid.columns + chosen[1]
-            yield *_share(on, met, chosen, unit, by), seeing, there
+            yield *_share(on, met, chosen, by), seeing, there
         last, step = step, step + min(max(1, step // GROWTH), LONGEST)
 
 
@@ -186,14 +205,13 @@ def _share(
     on: _Looking,
     met: tuple[F4, F4],
     chosen: tuple[NDArray[np.intp], ...],
-    unit: tuple[float, ...],
     by: np.float32,
 ) -> tuple[F4, F4]:
     """Raise the horizon of those `chosen`; return their shares of F and directions, 3 x N.
 
     `met` is how far along the longer side of a step, in mm, film of what height rises.
     """
-    (rows, columns), (far, z), (across, down) = chosen, met, unit
+    (rows, columns), (far, z), (across, down) = chosen, met, on.step
     (px, py, pz), eye = on.at[:, rows, columns], on.eye[:, rows, columns]
     # From where the camera's ray of P meets the film at rest.
     whole, nearer = 1 - by * pz, 1 - by * z
