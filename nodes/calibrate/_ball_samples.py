@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1, Film
 from tactograph.nodes.calibrate._contact_edge import FARTHEST, contact_edge
-from tactograph.nodes.calibrate._film_fit import FAINT, Balls, ball_height, sunk
+from tactograph.nodes.calibrate._film_fit import COUNTED, FAINT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
 from tactograph.nodes.capture._sheet import cut
 from tactograph.nodes.light._near_light import F8, places
@@ -20,8 +20,8 @@ from tactograph.nodes.light.light_noise import light_noise
 
 INNER = 0.95
 """Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
-SAMPLES, ENOUGH = 1500, 30
-"""Samples of all balls together, and of each ball at least."""
+ENOUGH = 30
+"""Samples of each ball at least."""
 USUAL_ALBEDO = 0.6
 """Of a film that a bounce is computed for."""
 FINE = 4 * CELLS
@@ -72,7 +72,7 @@ def sample_balls(
     noise: F4,
     pixel: float,
     steepest: float,
-    most: int | None = SAMPLES,
+    most: int | None = COUNTED,
     bare: U1 | None = None,
     shifts: F8 | None = None,
     rim: F8 | None = None,
@@ -172,7 +172,7 @@ def sample_balls(
     return every if most is None else thinned(every, most)
 
 
-def thinned(balls: Balls, most: int = SAMPLES) -> Balls:
+def thinned(balls: Balls, most: int = COUNTED) -> Balls:
     """Return so many samples of all balls together, evenly over each, though `ENOUGH` of each."""
     each = max(ENOUGH, most // len(balls.centre))
     first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))

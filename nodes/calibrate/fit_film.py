@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -161,9 +160,7 @@ def fit_film(
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
-    trial = _Trial(
-        balls, rest_of(flat, pixel), shift_px * pixel, width, partial(samples, edges=True)
-    )
+    trial = _Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, samples)
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
@@ -211,8 +208,8 @@ class _Trial(NamedTuple):
     shift_mm: float
     width_mm: float
     samples: Callable[..., Balls]
-    """The same, with the light that a film throws on itself, balls moved by their shifts, and
-    contacts of about such radii; by more options of `sample_balls`."""
+    """The same under another film, balls moved by their shifts, and contacts of about such radii;
+    by more options of `sample_balls`."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to some."""
@@ -288,7 +285,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
         if not _pays(better.error, best.error, trial):
             break
         best = better
-        if best.fitted.film.refraction > 1 or best.fitted.film.albedo > 0:
+        if _lights_itself(best.fitted.film):
             trial, placed = _sampled_again(trial, best.fitted)
             best = best._replace(fitted=trial.fit(best.parts, placed))
             best = _judge(trial, best.parts, best.fitted)
@@ -298,10 +295,16 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
 
 def _sampled_again(trial: _Trial, fitted: Fitted, **options: Any) -> tuple[_Trial, Fitted]:
     """Return samples under a film that is known better, up to where it leaves the balls."""
-    before = trial.balls
-    balls = trial.samples(fitted.film, fitted.shifts, before.rim, **options)
+    before, film = trial.balls, fitted.film
+    edges = _lights_itself(film)
+    balls = trial.samples(film, fitted.shifts, before.rim, edges=edges, **options)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
+
+
+def _lights_itself(film: Film) -> bool:
+    """Tell whether film shows light that comes from other film."""
+    return film.refraction > 1 or film.albedo > 0
 
 
 def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
@@ -311,14 +314,13 @@ def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
     """
     for _ in range(ROUNDS):
         film, rim = best.fitted.film, trial.balls.rim
-        mirrors = film.refraction > 1 or film.albedo > 0
-        trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True, edges=mirrors)
+        trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
         trial = trial._replace(balls=thinned(whole, SURELY))
         best = best._replace(fitted=trial.fit(best.parts, placed))
-        changed = abs(best.fitted.film.albedo - film.albedo) / max(film.albedo, STILL)
         moved = np.abs(whole.rim / rim - 1).max()
-        if film.albedo == 0 or max(changed, moved) < STILL:
+        changed = abs(best.fitted.film.albedo - film.albedo)
+        if film.albedo == 0 or (changed < STILL * film.albedo and moved < STILL):
             break
     return trial, _judge(trial, best.parts, best.fitted), whole
 

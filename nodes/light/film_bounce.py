@@ -12,7 +12,7 @@ from annotated_types import Interval
 from tactograph.graph import Close, InputError, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._coated_bounce import coated, source_rows
+from tactograph.nodes.light._bounce import bounce, launch_bounce, launch_cells
 from tactograph.nodes.light._radiosity import (
     Grid,
     cell_grid,
@@ -22,7 +22,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import arriving, matt, sights
+from tactograph.nodes.light._sweep import sights
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -106,12 +106,8 @@ def film_bounce(
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
     """The light thrown, by cells of a side."""
     of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
-    frame = slice(None), *grid.frame
-    sources = of.rest.copy()
-    sources[frame] *= means(light, grid.factor)
-    law = matt(sources) if film.refraction == 1 else coated(film, of, sources, grid)
     seen = sights(of, grid, film.camera, film.refraction)
-    planes = np.float32(film.albedo) * arriving(seen, law, len(light), grid) / of.rest[frame]
+    planes = bounce(means(light, grid.factor), film, of, grid, seen)
     return between_cells(planes, height.shape, grid.factor)
 
 
@@ -136,25 +132,12 @@ def _launch(run: Launch) -> None:
 
 def _launch_on_cells(run: Launch, grid: Grid, constants: dict[str, int]) -> DeviceArray:
     """What `_on_cells` does, but for bringing it to pixels."""
-    count, *size = (run.sizes[symbol] for symbol in "KHW")
-    of = run.inputs
-    cells, shape = math.prod(grid.whole), (grid.rows, grid.columns, grid.rim)
-    table, bounced = run.scratch((6 + 2 * count, cells)), run.scratch((count, *shape[:2]))
-    run.kernel(
-        "lay_out", (cells,),
-        of["light"], of["height"], of.get("slope"), of["film.lights"], of["pixel"], table,
-        *size, grid.factor, *shape, of["film.camera"],
-        local=(run.group,), constants=constants,
-    )  # fmt: skip
-    coat, sources = [of[f"film.{name}"] for name in COAT], None
-    if constants["COATED"]:
-        sources = run.scratch((source_rows(count), cells))
-        work = run.in_lanes(cells)
-        run.kernel("coat", work, table, sources, *coat, cells, constants=constants)
-    arguments = table, sources, bounced, *coat, *shape, grid.width, grid.film
-    arguments = *arguments, of["film.camera"], of["film.albedo"]
-    work = run.in_row_lanes(grid.rows, grid.columns)
-    run.kernel("throw_light", work, *arguments, local=(run.group,), constants=constants)
+    of, camera = run.inputs, run.inputs["film.camera"]
+    film = of["light"], of.get("slope"), of["film.lights"], camera
+    table = launch_cells(run, grid, constants, *film)
+    bounced = run.scratch((run.sizes["K"], grid.rows, grid.columns))
+    coat = [of[f"film.{name}"] for name in COAT]
+    launch_bounce(run, grid, constants, table, coat, camera, of["film.albedo"], bounced)
     return bounced
 
 

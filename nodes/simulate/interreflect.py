@@ -12,7 +12,7 @@ from annotated_types import Interval
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Film, Height, Light, LightPositions, PixelSize
 from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._coated_bounce import coated, source_rows
+from tactograph.nodes.light._bounce import bounce, launch_bounce, launch_cells
 from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light._radiosity import (
     Grid,
@@ -23,7 +23,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import arriving, matt, sights
+from tactograph.nodes.light._sweep import sights
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -82,6 +82,7 @@ def interreflect(
         return light.copy()
     film = matt_film(lights)._replace(
         base=albedo,
+        albedo=albedo,
         roughness=coat_alpha,
         refraction=refractive_index if coat_alpha > 0 else 1.0,
         camera=1 / camera_mm if camera_mm else 0.0,
@@ -95,17 +96,12 @@ def interreflect(
 def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, grid: Grid) -> F4:
     """The light of all bounces, relative to the film at rest, by cells of a side."""
     of = cells_of(height, film.lights, np.float32(pixel), grid)
-    frame = slice(None), *grid.frame
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
     # The cells see the same of one another at every bounce.
     seen = list(sights(of, grid, 0.0, film.refraction))
     for _ in range(bounces):
-        sources = of.rest.copy()
-        sources[frame] *= direct + bounced
-        law = coated(film, of, sources, grid, True) if film.refraction != 1 else matt(sources)
-        thrown = arriving(seen, law, len(direct), grid)
-        bounced = np.float32(film.base) * thrown / of.rest[frame]
+        bounced = bounce(direct + bounced, film, of, grid, seen, from_above=True)
     return between_cells(bounced, height.shape, grid.factor)
 
 
@@ -132,37 +128,20 @@ def _launch_on_cells(
     run: Launch, relative: DeviceArray, grid: Grid, constants: dict[str, int]
 ) -> DeviceArray:
     """What `_on_cells` does, but for bringing it to pixels."""
-    count, *size = (run.sizes[symbol] for symbol in "KHW")
-    height, lights, pixel = (run.inputs[name] for name in ("height", "lights", "pixel"))
-    settings, local = run.settings, (run.group,)
-    shape, all_cells = (grid.rows, grid.columns, grid.rim), math.prod(grid.whole)
-    direct, table = (run.scratch((6 + 2 * count, all_cells)) for _ in range(2))
-    bounced = run.scratch((count, grid.rows, grid.columns))
-    for cells in (direct, table):
-        run.kernel(
-            "lay_out", (all_cells,),
-            relative, height, None, lights, pixel, cells, *size, grid.factor, *shape, 0.0,
-            local=local, constants=constants,
-        )  # fmt: skip
-    work, camera = run.in_row_lanes(grid.rows, grid.columns), settings["camera_mm"]
+    settings, count, lights = run.settings, run.sizes["K"], run.inputs["lights"]
+    direct, table = (
+        launch_cells(run, grid, constants, relative, None, lights, 0.0) for _ in range(2)
+    )
+    bounced, frame = run.scratch((count, grid.rows, grid.columns)), grid.rows * grid.columns
     none = run.keep(("no diffuse share", count), lambda: run.upload(np.zeros(count, np.float32)))
-    coat = (
-        lights, none, settings["albedo"], settings["coat_alpha"], settings["refractive_index"],
-        1 / camera if camera else 0.0,
-    )  # fmt: skip
-    sources = None
-    if constants["COATED"]:
-        sources = run.scratch((source_rows(count), all_cells))
-    sizes = *shape, grid.width, grid.film, 0.0, settings["albedo"]
-    for bounce in range(settings["bounces"]):
-        if bounce:
-            every = grid.rows * grid.columns
-            run.kernel("add_bounce", (every,), direct, bounced, table, *shape, constants=constants)
-        if sources is not None:
-            lanes = run.in_lanes(all_cells)
-            run.kernel("coat", lanes, table, sources, *coat, all_cells, constants=constants)
-        arguments = table, sources, bounced, *coat, *sizes
-        run.kernel("throw_light", work, *arguments, local=local, constants=constants)
+    albedo, pupil = settings["albedo"], settings["camera_mm"]
+    camera = 1 / pupil if pupil else 0.0
+    coat = lights, none, albedo, settings["coat_alpha"], settings["refractive_index"], camera
+    shape = grid.rows, grid.columns, grid.rim
+    for number in range(settings["bounces"]):
+        if number:
+            run.kernel("add_bounce", (frame,), direct, bounced, table, *shape, constants=constants)
+        launch_bounce(run, grid, constants, table, coat, 0.0, albedo, bounced)
     return bounced
 
 

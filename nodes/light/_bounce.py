@@ -1,0 +1,88 @@
+"""A bounce of light between the cells of a film.
+
+`film_bounce` takes it once from what the camera sees, `interreflect` again and again from what
+the LEDs throw.  Light is relative to that on the film at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tactograph.nodes import F4, Film
+from tactograph.nodes.light._coated_bounce import coated, source_rows
+from tactograph.nodes.light._radiosity import Cells, Grid
+from tactograph.nodes.light._sweep import Sight, arriving, matt
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tactograph.graph.backends.launch import DeviceArray, Launch
+
+
+def bounce(
+    light: F4,
+    film: Film,
+    cells: Cells,
+    grid: Grid,
+    seen: Iterable[Sight],
+    *,
+    from_above: bool = False,
+) -> F4:
+    """Return what cells throw that show so much `light`, both K x rows x columns of the frame.
+
+    `seen` is what the cells see of one another (`sights`); `from_above` as for `coated`.
+    """
+    frame = slice(None), *grid.frame
+    sources = cells.rest.copy()
+    sources[frame] *= light
+    matt_film = film.refraction == 1
+    law = matt(sources) if matt_film else coated(film, cells, sources, grid, from_above)
+    return np.float32(film.albedo) * arriving(seen, law, len(light), grid) / cells.rest[frame]
+
+
+def launch_cells(
+    run: Launch,
+    grid: Grid,
+    constants: Mapping[str, int],
+    light: DeviceArray,
+    slope: DeviceArray | None,
+    lights: DeviceArray,
+    camera: float,
+) -> DeviceArray:
+    """Return a table of the cells of `light` and of the node's height (`radiosity.clh`)."""
+    count, *size = (run.sizes[symbol] for symbol in "KHW")
+    every, of = math.prod(grid.whole), run.inputs
+    table = run.scratch((6 + 2 * count, every))
+    shape = *size, grid.factor, grid.rows, grid.columns, grid.rim
+    arguments = light, of["height"], slope, lights, of["pixel"], table, *shape, camera
+    run.kernel("lay_out", (every,), *arguments, local=(run.group,), constants=constants)
+    return table
+
+
+def launch_bounce(
+    run: Launch,
+    grid: Grid,
+    constants: Mapping[str, int],
+    table: DeviceArray,
+    coat: Sequence[DeviceArray | float],
+    camera: float,
+    albedo: float,
+    out: DeviceArray,
+) -> None:
+    """Enqueue what `bounce` does: from a table of cells to `out`, K x rows x columns.
+
+    `coat` holds the LEDs, then what of a film makes its coat; `COATED` says whether it has one.
+    """
+    every, sources = math.prod(grid.whole), None
+    if constants["COATED"]:
+        sources = run.scratch((source_rows(run.sizes["K"]), every))
+        work = run.in_lanes(every)
+        run.kernel("coat", work, table, sources, *coat, every, constants=constants)
+    shape = grid.rows, grid.columns, grid.rim, grid.width, grid.film
+    work = run.in_row_lanes(grid.rows, grid.columns)
+    arguments = table, sources, out, *coat, *shape, camera, albedo
+    run.kernel("throw_light", work, *arguments, local=(run.group,), constants=constants)
