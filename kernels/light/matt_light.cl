@@ -5,20 +5,19 @@
 
 #define MOST 8
 
-// The light of a real film as that of a matt one.
+// The light of a real film as that of a matt one.  A work-item does STRETCH pixels of a row, LANES
+// at a time: on CPUs what it knows of each LED stays in the same memory, near the core.
 LANED __kernel void matt_light(
     __global const float *restrict light,
     __global const float *restrict sigma,
     __global const float *restrict slope,
     __global const float *restrict height,
     __global const float *restrict film_lights,
-    __global const float *restrict film_others,
     __global const float *restrict film_diffuse,
     __global const float *restrict film_harmonics,
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
-    const float film_refraction, const float film_albedo, const float film_rim,
-    const float film_camera, const float film_grain, const float film_uneven,
+    const float film_refraction, const float film_camera, const float film_grain,
     const float pixel,
     __global const float *restrict bounced,
     __global float *restrict light_,
@@ -26,56 +25,68 @@ LANED __kernel void matt_light(
     const int K, const int H, const int W,
     const int steps)
 {
-    GRID_LANES(at, count, H * W)
+    const int item = get_global_id(0), across = (W + STRETCH - 1) / STRETCH, row = item / across;
+    if (row >= H) return;
+    const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
     const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
-    const floats none = 0.0f, seen = load_floats(height + at, count);
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
-    const floats per_touch = 1.0f / touch_gain(&film, seen);
-    floats shown[MOST], scale[MOST];
-    for (int k = 0; k < K; ++k) {
-        const int i = k * size + at;
-        shown[k] = load_floats(light + i, count);
-        if (bounced) shown[k] -= load_floats(bounced + i, count);
-        scale[k] = per_touch * (1.0f / direct_share(&film, k));
-        const floats spread = load_floats(sigma + i, count), grain = film_grain * shown[k];
-        store_floats(sqrt(spread * spread + grain * grain) * scale[k], sigma_ + i, count);
-        if (affine) {
-            const float share = film_diffuse[k] / direct_share(&film, k);
-            store_floats(shown[k] * scale[k] - share, light_ + i, count);
-        }
-    }
-    if (affine) return;
+    const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
+    const floats none = 0.0f;
+    RowShades shades[MOST];
+    if (harmonic)
+        for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
 
-    floats u, v;
-    places(at, H, W, pixel, &u, &v);
-    const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
-    const Places here = {u * nearer, v * nearer, z, u, v};
-    const Vector eye = to_pupil(&film, here.x, here.y, z);
-    const floats touched = touch_gain(&film, z), per_touch_there = 1.0f / touched;
-    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
-    Vector n = unit(-p, -q, (floats)1.0f);
-    AtPlace known[MOST];
-    floats weight[MOST];
-    for (int k = 0; k < K; ++k) {
-        const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
-        set_place(known + k, &film, k, eye, &here, touched);
-        weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
-        shown[k] -= touched * diffuse;
-    }
-    for (int step = 0; step < steps; ++step) n = turned(&film, shown, weight, known, n, eye);
-    const Facing facing = facing_of(&film, n, eye);
-    for (int k = 0; k < K; ++k) {
-        __global float *made = light_ + k * size + at;
-        if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MOST_DIFFUSE) {
-            // What a matt film has there, the harmonics stand beside.
-            store_floats((shown[k] - shaded(&film, known + k, &facing, none)) * scale[k], made, count);
-            continue;
+    for (int x = first; x < past; x += LANES) {
+        const int at = row * W + x, count = min(LANES, past - x);
+        const floats seen = load_floats(height + at, count);
+        const floats per_touch = 1.0f / touch_gain(&film, seen);
+        floats shown[MOST], scale[MOST];
+        for (int k = 0; k < K; ++k) {
+            const int i = k * size + at;
+            shown[k] = load_floats(light + i, count);
+            if (bounced) shown[k] -= load_floats(bounced + i, count);
+            scale[k] = per_touch * (1.0f / direct_share(&film, k));
+            const floats spread = load_floats(sigma + i, count), grain = film_grain * shown[k];
+            store_floats(sqrt(spread * spread + grain * grain) * scale[k], sigma_ + i, count);
+            if (affine) {
+                const float share = film_diffuse[k] / direct_share(&film, k);
+                store_floats(shown[k] * scale[k] - share, light_ + i, count);
+            }
         }
-        const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
-        const floats matt = dot_of(to, n), real = predicted(&film, known + k, &facing);
-        store_floats((shown[k] - real) * scale[k] + MORE_OF(matt, none), made, count);
+        if (affine) continue;
+
+        const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
+        const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
+        const Places here = {u * nearer, v * nearer, z, u, v};
+        const Vector eye = to_pupil(&film, here.x, here.y, z);
+        const floats touched = touch_gain(&film, z), per_touch_there = 1.0f / touched;
+        const floats p = load_floats(slope + at, count);
+        const floats q = load_floats(slope + size + at, count);
+        Vector n = unit(-p, -q, (floats)1.0f);
+        AtPlace known[MOST];
+        floats weight[MOST];
+        for (int k = 0; k < K; ++k) {
+            const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
+            set_place(known + k, &film, k, eye, &here, touched, shades + k);
+            weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
+            shown[k] -= touched * diffuse;
+        }
+        for (int step = 0; step < steps; ++step) n = turned(&film, shown, weight, known, n, eye);
+        const Facing facing = facing_of(&film, n, eye);
+        for (int k = 0; k < K; ++k) {
+            __global float *made = light_ + k * size + at;
+            if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MOST_DIFFUSE) {
+                // What a matt film has there, the harmonics stand beside.
+                const floats beside = shaded(&film, known + k, &facing, none);
+                store_floats((shown[k] - beside) * scale[k], made, count);
+                continue;
+            }
+            const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
+            const floats matt = dot_of(to, n), real = predicted(&film, known + k, &facing);
+            store_floats((shown[k] - real) * scale[k] + MORE_OF(matt, none), made, count);
+        }
     }
 }

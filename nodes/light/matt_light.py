@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -12,6 +12,17 @@ from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.light._film import direct_share, is_affine, predict, touch_gain, turned
 from tactograph.nodes.light._near_light import places, vectors_at
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+STRETCH = 64
+"""Pixels of a row that a work-item of a CPU does: of each LED it knows a kilobyte at a time."""
+SHOWN = (
+    "lights", "diffuse", "harmonics", "flattest", "reach", "gain", "contact", "base", "roughness",
+    "refraction", "camera", "grain",
+)  # fmt: skip
+"""What of a film makes the light that it shows."""
 
 
 class MattLight(NamedTuple):
@@ -86,7 +97,18 @@ def matt_light(
     return MattLight(*(plane.reshape(light.shape) for plane in made))
 
 
-matt_light.opencl(grid="H W", lanes="grid")
+@matt_light.opencl()
+def _launch(run: Launch) -> None:
+    count, height, width = (run.sizes[symbol] for symbol in "KHW")
+    of, out = run.inputs, run.outputs
+    stretch = STRETCH if run.lanes > 1 else 1
+    film = [of[f"film.{name}"] for name in SHOWN]
+    run.kernel(
+        "matt_light", (height * -(-width // stretch),),
+        of["light"], of["sigma"], of["slope"], of["height"], *film, of["pixel"], of.get("bounced"),
+        out["light"], out["sigma"], count, height, width, run.settings["steps"],
+        local=(run.group,), constants={"STRETCH": stretch},
+    )  # fmt: skip
 
 
 @matt_light.example
