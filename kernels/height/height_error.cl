@@ -15,6 +15,7 @@
 #define TILTED 0.1f
 #define FLAT 0.3f
 #define MOST 8
+#define AT_ONCE 4
 
 // The hash of nodes/height/height_error.py, _drawn, of one number or of several in lanes.
 #define SCATTER(x) \
@@ -123,31 +124,27 @@ static floats within(const floats value, const float most)
     return LESS_OF(raised, high);
 }
 
-// Two errors of the slopes inside the window, which share most of what they read: the lights' noise,
-// what all pixels of an LED have in common, the LEDs being elsewhere and bounced light uncertain;
-// and normals that lean where the film's model is wrong, in waves of one direction and length.
+// What is told of each error: its signs by the share of bounced light that is wrong, by what has not
+// settled and by how much all normals lean; its wave's direction, phase in turns, and length.
+typedef struct {
+    float sign, settling, leaning, across, down, phase, wavelength;
+} Kind;
+
+// AT_ONCE errors of the slopes inside the window, which share most of what they read: the lights'
+// noise, what all pixels of an LED have in common, the LEDs being elsewhere and bounced light
+// uncertain; and normals that lean in waves where the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
     __global const float *restrict lights, __global const float *restrict others,
     __global const float *restrict by_p, __global const float *restrict by_q,
-    __global float *restrict first_p, __global float *restrict first_q,
-    __global float *restrict second_p, __global float *restrict second_q, const int K,
-    const int frame_height, const int frame_width, const int top, const int left, const int H,
-    const int W, const float pixel, const int number, const float flat_noise,
-    const uint first_key, const uint second_key, __global const float *misfit,
-    __global const float *bounced, __global const float *earlier, const int first_sign,
-    const int second_sign, const int first_settling, const int second_settling,
-    const int first_leaning, const int second_leaning, const float across, const float down,
-    const float first_phase, const float second_phase, const float length_)
+    __global float *restrict out, const int K, const int frame_height, const int frame_width,
+    const int top, const int left, const int H, const int W, const float pixel, const int number,
+    const float flat_noise, __global const float *restrict kinds, __global const uint *restrict keys,
+    __global const float *misfit, __global const float *bounced, __global const float *earlier)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
-    const uint keys[2] = {first_key, second_key};
-    const float signs[2] = {(float)first_sign, (float)second_sign};
-    const float settling[2] = {(float)first_settling, (float)second_settling};
-    const float leaning[2] = {(float)first_leaning, (float)second_leaning};
-    const float phases[2] = {first_phase, second_phase};  // in turns
-    __global float *to_p[2] = {first_p, second_p}, *to_q[2] = {first_q, second_q};
+    __global const Kind *kind = (__global const Kind *)kinds + number;
     const int frame_size = frame_height * frame_width;
     const int i = row * W + column, from = (top + row) * frame_width + left + column;
     const float middle = 0.5f * (float)(frame_width - 1);
@@ -158,7 +155,9 @@ LANED __kernel void err_slopes(
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
-    floats p[2] = {0.0f, 0.0f}, q[2] = {0.0f, 0.0f};
+    floats p[AT_ONCE], q[AT_ONCE];
+    #pragma unroll
+    for (int n = 0; n < AT_ONCE; ++n) p[n] = q[n] = 0.0f;
     for (int k = 0; k < K; ++k) {
         const int at = k * frame_size + from;
         const floats flat = flat_noise * load_floats(light + at, count);
@@ -166,38 +165,37 @@ LANED __kernel void err_slopes(
         const floats thrown = bounced ? load_floats(bounced + at, count) : none;
         const floats changed =
             bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
-        const floats to_p_ = load_floats(by_p + at, count), to_q_ = load_floats(by_q + at, count);
+        const floats to_p = load_floats(by_p + at, count), to_q = load_floats(by_q + at, count);
         const Vector known = light_vector(lights + 3 * k, x, y, z);
         const floats lit = (known.z - known.x * a - known.y * b) * nz;
-        for (int n = 0; n < 2; ++n) {
+        #pragma unroll
+        for (int n = 0; n < AT_ONCE; ++n) {
             const Vector there = light_vector(others + 3 * ((number + n) * K + k), x, y, z);
-            const floats common = signs[n] * wrong * thrown + settling[n] * changed
+            const floats common = kind[n].sign * wrong * thrown + kind[n].settling * changed
                 + (there.z - there.x * a - there.y * b) * nz - lit;
-            const floats change = common + noise * drawn_from(k * H * W + i, keys[n]);
-            p[n] += to_p_ * change;
-            q[n] += to_q_ * change;
+            const floats change = common + noise * drawn_from(k * H * W + i, keys[number + n]);
+            p[n] += to_p * change;
+            q[n] += to_q * change;
         }
     }
-    for (int n = 0; n < 2; ++n) {
+    const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
+    const floats tilted = clamp(slant / TILTED, FLAT, 1.0f), leans = fmax(slant, TILTED);
+    #pragma unroll
+    for (int n = 0; n < AT_ONCE; ++n) {
         p[n] = within(p[n], STEEPEST);
         q[n] = within(q[n], STEEPEST);
-    }
-    if (misfit) {
-        const float per_mm = 1.0f / (length_ * fmax(misfit[1], NARROWEST));
-        const floats slant = sqrt(a * a + b * b), tilted = clamp(slant / TILTED, FLAT, 1.0f);
-        const floats steeper = misfit[4] / fmax(slant, TILTED), along_wave = across * a + down * b;
-        const floats steep = 1.0f + a * a + b * b;
-        for (int n = 0; n < 2; ++n) {
-            const floats turns = per_mm * (across * x + down * y) + phases[n];
+        if (misfit) {
+            const float across = kind[n].across, down = kind[n].down;
+            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], NARROWEST));
+            const floats turns = per_mm * (across * x + down * y) + kind[n].phase;
             const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
-            const floats along = lean * along_wave + leaning[n] * steeper * steep;
+            const floats steeper = kind[n].leaning * (misfit[4] / leans);
+            const floats along = lean * (across * a + down * b) + steeper * steep;
             p[n] = within(p[n] + lean * across + along * a, STEEPEST);
             q[n] = within(q[n] + lean * down + along * b, STEEPEST);
         }
-    }
-    for (int n = 0; n < 2; ++n) {
-        store_floats(p[n], to_p[n] + i, count);
-        store_floats(q[n], to_q[n] + i, count);
+        store_floats(p[n], out + 2 * n * H * W + i, count);
+        store_floats(q[n], out + (2 * n + 1) * H * W + i, count);
     }
 }
 
@@ -224,12 +222,13 @@ static floats turned_down(
 
 LANED __kernel void err_steps(
     __global const float *restrict want_right, __global const float *restrict want_down,
-    __global const float *restrict p, __global const float *restrict q,
-    __global float *restrict right, __global float *restrict down, const int H, const int W,
-    const float half_, const float aperture, const uint key_right, const uint key_down)
+    __global const float *restrict slopes, __global float *restrict right,
+    __global float *restrict down, const int H, const int W, const int number, const float half_,
+    const float aperture, const uint key_right, const uint key_down)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
+    __global const float *p = slopes + 2 * number * H * W, *q = p + H * W;
     const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
     const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
     const floats east = (beside + load_floats(p + i, count)) * half_

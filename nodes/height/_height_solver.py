@@ -148,6 +148,8 @@ class HeightSolver:
         self.pixels = self._stack(0, gaps)
         self._depth = min(deepest, len(self._levels) - 1)
         self.cells = self._stack(self._depth, gaps) if self._depth else None
+        halved = self._levels[1 : 1 + self._depth]
+        self._shares = [[run.scratch((c.rows, c.columns)) for _ in range(2)] for c in halved]
         self._gather(window)
         self._tie(window, total)
         there = [level.there for level in self._levels]
@@ -261,10 +263,10 @@ class HeightSolver:
         )  # fmt: skip
         self._join(self.pixels)
         if self.cells is not None:
-            for fine, cell, stack in self._halvings():
+            for (fine, cell, stack), shares in zip(self._halvings(), self._shares, strict=True):
                 run.kernel(
                     "springs_of_cells", (cell.rows, cell.stride), stack.right, stack.down,
-                    self.cells.right, self.cells.down, *fine, *cell,
+                    self.cells.right, self.cells.down, *shares, *fine, *cell,
                 )  # fmt: skip
             self._join(self.cells)
 
@@ -299,7 +301,6 @@ class HeightSolver:
 
     def wants_of_cells(self, wants: Wants) -> Wants:
         """What the cells' springs want, from what those between pixels do."""
-        assert self.cells is not None
         run, rise = self._run, self._run.scratch((self._all_ties,))
         if self._all_ties:
             run.kernel(
@@ -307,14 +308,14 @@ class HeightSolver:
                 self._finest, wants.rise, *self._members, rise, self._all_ties,
             )  # fmt: skip
         right, down = wants.right, wants.down
-        for fine, cell, stack in self._halvings():
-            shape = cell.rows, cell.columns
-            east, south = run.scratch(shape), run.scratch(shape)
+        shape = self.shape
+        for shares in self._shares:
+            smaller = shares[0].shape
+            east, south = run.scratch(smaller), run.scratch(smaller)
             run.kernel(
-                "wants_of_cells", shape, stack.right, stack.down, right, down,
-                self.cells.right, self.cells.down, east, south, *fine, *cell,
-            )  # fmt: skip
-            right, down = east, south
+                "wants_of_cells", smaller, right, down, *shares, east, south, *shape, *smaller
+            )
+            right, down, shape = east, south, smaller
         return Wants(right, down, rise)
 
     def on_pixels(self, plane: DeviceArray, out: DeviceArray, *, added: bool = False) -> None:

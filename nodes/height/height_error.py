@@ -64,6 +64,9 @@ FINE = 2
 """So many of them are sent through the pixels' own network as well.  What they then have more is
 what cells do not see of any (multilevel Monte Carlo; Giles, "Multilevel Monte Carlo path
 simulation", 2008)."""
+AT_ONCE = 4
+"""Errors of the slopes that a device draws in one launch, since they share most of what they read;
+the kernel's AT_ONCE."""
 AGAIN = 4
 """Conjugate gradients that such an error takes from where the cells have brought it."""
 WAVES = 4.0, 12.0
@@ -329,6 +332,13 @@ def _wave(number: int) -> _Wave:
     return _Wave(*map(np.float32, numbers))
 
 
+def _kinds() -> F4:
+    """Return what a device is told of each error (`Kind` of the kernel)."""
+    waves = [_wave(number) for number in range(ERRORS)]
+    told = [(w.across, w.down, number % 2 / 4, w.length) for number, w in enumerate(waves)]
+    return np.column_stack([SIGNS, SETTLING, LEANING, told]).astype(np.float32)
+
+
 def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4) -> tuple[F4, F4]:
     """Slopes plus those by which normals lean that the model gets wrong."""
     wave, (a, b) = _wave(number), slopes
@@ -479,8 +489,7 @@ def _launch(run: Launch) -> None:
     solver.weigh(solver.cut(of["height"]), settings["robust"])
     shape, ties = solver.shape, solver.rises
     right, down, moved, total = (run.scratch(shape) for _ in range(4))
-    # Two errors are drawn in one launch.
-    slopes = [(run.scratch(shape), run.scratch(shape)) for _ in range(2)]
+    slopes = run.scratch((AT_ONCE, 2, *shape))
     by_p, by_q = run.scratch(frame), run.scratch(frame)
     wants, cells = Wants(right, down, run.scratch((ties,))), solver.cells
     coarse = solver.pixels if cells is None else cells
@@ -511,22 +520,20 @@ def _launch(run: Launch) -> None:
     for plane in (total, of_cells):
         clear(plane)
     drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
-    for number in range(ERRORS):
-        keys, (p, q) = drawn[number], slopes[number % 2]
-        if number % 2 == 0:
-            behind, wave = number + 2, _wave(number)
+    kinds = run.keep("kinds", lambda: run.upload(_kinds()))
+    light_keys = run.put(np.array([keys.light for keys in drawn], np.uint32))
+    for number, keys in enumerate(drawn):
+        first = number % AT_ONCE
+        if first == 0:
             run.kernel(
                 "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-                of["slope"], of["lights"], of["others"], by_p, by_q, *slopes[0], *slopes[1],
+                of["slope"], of["lights"], of["others"], by_p, by_q, slopes,
                 lights, rows, columns, *solver.place, pixel, number, settings["flat_noise"],
-                *(np.uint32(each.light) for each in drawn[number:behind]),
-                misfit, bounced, earlier, *SIGNS[number:behind], *SETTLING[number:behind],
-                *LEANING[number:behind],
-                wave.across, wave.down, 0.0, 0.25, wave.length,
+                kinds, light_keys, misfit, bounced, earlier,
             )  # fmt: skip
         run.kernel(
-            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], p, q, right, down, *shape,
-            0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
+            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes, right, down, *shape,
+            first, 0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
         err_rises(settings["rise_px"] * pixel, keys.rises)
         wanted = wants if cells is None else solver.wants_of_cells(wants)
