@@ -308,7 +308,7 @@ class HeightSolver:
                 self._finest, wants.rise, *self._members, rise, self._all_ties,
             )  # fmt: skip
         right, down = wants.right, wants.down
-        shape = self.shape
+        shape: tuple[int, ...] = self.shape
         for shares in self._shares:
             smaller = shares[0].shape
             east, south = run.scratch(smaller), run.scratch(smaller)

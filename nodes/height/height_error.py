@@ -88,6 +88,8 @@ SHARP = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
 """The share of the steps' energy that may be left to gain."""
+BESIDE = 0.1
+"""Of a random error's energy: kinks of less are found as well as if they had so much."""
 
 
 class _Response(NamedTuple):
@@ -229,8 +231,14 @@ def height_error(
     rise_error = np.float32(rise_px * pixel)
     level = np.zeros(inside.shape[1:], np.float32)
 
-    def moved(levels: Sequence[Springs], wants: tuple[F4, F4, F4], start: F4, steps: int) -> F4:
-        enough = ENOUGH * levels[0].energy(*wants[:2])
+    def moved(
+        levels: Sequence[Springs],
+        wants: tuple[F4, F4, F4],
+        start: F4,
+        steps: int,
+        beside: float = 0.0,
+    ) -> F4:
+        enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
         return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
 
     total = np.zeros_like(level)
@@ -242,7 +250,7 @@ def height_error(
     if bounced is not None and earlier is not None:
         changed = window.of(bounced) - window.of(earlier)
     wrong = np.float32(0) if misfit is None else misfit[3]
-    half = np.float32(0.5 * pixel)
+    half, beside = np.float32(0.5 * pixel), 0.0
     for number, other in enumerate(others):
         keys = _keys(seed, number)
         common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
@@ -257,6 +265,8 @@ def height_error(
         right += np.float32(aperture) * turn[0] * across[:, :-1]
         down += np.float32(aperture) * turn[1] * along[:-1]
         wants = right, down, rise_error * _drawn(keys.rises, system.rise.shape)
+        if number == 0:
+            beside = BESIDE * levels[0].energy(right, down)
         wants_there = wants
         for network in cells:
             wants_there = network.wants(*wants_there)
@@ -268,7 +278,7 @@ def height_error(
     if cells:
         total += _on_pixels(cells, of_cells)
     kinks = *_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise)
-    change = moved(levels, kinks, level, steps)
+    change = moved(levels, kinks, level, steps, beside)
     total += change * change
     free = window.of(rest) == 0
     if mask is not None:
@@ -334,9 +344,9 @@ def _wave(number: int) -> _Wave:
 
 def _kinds() -> F4:
     """Return what a device is told of each error (`Kind` of the kernel)."""
-    waves = [_wave(number) for number in range(ERRORS)]
-    told = [(w.across, w.down, number % 2 / 4, w.length) for number, w in enumerate(waves)]
-    return np.column_stack([SIGNS, SETTLING, LEANING, told]).astype(np.float32)
+    waves = np.array([_wave(number) for number in range(ERRORS)], np.float32)
+    waves[:, 2] /= np.float32(2 * math.pi)
+    return np.column_stack([SIGNS, SETTLING, LEANING, waves]).astype(np.float32)
 
 
 def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4) -> tuple[F4, F4]:
@@ -500,9 +510,16 @@ def _launch(run: Launch) -> None:
         run.kernel("level", (math.prod(plane.shape),), plane, math.prod(plane.shape))
 
     def integrate(
-        stack: Stack, wants: Wants, moved: DeviceArray, steps: int, total: DeviceArray, share: float
+        stack: Stack,
+        wants: Wants,
+        moved: DeviceArray,
+        steps: int,
+        total: DeviceArray,
+        share: float,
+        beside: float = 0.0,
     ) -> None:
-        solver.solve(stack, wants, moved, steps, ENOUGH * solver.energy(stack, wants))
+        enough = ENOUGH * max(solver.energy(stack, wants), beside)
+        solver.solve(stack, wants, moved, steps, enough)
         pixels = math.prod(moved.shape)
         run.kernel("add_square", (pixels,), moved, total, pixels, share)
 
@@ -536,6 +553,8 @@ def _launch(run: Launch) -> None:
             first, 0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
         err_rises(settings["rise_px"] * pixel, keys.rises)
+        if number == 0:
+            beside = BESIDE * solver.energy(solver.pixels, wants)
         wanted = wants if cells is None else solver.wants_of_cells(wants)
         clear(there)
         share = float(_share(number, 0 if cells is None else DEEPEST))
@@ -550,7 +569,7 @@ def _launch(run: Launch) -> None:
     run.kernel("err_kinks", by_rows, *solver.wants[:2], right, down, *shape, pixel, kink)
     err_rises(0.0, 0)
     clear(moved)
-    integrate(solver.pixels, wants, moved, settings["steps"], total, 1.0)
+    integrate(solver.pixels, wants, moved, settings["steps"], total, 1.0, beside)
     _deviate(run, solver, total)
 
 
