@@ -97,6 +97,15 @@ def test_where_light_comes_from_needs_no_full_resolution(
     assert apart.max() < 0.1
 
 
+@pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
+def test_larger_cells_do_for_the_rough_height(
+    raytraced: Raytraced, calibration: Calibration, shape: str
+) -> None:
+    capture = raytraced / "near33" / shape
+    found = run("reconstruct", capture=capture, calibration=calibration("near33"), cell_px=8)
+    assert found["metrics"]["rmse_px"] <= FILMS["near33", shape]
+
+
 def test_labels_are_what_shadows_need(reconstruct: Reconstruct) -> None:
     without = reconstruct("reconstruct_no_shadow", "near33", "cat_film")
     assert without["metrics"]["rmse_px"] > 2 * FILMS["near33", "cat_film"]
