@@ -283,13 +283,17 @@ class Node:
         return function
 
     def idle(self, function: Callable[..., bool]) -> Callable[..., bool]:
-        """Register when the node returns its neutral input as it is, to the bit.
+        """Register when the node returns its neutral input as it is, to the bit, or else nothing.
 
-        It is called with those inputs, other than the neutral one, that its arguments name.  A
-        device then launches nothing, and hands the array on.
+        It is called with those inputs, other than the neutral one, that its arguments name; a
+        field of a record is ``film_albedo``, as in a kernel.  A device then launches nothing, and
+        hands the array on, or leaves out an output that may be absent.
         """
-        if not isinstance(self.neutral, str):
-            raise TypeError(f"{self.name}: only a node whose neutral is an input can be idle")
+        if not isinstance(self.neutral, str) and not all(p.optional for p in self.outputs.values()):
+            raise TypeError(
+                f"{self.name}: only a node whose neutral is an input, or whose output may be "
+                "absent, can be idle"
+            )
         self.is_idle = function
         return function
 

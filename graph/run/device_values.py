@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from numpy.typing import NDArray
@@ -72,7 +72,10 @@ class DeviceValues:
         """Begin a transfer; whoever reads on the host waits, the device keeps its own order."""
         (value,) = step.reads
         if step.kind == "download":
-            array, timer = self._device.start_download(self._values[value])
+            if (found := self._values.get(value)) is None:
+                self._host.put(value, None)
+                return
+            array, timer = self._device.start_download(found)
             self._host.receive(value, array, timer[1])
         elif (array := self._host[value]) is not None:
             port = self._plan.tasks[value.node].node.outputs[value.port]
@@ -92,23 +95,31 @@ class DeviceValues:
         self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
 
     def _hand_on(self, task: Task) -> Shapes | None:
-        """Let an idle node return its input; None where the node has something to do."""
+        """Let an idle node return its input, or nothing; None where it has something to do."""
         node, neutral = task.node, task.node.neutral
-        if node.is_idle is None or not isinstance(neutral, str) or neutral not in task.reads:
+        if node.is_idle is None or not self._is_idle(task, node.is_idle):
             return None
-        found = self._values.get(task.reads[neutral])
         ((port, of),) = node.outputs.items()
         made = Value(task.id, port)
+        if of.optional:
+            self._values.pop(made, None)
+            self._idle.append(task.id)
+            return {}
+        if not isinstance(neutral, str) or neutral not in task.reads:
+            return None
+        found = self._values.get(task.reads[neutral])
         as_float = made in self._plan.inspected or made not in self._read_whole
         if found is None or (as_float and found.dtype != of.dtype):
-            return None
-        values = self._asked[task.id].items()
-        asked = {name: self._host.ready(value) for name, value in values}
-        if any(value is None for value in asked.values()) or not node.is_idle(**asked):
             return None
         self._values[made] = found
         self._idle.append(task.id)
         return {port: found.shape}
+
+    def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
+        """Ask an idle node; not if that would mean to wait."""
+        values = self._asked[task.id].items()
+        asked = {name: self._host.ready(value) for name, value in values}
+        return all(value is not None for value in asked.values()) and is_idle(**asked)
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
         """Enqueue a node; return the shapes of what it makes."""
@@ -187,7 +198,8 @@ def _asked(task: Task) -> dict[str, Value | None]:
     """What tells whether a node is idle; None for what is no value of this item."""
     if task.node.is_idle is None:
         return {}
-    return {name: task.reads.get(name) for name in inspect.signature(task.node.is_idle).parameters}
+    reads = {name.replace(".", "_"): value for name, value in task.reads.items()}
+    return {name: reads.get(name) for name in inspect.signature(task.node.is_idle).parameters}
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:

@@ -31,11 +31,3 @@ LANED __kernel void interpolate(
     }
     store_floats(found, out + i, count);
 }
-
-// A film that reflects nothing.
-LANED __kernel void nothing(__global float *restrict out, const int N)
-{
-    GRID_LANES(i, count, N)
-    const floats none = 0.0f;
-    store_floats(none, out + i, count);
-}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from tactograph.graph import load, node
 from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.nodes import Light
+from tests.conftest import Calibration, Raytraced
 from tests.graph.conftest import Write
 
 GRAPH = """
@@ -94,6 +96,25 @@ def test_a_lens_that_changes_is_noticed(toys: list[str], write: Write) -> None:
     first = straight(frames=IMAGES["f4"])["light"].copy()
     again = straight(frames=IMAGES["f4"][:, ::-1])["light"]
     np.testing.assert_array_equal(again, first[:, ::-1])
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_film_that_throws_no_light_on_film_makes_none(
+    raytraced: Raytraced, calibration: Calibration, write: Write, tmp_path: Path, backend: str
+) -> None:
+    """And where it throws some, that is read again: on a device too, nothing stays from before."""
+    matt, bright = calibration("far28"), tmp_path / "bright.npz"
+    with np.load(matt, allow_pickle=False) as known:
+        np.savez(bright, **{**known, "albedo": np.float32(0.5)})
+    graph = write("format: 1\nextends: reconstruct\noutputs: {thrown: bounce, height: height}\n")
+    given: dict[str, Any] = {"capture": raytraced / "far28/sphere_film", "backend": backend}
+    none, some = (next(iter(load(graph, calibration=c, **given).items())) for c in (matt, bright))
+    assert none["thrown"] is None
+    assert some["thrown"].max() > 0.01
+    if backend == "opencl":
+        assert none.times["bounce"] == 0
+    without = next(iter(load("reconstruct_no_bounce", calibration=matt, **given).items()))
+    np.testing.assert_allclose(none["height"], without["height"], atol=1e-6)
 
 
 def test_only_a_node_with_an_input_to_return_can_be_idle() -> None:
