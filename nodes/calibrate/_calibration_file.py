@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.files.array_files import load_arrays
@@ -53,6 +54,16 @@ class FileKind(NamedTuple):
     arrays: Mapping[str, Stored]
 
 
+def _npz(file: Path) -> Path:
+    if file.suffix != ".npz":
+        raise ValueError("a calibration file is called something.npz")
+    return file
+
+
+NewFile = Annotated[Path, AfterValidator(_npz)]
+"""Where a calibration is written to; a wrong name is refused before the work, not after it."""
+
+
 def write_arrays(
     file: Path, kind: FileKind, arrays: Mapping[str, Any], about: Mapping[str, Any]
 ) -> None:
@@ -68,10 +79,8 @@ def write_arrays(
     Raises
     ------
     InputError
-        If the file is not called ``.npz`` or cannot be written.
+        If the file cannot be written.
     """
-    if file.suffix != ".npz":
-        raise InputError(f"out={file}: a calibration file is called something.npz")
     head = {
         "format": kind.format,
         "kind": f"tactograph {kind.name}",

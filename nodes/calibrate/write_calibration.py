@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -25,7 +24,7 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, write_arrays
+from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
 
 CALIBRATION = FileKind(
     "calibration",
@@ -153,7 +152,7 @@ def write_calibration(
     quality: Metrics,
     misfit: Misfit | None = None,
     *,
-    file: Path,
+    file: NewFile,
     provenance: Provenance,
 ) -> None:
     """Write the calibration as one ``.npz``, readable without pickle.

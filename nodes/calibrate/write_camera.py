@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import Lens, Metrics, PixelSize
-from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, write_arrays
+from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
 from tactograph.nodes.capture.read_grey import GreyImage
 
 CAMERA = FileKind(
@@ -37,7 +36,7 @@ def write_camera(
     residual: Annotated[float, Port(unit="px")],
     quality: Metrics,
     *,
-    file: Path,
+    file: NewFile,
     provenance: Provenance,
 ) -> None:
     """Write lens, pixel size and residual as one ``.npz``, readable without pickle.

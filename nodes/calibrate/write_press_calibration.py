@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Metrics, PixelSize
-from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, write_arrays
+from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
 from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
@@ -37,7 +35,7 @@ def write_press_calibration(
     quality: Metrics,
     advice: str,
     *,
-    file: Path,
+    file: NewFile,
     provenance: Provenance,
 ) -> None:
     """Write flat, pixel size and reflectance map as one ``.npz``, readable without pickle.

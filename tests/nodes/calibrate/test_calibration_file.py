@@ -10,6 +10,8 @@ import pytest
 
 from tactograph.graph import InputError, Provenance, Wanted
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, write_calibration
@@ -203,10 +205,22 @@ def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> N
     assert "\n" not in str(caught.value)
 
 
-def test_another_suffix_is_refused(tmp_path: Path) -> None:
+BALL = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07}
+
+
+@pytest.mark.parametrize(
+    ("graph", "given"),
+    [
+        ("calibrate", {"capture": "missing", **BALL}),
+        ("calibrate_presses", {"captures": "missing", "flat": "missing", **BALL}),
+        ("calibrate_camera", {"image": "missing", "pitch_mm": 1.0}),
+    ],
+)
+def test_another_suffix_is_refused_before_anything_is_read(
+    graph: str, given: dict[str, object]
+) -> None:
     with pytest.raises(InputError, match=r"something\.npz"):
-        write(tmp_path / "cal.yaml")
-    assert not list(tmp_path.iterdir())
+        open_pipeline(read_graph(graph), {**given, "out": "cal.yaml"})
 
 
 @pytest.mark.parametrize("cut", range(100, 3000, 290))
