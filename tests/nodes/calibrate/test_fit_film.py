@@ -36,7 +36,7 @@ def press(film: Film, centre: tuple[float, float], seed: int) -> F4:
     direct = predict(film, n, X.ravel() * nearer, Y.ravel() * nearer, z)
     direct = direct.reshape(-1, *SIZE).astype(np.float32)
     light = direct
-    for _ in range(6):
+    for _ in range(6 if film.albedo else 0):
         light = direct + film_bounce(light, seen, film, PIXEL, cells=X.size)
     rng = np.random.default_rng(seed)
     return (light + rng.normal(0, 0.004, light.shape)).astype(np.float32)
