@@ -8,6 +8,7 @@ import json
 import shutil
 import subprocess
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,10 @@ class Browser:
         told = folder / "DevToolsActivePort"
         self._until(lambda: told.exists() and len(told.read_text().splitlines()) == 2, "chromium")
         port, path = told.read_text().splitlines()
-        self._socket = connect(f"ws://127.0.0.1:{port}{path}", max_size=None)
+        self._connected = ExitStack()
+        self._socket = self._connected.enter_context(
+            connect(f"ws://127.0.0.1:{port}{path}", max_size=None)
+        )
         self._numbers = itertools.count(1)
         self._session: str | None = None
         (target,) = [t for t in self._do("Target.getTargets")["targetInfos"] if t["type"] == "page"]
@@ -120,7 +124,7 @@ class Browser:
         file.write_bytes(base64.b64decode(shot["data"]))
 
     def close(self) -> None:
-        self._socket.close()
+        self._connected.close()
         self._process.terminate()
         self._process.wait(timeout=20)
 
