@@ -204,7 +204,7 @@ def _edge(
     rows = slice(max(0, int(y) - around), int(y) + around + 2)
     columns = slice(max(0, int(x) - around), int(x) + around + 2)
     u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
-    centre = _centre(circle, radius, shift, u, v, pixel)
+    centre = _centre(circle, radius, shift, press.shape[1:], pixel)
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
     # Covered film counts as dark, which tells nothing.
     seen, bounced = (
@@ -218,13 +218,14 @@ def _edge(
 
 
 def _centre(
-    circle: F4, radius: float, shift: F8, u: F8, v: F8, pixel: float
+    circle: F4, radius: float, shift: F8, size: tuple[int, ...], pixel: float
 ) -> tuple[float, float, float]:
-    """A ball's centre in mm, moved by `shift`; u and v are the places of columns and rows."""
+    """A ball's centre in mm, moved by `shift`; it may lie outside an image of H x W pixels."""
     x, y, contact = (float(part) for part in circle)
-    cx, cy = np.interp(x, np.arange(u.size), u), np.interp(y, np.arange(v.size), v)
+    rows, columns = size
+    u, v = (x - (columns - 1) / 2) * pixel, (y - (rows - 1) / 2) * pixel
     deep = float(sunk(radius, contact * pixel))
-    return float(cx + shift[0]), float(cy + shift[1]), float(shift[2] - deep)
+    return float(u + shift[0]), float(v + shift[1]), float(shift[2] - deep)
 
 
 def _thrown_on(
@@ -265,7 +266,7 @@ def _unit_bounce(
     v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
     height = np.zeros((rows, columns))
     for each, size, shift in zip(circle, radius, shifts, strict=True):
-        cx, cy, cz = _centre(each, size, shift, u, v[:, 0], pixel)
+        cx, cy, cz = _centre(each, size, shift, (rows, columns), pixel)
         z = ball_height(u, v, (cx, cy, cz), size, film.camera)
         nearer = 1 - film.camera * z
         away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2

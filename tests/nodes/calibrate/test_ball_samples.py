@@ -13,13 +13,22 @@ from tests.nodes.calibrate.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE,
 from tests.nodes.films import LEDS, MATT
 
 MIDDLE = 63.5, 47.5
+OUTSIDE = -20.0
+"""px from the left border."""
 BOUNCING = MATT._replace(albedo=0.7, rim=2.0)
 FLAT = np.full((len(LEDS), *SIZE), 0.6, np.float32)
 
 
-def sampled(light: F4, albedo: float = 0.7, *, presses: int = 1, **options: object) -> Balls:
-    """All pixels of a ball in the middle of each press, or some."""
-    circle = np.repeat(np.float32([[*MIDDLE, RIM / PIXEL]]), presses, axis=0)
+def sampled(
+    light: F4,
+    albedo: float = 0.7,
+    *,
+    presses: int = 1,
+    column: float = MIDDLE[0],
+    **options: object,
+) -> Balls:
+    """All pixels of a ball in the middle of each press, or at another column; or some."""
+    circle = np.repeat(np.float32([[column, MIDDLE[1], RIM / PIXEL]]), presses, axis=0)
     radius, of = np.full(presses, RADIUS, np.float32), np.arange(presses, dtype=np.int32)
     film = BOUNCING._replace(albedo=albedo)
     return sample_balls(light, FLAT, circle, radius, of, film, NOISE, PIXEL, 3.0, **options)
@@ -40,6 +49,19 @@ def test_what_balls_throw_on_the_film_at_rest_is_no_drift(albedo: float) -> None
     left = balls.light - balls.thrown(at_rest, BOUNCING) - alone[:, rows, columns]
     taken = (raw - levelled)[:, rows, columns]
     assert np.abs(left[:, inner].mean()) < 0.002 < taken[:, inner].mean()
+
+
+def test_a_ball_whose_middle_lies_outside_the_image_throws_light_from_there() -> None:
+    raw, alone = (
+        press(film, ((OUTSIDE - MIDDLE[0]) * PIXEL, 0.0), seed=1) for film in (BOUNCING, MATT)
+    )
+    balls = sampled(raw, 0.0, column=OUTSIDE, most=None)
+    columns, rows = (
+        np.rint(w / PIXEL + m).astype(int) for w, m in zip((balls.u, balls.v), MIDDLE, strict=True)
+    )
+    true = (raw - alone)[:, rows, columns]
+    found = balls.thrown(np.zeros((1, 3)), BOUNCING)
+    assert found.mean() == pytest.approx(true.mean(), rel=0.01)
 
 
 def test_film_that_throws_nothing_is_not_asked_what_it_throws() -> None:
