@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from types import UnionType
@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
+from tactograph.graph.files.flat_graph import NOT_GIVEN
 from tactograph.graph.files.strict_yaml import parse_scalar
 
 _WRAPPERS = (Annotated, Union, UnionType)
@@ -22,8 +22,19 @@ SMALLEST, LARGEST = 1e-12, 1e12
 """Magnitudes that a node's parameters may have."""
 
 
-def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dict[str, Any]:
+def check_settings(
+    node: Node, settings: Mapping[str, Any], where: Callable[[str], str]
+) -> dict[str, Any]:
     """Return the node's parameters, defaults filled in, each of its declared type.
+
+    Parameters
+    ----------
+    node
+        It declares its parameters.
+    settings
+        Their values.
+    where
+        For a parameter's name, where its value stands.
 
     Raises
     ------
@@ -34,7 +45,7 @@ def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dic
     for name in settings:
         if name not in node.parameters:
             raise GraphError(
-                f"{entry.where(f'with.{name}')}: node '{node.name}' has no parameter '{name}'"
+                f"{where(name)}: node '{node.name}' has no parameter '{name}'"
                 f"{did_you_mean(name, node.parameters)}"
             )
     try:
@@ -42,36 +53,35 @@ def check_settings(node: Node, settings: Mapping[str, Any], entry: Entry) -> dic
     except ValidationError as error:
         wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
         if wrong:
-            raise GraphError(_message(node, entry, wrong[0])) from None
+            raise GraphError(_message(node, where, wrong[0])) from None
         defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
     found = {name: getattr(model, name) for name in node.parameters}
     for name, value in found.items():
-        _check_numbers(value, entry, name)
+        _check_numbers(value, where(name))
     return found
 
 
-def _check_numbers(value: Any, entry: Entry, name: str) -> None:
+def _check_numbers(value: Any, where: str) -> None:
     """Refuse a number whose square or inverse 32-bit floats, or 64-bit integers, cannot hold."""
     for part in value if isinstance(value, list | tuple) else ():
-        _check_numbers(part, entry, name)
+        _check_numbers(part, where)
     if isinstance(value, float) and value and not SMALLEST <= abs(value) <= LARGEST:
         raise GraphError(
-            f"{entry.where(f'with.{name}')}: a number from {SMALLEST:g} to {LARGEST:g} (or 0) is "
-            f"needed, not {value:g}"
+            f"{where}: a number from {SMALLEST:g} to {LARGEST:g} (or 0) is needed, not {value:g}"
         )
     if isinstance(value, int) and abs(value) >= 2**63:
-        raise GraphError(f"{entry.where(f'with.{name}')}: the whole number is too large")
+        raise GraphError(f"{where}: the whole number is too large")
 
 
-def _message(node: Node, entry: Entry, first: Any) -> str:
+def _message(node: Node, where: Callable[[str], str], first: Any) -> str:
     name = str(first["loc"][0])
     if first["type"] == "missing" and len(first["loc"]) == 1:
-        return f"{entry.where(f'with.{name}')}: node '{node.name}' needs the parameter '{name}'"
+        return f"{where(name)}: node '{node.name}' needs the parameter '{name}'"
     said = first["msg"].removeprefix("Value error, ")
     value = repr(first["input"])
     shown = value if len(value) <= 60 else f"{value[:57]}..."
-    return f"{entry.where(f'with.{name}')}: {said[0].lower()}{said[1:]}, not {shown}"
+    return f"{where(name)}: {said[0].lower()}{said[1:]}, not {shown}"
 
 
 class _Key:

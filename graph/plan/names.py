@@ -250,13 +250,21 @@ def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]
     GraphError, InputError
         As `bind`.
     """
-    settings: dict[str, Any] = {}
+    settings = dict(entry.settings)
+    by_user: dict[str, str] = {}
     for name, value in entry.settings.items():
         if isinstance(value, str) and value.startswith("$"):
-            settings[name] = _param(value[1:], graph, given, entry.where(f"with.{name}"))
-        else:
-            settings[name] = value
-    return check_settings(node, settings, entry)
+            param = value[1:]
+            settings[name] = _param(param, graph, given, entry.where(f"with.{name}"))
+            if param in given and name in node.parameters:
+                by_user[name] = param
+
+    def where(name: str) -> str:
+        if name in by_user:
+            return f"{graph.name}: {by_user[name]}"
+        return entry.where(f"with.{name}")
+
+    return check_settings(node, settings, where)
 
 
 def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any:

@@ -19,8 +19,12 @@ from tests.graph.toys import choosy
 ENTRY = Entry("choosy", places={"": Place("g.yaml", 3, 5, "nodes.c")})
 
 
+def where(name: str) -> str:
+    return ENTRY.where(f"with.{name}")
+
+
 def check(**settings: Any) -> dict[str, Any]:
-    return check_settings(choosy, {"way": "left", **settings}, ENTRY)
+    return check_settings(choosy, {"way": "left", **settings}, where)
 
 
 def refusal(**settings: Any) -> str:
@@ -79,7 +83,7 @@ def test_a_wrong_value_is_refused_with_its_place(settings: dict[str, Any], messa
 
 def test_a_parameter_that_is_needed_is_asked_for() -> None:
     with pytest.raises(GraphError, match="node 'choosy' needs the parameter 'way'"):
-        check_settings(choosy, {}, ENTRY)
+        check_settings(choosy, {}, where)
 
 
 def test_a_value_that_is_not_given_yet_is_taken_to_be_right() -> None:
@@ -116,11 +120,11 @@ def test_any_value_is_checked_or_refused(name: str, value: Any) -> None:
 def test_the_defaults_of_a_node_pass_its_own_check(name: str) -> None:
     node = find_node(name)
     needed = {n: NOT_GIVEN for n, p in node.parameters.items() if p.required}
-    check_settings(node, needed, ENTRY)
+    check_settings(node, needed, where)
     defaults = {n: p.default for n, p in node.parameters.items() if not p.required}
-    check_settings(node, {**needed, **defaults}, ENTRY)
+    check_settings(node, {**needed, **defaults}, where)
 
 
 def test_a_path_is_a_path() -> None:
-    found = check_settings(find_node("read_height"), {"file": "a/b.npy"}, ENTRY)
+    found = check_settings(find_node("read_height"), {"file": "a/b.npy"}, where)
     assert found["file"] == Path("a/b.npy")

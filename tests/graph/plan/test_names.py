@@ -82,6 +82,20 @@ def test_a_name_that_means_nothing_is_an_error_with_its_place(
     assert message in said
 
 
+def test_a_wrong_value_that_the_user_gave_is_told_by_the_param(write: Write) -> None:
+    """Not by the place in a file that the user has never seen."""
+    file = write(
+        SLOPES.replace("{mm: 0.1}", "{mm: $mm}").replace(
+            "params:", "params:\n  mm: {kind: number}", 1
+        )
+    )
+    name = read_graph(file).name
+    assert refusal(file, mm=0).startswith(f"{name}: mm: input should be greater than")
+    assert "nodes.pixel.with.mmm: " in refusal(
+        write(SLOPES.replace("{mm: 0.1}", "{mm: 1, mmm: $file}"))
+    )
+
+
 def test_a_cycle_is_printed(write: Write) -> None:
     text = """
 format: 1

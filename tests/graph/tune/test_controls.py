@@ -83,6 +83,6 @@ def test_every_place_of_every_slider_is_a_value_that_the_node_takes() -> None:
                 value = {**given, parameter.name: found.value(place)}
                 needed = {n for n, p in declared.parameters.items() if p.required}
                 try:
-                    check_settings(declared, value, Entry(name))
+                    check_settings(declared, value, Entry(name).where)
                 except InputError as error:
                     assert any(f"'{n}'" in str(error) for n in needed), error  # noqa: PT017
