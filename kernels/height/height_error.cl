@@ -223,28 +223,28 @@ static floats turned_down(
 LANED __kernel void err_steps(
     __global const float *restrict want_right, __global const float *restrict want_down,
     __global const float *restrict slopes, __global float *restrict right,
-    __global float *restrict down, const int H, const int W, const int number, const float half_,
-    const float aperture, const uint key_right, const uint key_down)
+    __global float *restrict down, const int H, const int W, const int number, const int to,
+    const float half_, const float aperture, const uint key_right, const uint key_down)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const int i = y * W + x;
+    const int i = y * W + x, out = to * H * W + i;
     __global const float *p = slopes + 2 * number * H * W, *q = p + H * W;
     const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
     const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
     const floats east = (beside + load_floats(p + i, count)) * half_
         + aperture * turned_right(want_right, y, x, count, W) * drawn_from(i, key_right);
-    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
+    store_floats(column < (float)(W - 1) ? east : none, right + out, count);
     const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
     const floats south = (below + load_floats(q + i, count)) * half_
         + aperture * turned_down(want_down, y, x, count, H, W) * drawn_from(i, key_down);
-    store_floats(y + 1 < H ? south : none, down + i, count);
+    store_floats(y + 1 < H ? south : none, down + out, count);
 }
 
 __kernel void err_rises(
-    __global float *restrict rise, const int ties, const float error, const uint key)
+    __global float *restrict rise, const int ties, const int to, const float error, const uint key)
 {
     GRID_1(t, ties)
-    rise[t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
+    rise[to * ties + t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
 }
 
 // What steps lack if all lack it uphill.
@@ -273,19 +273,18 @@ LANED __kernel void err_kinks(
     store_floats(y + 1 < H ? south : none, down + i, count);
 }
 
-__kernel void level(__global float *restrict z, const int size)
-{
-    GRID_1(i, size)
-    z[i] = 0.0f;
-}
-
-// Add the square of what an error did.
-__kernel void add_square(
+// Add the squares of what errors did, each times its share.
+LANED __kernel void add_squares(
     __global const float *restrict moved, __global float *restrict total, const int size,
-    const float share)
+    const int loads, __global const float *restrict shares)
 {
-    GRID_1(i, size)
-    total[i] += share * moved[i] * moved[i];
+    GRID_LANES(i, count, size)
+    floats sum = load_floats(total + i, count);
+    for (int load_ = 0; load_ < loads; ++load_) {
+        const floats each = load_floats(moved + load_ * size + i, count);
+        sum += shares[load_] * each * each;
+    }
+    store_floats(sum, total + i, count);
 }
 
 // What counts and is not at rest, and the variance there.

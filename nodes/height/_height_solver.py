@@ -10,6 +10,7 @@ Long because conjugate gradients, their weights and the grids below share buffer
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -103,11 +104,30 @@ class Stack:
 
 
 class Wants(NamedTuple):
-    """The steps and rises that the springs want, in mm."""
+    """The steps and rises that the springs want, in mm, under one load or several (L x ...)."""
 
     right: DeviceArray
     down: DeviceArray
     rise: DeviceArray
+
+
+class _Planes(NamedTuple):
+    """What a solution works on: numbers of all levels, from `base` on, `apart` for each load."""
+
+    force: DeviceArray
+    height: DeviceArray
+    lifted: DeviceArray
+    kept: DeviceArray
+    direction: DeviceArray
+    moved: DeviceArray
+    z: DeviceArray
+    base: int = 0
+    apart: int = 0
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """What kernels are told of it."""
+        return self.base, self.apart
 
 
 def find_touch(run: Launch) -> Touch:
@@ -138,9 +158,8 @@ class HeightSolver:
         self._levels = _levels(rows, columns)
         gaps = _gaps(self._levels)
         total = int(gaps[-1]) + GAP
-        self.ground, self._kept = self._planes(2, total)
-        self._force, self._height, self._lifted = self._planes(3, total)
-        self._direction, self._moved, self._z = self._planes(3, total)
+        (self.ground,) = self._planes(1, total)
+        self._whole = self._working(total)
         self._stretch, self._parts = run.scratch((1,)), run.scratch((PARTS,))
         self._one_group = ONE_GROUP if run.lanes == 1 else ONE_GROUP_OF_LANES
         last = self._levels[-1]
@@ -159,13 +178,18 @@ class HeightSolver:
         """Room for the networks from a level on; what lies between them holds nothing."""
         run = self._run
         right, down, inverse = self._planes(3, int(gaps[-1]) + GAP)
+        whole = self._whole
         run.kernel(
             "clear_gaps", (gaps.size * GAP,), run.put(gaps), gaps.size, right, down, self.ground,
-            self._height, self._lifted, self._direction, self._z,
+            whole.height, whole.lifted, whole.direction, whole.z,
         )  # fmt: skip
         steps = list(_steps(len(self._levels), top))
         steps_there = run.put(np.array(steps, np.int32))
         return Stack(self._levels[top], right, down, inverse, steps, steps_there)
+
+    def _working(self, size: int, base: int = 0, apart: int = 0) -> _Planes:
+        force, height, lifted, kept, direction, moved, z = self._planes(7, size)
+        return _Planes(force, height, lifted, kept, direction, moved, z, base, apart)
 
     def _planes(self, count: int, size: int) -> list[DeviceArray]:
         return [self._run.scratch((size,)) for _ in range(count)]
@@ -299,98 +323,161 @@ class HeightSolver:
         inverse = soft_inverse(run.download(matrix))
         return np.pad(inverse, ((0, 0), (0, -size % GAP)))
 
-    def wants_of_cells(self, wants: Wants) -> Wants:
-        """What the cells' springs want, from what those between pixels do."""
-        run, rise = self._run, self._run.scratch((self._all_ties,))
+    def room(self, stack: Stack, loads: int) -> Wants:
+        """Room for what the springs want under so many loads."""
+        run, ties = self._run, self._ties if stack is self.pixels else self._all_ties
+        right, down = (run.scratch((loads, *stack.shape)) for _ in range(2))
+        return Wants(right, down, run.scratch((loads, ties)))
+
+    def wants_of_cells(self, wants: Wants, number: int, out: Wants, to: int) -> None:
+        """What the cells' springs want under load `to`, from what those between pixels do."""
+        run = self._run
         if self._all_ties:
             run.kernel(
-                "join_rises", (self._all_ties,),
-                self._finest, wants.rise, *self._members, rise, self._all_ties,
+                "join_rises", (self._all_ties,), self._finest, wants.rise, *self._members,
+                out.rise, self._all_ties, number, self._ties, to,
             )  # fmt: skip
         right, down = wants.right, wants.down
         shape: tuple[int, ...] = self.shape
         for shares in self._shares:
-            smaller = shares[0].shape
-            east, south = run.scratch(smaller), run.scratch(smaller)
+            smaller, last = shares[0].shape, shares is self._shares[-1]
+            east, south = (out.right, out.down) if last else self._planes(2, math.prod(smaller))
             run.kernel(
-                "wants_of_cells", smaller, right, down, *shares, east, south, *shape, *smaller
-            )
-            right, down, shape = east, south, smaller
-        return Wants(right, down, rise)
+                "wants_of_cells", run.in_row_lanes(*smaller), right, down, *shares, east, south,
+                *shape, *smaller, number, to if last else 0,
+            )  # fmt: skip
+            right, down, shape, number = east, south, smaller, 0
 
-    def on_pixels(self, plane: DeviceArray, out: DeviceArray, *, added: bool = False) -> None:
-        """Put what the cells have on the pixels, or add it to what they have."""
-        run = self._run
+    def on_pixels(self, planes: DeviceArray, number: int, out: DeviceArray) -> None:
+        """Put what the cells have under a load on the pixels."""
+        run, source, size = self._run, planes, planes.shape[-2:]
         for level in reversed(self._levels[: self._depth]):
-            last = level is self._levels[0]
             shape = level.rows, level.columns
-            to = out if last else run.scratch(shape)
-            run.kernel("on_pixels", shape, plane, to, *plane.shape, *shape, int(last and added))
-            plane = to
+            to = out if level is self._levels[0] else run.scratch(shape)
+            run.kernel(
+                "on_pixels", run.in_row_lanes(*shape[:1], size[1]), source, to, *size, *shape,
+                number,
+            )  # fmt: skip
+            source, size, number = to, shape, 0
 
     def solve(
-        self, stack: Stack, wants: Wants, height: DeviceArray, steps: int, enough: float
+        self,
+        stack: Stack,
+        wants: Wants,
+        height: DeviceArray,
+        steps: int,
+        enough: float,
+        number: int = 0,
+        to: int = 0,
     ) -> bool:
-        """Improve `height` in place, as `conjugate_gradients` does; return whether it moved."""
-        run, (rows, columns) = self._run, stack.shape
-        network = self._network(stack)
+        """Improve height `to` under load `number` in place, as `conjugate_gradients` does.
+
+        Return whether it moved.
+        """
+        run, planes, (rows, columns) = self._run, self._whole, stack.shape
         first, _, stride = stack.top.there
         by_rows = run.in_row_lanes(rows, stride)
-        run.kernel("take_height", by_rows, height, self._z, first, rows, columns, stride)
-        run.kernel(
-            "imbalance", by_rows, *network, self._knot_tie, *wants, self._z, self._force,
-            self._lifted, first, rows, columns, stride,
-        )  # fmt: skip
+        run.kernel("take_height", by_rows, height, planes.z, first, rows, columns, stride, to)
+        self._unbalance(stack, wants, planes, number, 1)
         if self._is_small(stack.steps[0]):
-            moved = self._small_gradients(stack, steps, enough)
+            gain = self._small_gradients(stack, planes, steps, np.array([enough], np.float32))
+            moved = bool(run.download(gain)[0, 2])
         else:
             moved = self._gradients(stack, steps, enough)
-        to = run.in_row_lanes(rows, columns)
-        run.kernel("give_height", to, self._z, height, first, rows, columns, stride)
+        self._give_heights(stack, planes, height, to, 1)
         return moved
 
-    def _small_gradients(self, stack: Stack, steps: int, enough: float) -> bool:
-        """The steps where the first level is small, too: a launch each, and no wait between."""
-        run, gain = self._run, self._run.scratch((3,))
-        planes = self._direction, self._moved, self._z, gain
+    def solve_all(
+        self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: NDArray[Any]
+    ) -> None:
+        """Find the heights under all loads, from zero: side by side where there are few pixels."""
+        run, loads = self._run, len(enough)
+        if not self._is_small(stack.steps[0]):
+            run.kernel("clear", (math.prod(heights.shape),), heights, math.prod(heights.shape))
+            for number in range(loads):
+                self.solve(stack, wants, heights, steps, float(enough[number]), number, number)
+            return
+        last = self._levels[-1]
+        base = stack.top.first - stack.top.stride
+        apart = last.first + last.size + last.stride + 2 * GAP - base
+        planes = self._working(loads * apart, base, apart)
+        # What lies between levels has to be finite, and the start is zero.
+        for plane in (planes.height, planes.lifted, planes.direction, planes.z):
+            run.kernel("clear", (loads * apart,), plane, loads * apart)
+        self._unbalance(stack, wants, planes, 0, loads)
+        self._small_gradients(stack, planes, steps, enough)
+        self._give_heights(stack, planes, heights, 0, loads)
+
+    def _unbalance(
+        self, stack: Stack, wants: Wants, planes: _Planes, number: int, loads: int
+    ) -> None:
+        """The forces that loads from `number` on leave at the heights z."""
+        run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.there
+        run.kernel(
+            "imbalance", run.in_row_lanes(loads * rows, stride), *self._network(stack),
+            self._knot_tie, *wants, planes.z, planes.force, planes.lifted,
+            first, rows, columns, stride, number, loads, wants.rise.shape[-1], *planes.place,
+        )  # fmt: skip
+
+    def _give_heights(
+        self, stack: Stack, planes: _Planes, heights: DeviceArray, to: int, loads: int
+    ) -> None:
+        run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.there
+        run.kernel(
+            "give_heights", run.in_row_lanes(loads * rows, columns), planes.z, heights,
+            first, rows, columns, stride, to, loads, *planes.place,
+        )  # fmt: skip
+
+    def _small_gradients(
+        self, stack: Stack, planes: _Planes, steps: int, enough: NDArray[Any]
+    ) -> DeviceArray:
+        """The steps where the first level is small, too: a launch each, and no wait between.
+
+        Each load has a work-group.  Returns what `small_step` says of each.
+        """
+        run, loads = self._run, len(enough)
+        gain, until = run.scratch((loads, 3)), run.put(enough.astype(np.float32))
         for number in range(steps + 1):
             run.kernel(
-                "small_step", (run.group,), *self._cycle_there(stack), 0, len(stack.steps),
-                *planes, *stack.top.there, enough, int(number == 0), local=(run.group,),
+                "small_step", (loads * run.group,), *self._cycle_there(stack, planes), 0,
+                len(stack.steps), planes.direction, planes.moved, planes.z, gain, until,
+                *stack.top.there, int(number == 0), *planes.place, local=(run.group,),
             )  # fmt: skip
-        return bool(run.download(gain)[2])
+        return gain
 
     def _gradients(self, stack: Stack, steps: int, enough: float) -> bool:
         """The steps where the first level is large: what is left to gain comes down."""
-        run, there, network = self._run, stack.top.there, self._network(stack)
+        run, there, network, planes = self._run, stack.top.there, self._network(stack), self._whole
         size = run.in_lanes(stack.top.size)
         energy, share, moved = self._cycle(stack), 0.0, False
         for _ in range(steps):
             if energy <= enough or energy <= 0:
                 break
             moved = True
-            run.kernel("turn", size, self._height, self._direction, *there, share)
+            run.kernel("turn", size, planes.height, planes.direction, *there, share)
             run.kernel(
-                "apply_springs", (PARTS,), *network, self._direction, self._moved, self._parts,
+                "apply_springs", (PARTS,), *network, planes.direction, planes.moved, self._parts,
                 *there,
             )  # fmt: skip
             run.kernel("add_parts", (1,), self._parts, self._stretch)
             run.kernel(
-                "advance", size, self._direction, self._moved, stack.inverse, self._z,
-                self._force, self._lifted, self._stretch, *there, energy,
+                "advance", size, planes.direction, planes.moved, stack.inverse, planes.z,
+                planes.force, planes.lifted, self._stretch, *there, energy,
             )  # fmt: skip
             before, energy = energy, self._cycle(stack)
             share = energy / before
         return moved
 
-    def energy(self, stack: Stack, wants: Wants) -> float:
-        """What `Springs.energy` says."""
+    def energies(self, stack: Stack, wants: Wants, loads: int = 1) -> NDArray[np.float64]:
+        """What `Springs.energy` says of the first loads."""
         run, (first, rows, stride) = self._run, stack.top.there
+        parts = run.scratch((loads, PARTS))
         run.kernel(
-            "energy_parts", (PARTS,), stack.right, stack.down, wants.right, wants.down, self._parts,
-            first, rows, stack.top.columns, stride,
+            "energy_parts", (loads * PARTS,), stack.right, stack.down, wants.right, wants.down,
+            parts, first, rows, stack.top.columns, stride, loads,
         )  # fmt: skip
-        return float(run.download(self._parts).sum(dtype=float))
+        found: NDArray[np.float64] = run.download(parts).sum(axis=1, dtype=float)
+        return found
 
     def _cycle(self, stack: Stack) -> float:
         """One multigrid cycle: from the force on the first level, a large one, to its height.
@@ -409,51 +496,51 @@ class HeightSolver:
                 self._small_steps(stack, at, end)
             at = end
         run.kernel(
-            "smooth_and_sum", (PARTS,), *self._network(stack), self._force, self._height,
-            self._lifted, self._parts, *stack.top.there,
+            "smooth_and_sum", (PARTS,), *self._network(stack), *self._whole[:3], self._parts,
+            *stack.top.there,
         )  # fmt: skip
         return float(run.download(self._parts).sum(dtype=float))
 
     def _is_small(self, step: Step) -> bool:
         return self._levels[step.level].size <= self._one_group
 
-    def _cycle_there(self, stack: Stack) -> tuple[Any, ...]:
+    def _cycle_there(self, stack: Stack, planes: _Planes) -> tuple[Any, ...]:
         """What the kernels of small levels are told."""
         (count,), dense = self._dense_at.shape, stack.dense
         assert dense is not None
         return (
-            *self._network(stack), self._force, self._height, self._lifted, self._kept,
+            *self._network(stack), *planes[:4],
             dense, self._dense_at, count, dense.shape[1], self._levels_there, stack.steps_there,
         )  # fmt: skip
 
     def _small_steps(self, stack: Stack, first: int, end: int) -> None:
         run = self._run
-        there = self._cycle_there(stack)
+        there = self._cycle_there(stack, self._whole)
         run.kernel("small_levels", (run.group,), *there, first, end, local=(run.group,))
 
     def _large_step(self, stack: Stack, step: Step) -> None:
         run, level, network = self._run, self._levels[step.level], self._network(stack)
-        coarse = self._levels[step.level + 1]
+        coarse, (force, height, lifted, kept, *_) = self._levels[step.level + 1], self._whole
         here, blocks = run.in_lanes(level.size), run.in_lanes(coarse.size)
         if step.what == RESTRICT:
             run.kernel(
                 "restrict_level", blocks,
-                *network, self._force, self._lifted, *level.there, *coarse.there,
+                *network, force, lifted, *level.there, *coarse.there,
             )  # fmt: skip
         elif step.what == REDO:
             run.kernel(
                 "redo_level", here,
-                *network, self._force, self._height, self._lifted, self._kept, *level.there,
+                *network, force, height, lifted, kept, *level.there,
             )  # fmt: skip
         elif step.what == LIFT:
             run.kernel(
-                "lift_level", blocks, self._height, self._lifted, self._kept, int(step.twice),
+                "lift_level", blocks, height, lifted, kept, int(step.twice),
                 *level.there, *coarse.there,
             )  # fmt: skip
         else:
             run.kernel(
                 "smooth_level", here,
-                *network, self._force, self._height, self._lifted, *level.there,
+                *network, force, height, lifted, *level.there,
             )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.height._cells import Cells, cells_of
-from tactograph.nodes.height._height_solver import HeightSolver, Stack, Wants, find_touch
+from tactograph.nodes.height._height_solver import HeightSolver, find_touch
 from tactograph.nodes.height._height_system import (
     HeightSystem,
     Window,
@@ -497,79 +497,83 @@ def _launch(run: Launch) -> None:
     touch = find_touch(run)
     solver = HeightSolver(run, touch.window, DEEPEST)
     solver.weigh(solver.cut(of["height"]), settings["robust"])
-    shape, ties = solver.shape, solver.rises
-    right, down, moved, total = (run.scratch(shape) for _ in range(4))
+    shape, ties, cells = solver.shape, solver.rises, solver.cells
+    coarse = solver.pixels if cells is None else cells
+    wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
+    wanted = wants if cells is None else solver.room(cells, ERRORS)
     slopes = run.scratch((AT_ONCE, 2, *shape))
     by_p, by_q = run.scratch(frame), run.scratch(frame)
-    wants, cells = Wants(right, down, run.scratch((ties,))), solver.cells
-    coarse = solver.pixels if cells is None else cells
-    there = run.scratch(coarse.shape)
-    of_cells = total if cells is None else run.scratch(coarse.shape)
-
-    def clear(plane: DeviceArray) -> None:
-        run.kernel("level", (math.prod(plane.shape),), plane, math.prod(plane.shape))
-
-    def integrate(
-        stack: Stack,
-        wants: Wants,
-        moved: DeviceArray,
-        steps: int,
-        total: DeviceArray,
-        share: float,
-        beside: float = 0.0,
-    ) -> None:
-        enough = ENOUGH * max(solver.energy(stack, wants), beside)
-        solver.solve(stack, wants, moved, steps, enough)
-        pixels = math.prod(moved.shape)
-        run.kernel("add_square", (pixels,), moved, total, pixels, share)
-
+    moved, total = (run.scratch((1, *shape)) for _ in range(2))
     misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
-    def err_rises(error: float, key: int) -> None:
+    def clear(plane: DeviceArray) -> None:
+        run.kernel("clear", (math.prod(plane.shape),), plane, math.prod(plane.shape))
+
+    def err_rises(to: int, error: float, key: int) -> None:
         if ties:
-            run.kernel("err_rises", (ties,), wants.rise, ties, error, np.uint32(key))
+            run.kernel("err_rises", (ties,), wants.rise, ties, to, error, np.uint32(key))
+
+    def add_squares(moved: DeviceArray, total: DeviceArray, shares: list[np.float32]) -> None:
+        size = math.prod(total.shape)
+        told = run.put(np.array(shares, np.float32))
+        run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
     run.kernel(
         "respond", run.in_lanes(rows, columns),
         of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
         by_p, by_q, *frame, pixel, of["uneven"],
     )  # fmt: skip
-    for plane in (total, of_cells):
-        clear(plane)
     drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
     kinds = run.keep("kinds", lambda: run.upload(_kinds()))
     light_keys = run.put(np.array([keys.light for keys in drawn], np.uint32))
-    for number, keys in enumerate(drawn):
-        first = number % AT_ONCE
-        if first == 0:
+    # The first come last: what they want of pixels is still there then.
+    for number in reversed(range(ERRORS)):
+        first, to, keys = (
+            number // AT_ONCE * AT_ONCE,
+            min(number, wants.right.shape[0] - 1),
+            drawn[number],
+        )
+        if number == first + AT_ONCE - 1:
             run.kernel(
                 "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
                 of["slope"], of["lights"], of["others"], by_p, by_q, slopes,
-                lights, rows, columns, *solver.place, pixel, number, settings["flat_noise"],
+                lights, rows, columns, *solver.place, pixel, first, settings["flat_noise"],
                 kinds, light_keys, misfit, bounced, earlier,
             )  # fmt: skip
         run.kernel(
-            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes, right, down, *shape,
-            first, 0.5 * pixel, settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
+            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes,
+            wants.right, wants.down, *shape, number - first, to, 0.5 * pixel,
+            settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
-        err_rises(settings["rise_px"] * pixel, keys.rises)
-        if number == 0:
-            beside = BESIDE * solver.energy(solver.pixels, wants)
-        wanted = wants if cells is None else solver.wants_of_cells(wants)
-        clear(there)
-        share = float(_share(number, 0 if cells is None else DEEPEST))
-        integrate(coarse, wanted, there, settings["steps"], of_cells, share)
-        if cells is not None and number < FINE:
-            solver.on_pixels(there, moved)
-            integrate(solver.pixels, wants, moved, AGAIN, total, 1 / FINE)
-    if cells is not None:
-        solver.on_pixels(of_cells, total, added=True)
+        err_rises(to, settings["rise_px"] * pixel, keys.rises)
+        if cells is not None:
+            solver.wants_of_cells(wants, to, wanted, number)
+    beside = BESIDE * float(solver.energies(solver.pixels, wants)[0])
+    enough = ENOUGH * solver.energies(coarse, wanted, ERRORS)
+    there, of_cells = run.scratch((ERRORS, *coarse.shape)), run.scratch(coarse.shape)
+    solver.solve_all(coarse, wanted, there, settings["steps"], enough)
+    clear(of_cells)
+    deepest = 0 if cells is None else DEEPEST
+    add_squares(there, of_cells, [_share(number, deepest) for number in range(ERRORS)])
+    if cells is None:
+        total = of_cells
+    else:
+        solver.on_pixels(of_cells, 0, total)
+        enough = ENOUGH * solver.energies(solver.pixels, wants, FINE)
+        for number in range(FINE):
+            solver.on_pixels(there, number, moved)
+            solver.solve(solver.pixels, wants, moved, AGAIN, float(enough[number]), number)
+            add_squares(moved, total, [np.float32(1 / FINE)])
     kink = settings["kink"] * pixel
     by_rows = run.in_row_lanes(*shape)
-    run.kernel("err_kinks", by_rows, *solver.wants[:2], right, down, *shape, pixel, kink)
-    err_rises(0.0, 0)
+    run.kernel(
+        "err_kinks", by_rows, *solver.wants[:2], wants.right, wants.down, *shape, pixel, kink
+    )
+    err_rises(0, 0.0, 0)
     clear(moved)
-    integrate(solver.pixels, wants, moved, settings["steps"], total, 1.0, beside)
+    enough_too = ENOUGH * max(float(solver.energies(solver.pixels, wants)[0]), beside)
+    solver.solve(solver.pixels, wants, moved, settings["steps"], enough_too)
+    add_squares(moved, total, [np.float32(1)])
     _deviate(run, solver, total)
 
 
@@ -590,7 +594,7 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     out, bent = run.outputs["height_error"], run.scratch(frame)
     height, pixel = run.inputs["height"], float(run.inputs["pixel"])
     run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
-    run.kernel("level", (math.prod(frame),), out, math.prod(frame))
+    run.kernel("clear", (math.prod(frame),), out, math.prod(frame))
     run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
 
