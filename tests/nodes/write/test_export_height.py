@@ -214,5 +214,5 @@ def test_a_height_map_of_no_pixel_or_beyond_float32_is_refused(
 
 @pytest.mark.parametrize("mm", [1e300, 1e-300, 0.0, -1.0])
 def test_a_pixel_that_no_file_can_hold_is_refused(mm: float) -> None:
-    with pytest.raises(InputError, match=r"nodes\.pixel\.with\.mm"):
+    with pytest.raises(InputError, match=r"^export: pixel_size_mm: input should be "):
         open_pipeline(read_graph("export"), {"height": "height.npy", "pixel_size_mm": mm})
