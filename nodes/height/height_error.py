@@ -41,7 +41,7 @@ from tactograph.nodes.height._height_system import (
     contact_window,
     height_system,
 )
-from tactograph.nodes.height._springs import Springs, conjugate_gradients, hierarchy
+from tactograph.nodes.height._springs import Grids, Springs, conjugate_gradients, hierarchy
 from tactograph.nodes.light._near_light import (
     brightness_share,
     expected_light,
@@ -220,7 +220,7 @@ def height_error(
     )
     springs = system.springs(system.cut(window.of(height)), robust)
     levels = hierarchy(springs)
-    cells = _on_cells(levels)
+    cells = _on_cells(springs, len(levels.places))
     inside = window.of(light)
     flat = np.float32(flat_noise) * inside
     noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
@@ -232,18 +232,20 @@ def height_error(
     level = np.zeros(inside.shape[1:], np.float32)
 
     def moved(
-        levels: Sequence[Springs],
+        springs: Springs,
+        levels: Grids,
         wants: tuple[F4, F4, F4],
         start: F4,
         steps: int,
         beside: float = 0.0,
     ) -> F4:
-        enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
-        return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
+        enough = ENOUGH * max(springs.energy(*wants[:2]), beside)
+        return conjugate_gradients(levels, springs.pull(*wants), start, steps, enough)
 
     total = np.zeros_like(level)
     of_cells = np.zeros_like(cells[-1].springs.ground) if cells else total
-    coarse = hierarchy(cells[-1].springs) if cells else levels
+    coarsest = cells[-1].springs if cells else springs
+    coarse = hierarchy(coarsest) if cells else levels
     x, y = _places(window, height.shape, pixel)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
     changed: F4 | np.float32 = np.float32(0)
@@ -266,19 +268,19 @@ def height_error(
         down += np.float32(aperture) * turn[1] * along[:-1]
         wants = right, down, rise_error * _drawn(keys.rises, system.rise.shape)
         if number == 0:
-            beside = BESIDE * levels[0].energy(right, down)
+            beside = BESIDE * springs.energy(right, down)
         wants_there = wants
         for network in cells:
             wants_there = network.wants(*wants_there)
-        change = moved(coarse, wants_there, np.zeros_like(of_cells), steps)
+        change = moved(coarsest, coarse, wants_there, np.zeros_like(of_cells), steps)
         of_cells += _share(number, len(cells)) * change * change
         if cells and number < FINE:
-            change = moved(levels, wants, _on_pixels(cells, change), AGAIN)
+            change = moved(springs, levels, wants, _on_pixels(cells, change), AGAIN)
             total += change * change / np.float32(FINE)
     if cells:
         total += _on_pixels(cells, of_cells)
     kinks = *_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise)
-    change = moved(levels, kinks, level, steps, beside)
+    change = moved(springs, levels, kinks, level, steps, beside)
     total += change * change
     free = window.of(rest) == 0
     if mask is not None:
@@ -290,11 +292,11 @@ def height_error(
     return out
 
 
-def _on_cells(levels: Sequence[Springs]) -> list[Cells]:
+def _on_cells(springs: Springs, levels: int) -> list[Cells]:
     """Cells of pixels, and cells of those; fewer where there are too few pixels."""
     cells: list[Cells] = []
-    for _ in levels[1 : 1 + DEEPEST]:
-        cells.append(cells_of(cells[-1].springs if cells else levels[0]))
+    for _ in range(min(DEEPEST, levels - 1)):
+        cells.append(cells_of(cells[-1].springs if cells else springs))
     return cells
 
 
