@@ -18,14 +18,14 @@ from numba import njit
 from tactograph.nodes import F4
 
 if TYPE_CHECKING:
-    from tactograph.nodes.height._springs import Grids
+    from tactograph.nodes.height._springs import Grids, LevelTies, Pixels
 
 DAMPING = np.float32(0.7)
 OVERSHOOT = np.float32(1.5)
 """Rigid blocks are too stiff: their correction is that much too small."""
 RESTRICT, SOLVE, REDO, ADD, LIFT = range(5)
 """What `visits` of a cycle do."""
-ONE, TINY = np.float32(1), np.float32(1e-30)
+ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
 
 
 @njit(cache=True, nogil=True)
@@ -36,67 +36,71 @@ def coarsen(grids: Grids) -> None:
         below, _, width = grids.places[level + 1]
         for row in range(rows):
             at, to = first + row * columns, below + row // 2 * width
-            for column in range(columns):
-                block = to + column // 2
-                grids.ground[block] += grids.ground[at + column]
-                if column % 2:
-                    grids.right[block] += grids.right[at + column]
-                if row % 2:
-                    grids.down[block] += grids.down[at + column]
+            _add_pairs(grids.ground, at, columns, to)
+            _add_seconds(grids.right, at, columns, to)
+            if row % 2:
+                _add_pairs(grids.down, at, columns, to)
+
+
+@njit(cache=True, nogil=True)
+def _add_pairs(plane: F4, at: int, width: int, to: int) -> None:
+    """Add each two pixels of a row to a block; the first pixel is `at`, the first block `to`."""
+    one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
+    for pair in range(np.uintp(width // 2)):
+        left = first + two * pair
+        plane[block + pair] += plane[left] + plane[left + one]
+    if width % 2:
+        plane[to + width // 2] += plane[at + width - 1]
+
+
+@njit(cache=True, nogil=True)
+def _add_seconds(plane: F4, at: int, width: int, to: int) -> None:
+    """Add the second of each two pixels of a row to a block."""
+    two, second, block = np.uintp(2), np.uintp(at + 1), np.uintp(to)
+    for pair in range(np.uintp(width // 2)):
+        plane[block + pair] += plane[second + two * pair]
 
 
 @njit(cache=True, nogil=True)
 def prepare(grids: Grids) -> None:
     """Enter one over the diagonal of each level's matrix, times the damping."""
-    total = np.zeros_like(grids.relax)
+    ties, relax = grids.ties, grids.relax
     for first, rows, columns in grids.places:
-        size = rows * columns
-        for pixel in range(first, first + size):
-            across = grids.right[pixel] + grids.right[pixel - 1]
-            total[pixel] = (
-                grids.ground[pixel] + across + grids.down[pixel] + grids.down[pixel - columns]
-            )
-    for tie in range(grids.ties.stiffness.size):
-        total[grids.ties.top[tie]] += grids.ties.stiffness[tie]
-        total[grids.ties.foot[tie]] += grids.ties.stiffness[tie]
-    for pixel in range(total.size):
-        if total[pixel] > 0:
-            grids.relax[pixel] = DAMPING * (ONE / max(total[pixel], TINY))
+        _add_up(grids.right, grids.down, grids.ground, first, rows * columns, columns, relax)
+    for tie in range(ties.stiffness.size):
+        relax[ties.top[tie]] += ties.stiffness[tie]
+        relax[ties.foot[tie]] += ties.stiffness[tie]
+    for pixel in range(relax.size):
+        total = relax[pixel]
+        relax[pixel] = DAMPING * (ONE / max(total, TINY)) if total > 0 else ZERO
 
 
 @njit(cache=True, nogil=True)
-def matrix(grids: Grids, level: int) -> F4:
-    """The matrix of the normal equations of a level."""
-    first, rows, columns = grids.places[level]
-    size = rows * columns
-    made = np.empty((size, size), np.float32)
-    unit, force = np.zeros_like(grids.right), np.empty_like(grids.right)
-    for pixel in range(size):
-        unit[first + pixel] = ONE
-        apply(grids, level, unit, force)
-        made[pixel] = force[first : first + size]
-        unit[first + pixel] = 0
-    return made
+def _add_up(right: F4, down: F4, ground: F4, at: int, size: int, width: int, total: F4) -> None:
+    """The stiffness of all springs that hold each pixel of a level, ties excepted."""
+    one, columns = np.uintp(1), np.uintp(width)
+    for here in range(np.uintp(at), np.uintp(at + size)):
+        across, along = right[here] + right[here - one], down[here] + down[here - columns]
+        total[here] = ground[here] + across + along
 
 
 @njit(cache=True, nogil=True)
 def pull(right: F4, down: F4, wants_right: F4, wants_down: F4, force: F4) -> None:
     """Add to `force` (H x W) that of springs between neighbours which want these steps."""
     for row in range(force.shape[0]):
-        here, stiff, want = force[row], right[row], wants_right[row]
-        after = here[1:]
+        here, below = force[row], force[min(row + 1, down.shape[0])]
+        stiff, want = right[row], wants_right[row]
         for column in range(stiff.size):
             here[column] -= stiff[column] * want[column]
+        after = here[1:]
         for column in range(stiff.size):
             after[column] += stiff[column] * want[column]
         if row < down.shape[0]:
             stiff, want = down[row], wants_down[row]
             for column in range(stiff.size):
-                here[column] -= stiff[column] * want[column]
-        if row > 0:
-            stiff, want = down[row - 1], wants_down[row - 1]
-            for column in range(stiff.size):
-                here[column] += stiff[column] * want[column]
+                stretch = stiff[column] * want[column]
+                here[column] -= stretch
+                below[column] += stretch
 
 
 @njit(cache=True, nogil=True)
@@ -104,37 +108,39 @@ def apply(grids: Grids, level: int, height: F4, force: F4) -> None:
     """Enter in `force` the matrix of a level's normal equations times `height`."""
     first, rows, columns = grids.places[level]
     for at in range(first, first + rows * columns, columns):
-        _hold(grids, height, at, columns, force[at : at + columns])
-    for tie in range(grids.ties.start[level], grids.ties.start[level + 1]):
-        top, foot = grids.ties.top[tie], grids.ties.foot[tie]
-        stretch = grids.ties.stiffness[tie] * (height[top] - height[foot])
-        force[top] += stretch
-        force[foot] -= stretch
+        _hold(height, grids.right, grids.down, grids.ground, at, columns, force, 0)
+    _stretch(grids.ties, level, height, force, grids.ties.top, grids.ties.foot, ONE)
 
 
 @njit(cache=True, nogil=True)
-def _hold(grids: Grids, height: F4, at: int, width: int, force: F4) -> None:
-    """The force of a row whose first pixel is `at`, ties excepted."""
-    end = at + width
-    here, before, after = height[at:end], height[at - 1 : end - 1], height[at + 1 : end + 1]
-    above, below = height[at - width : at], height[end : end + width]
-    rightwards, leftwards = grids.right[at:end], grids.right[at - 1 : end - 1]
-    downwards, upwards = grids.down[at:end], grids.down[at - width : at]
-    ground = grids.ground[at:end]
-    for column in range(width):
-        z = here[column]
-        across = leftwards[column] * (z - before[column]) + rightwards[column] * (z - after[column])
-        along = upwards[column] * (z - above[column]) + downwards[column] * (z - below[column])
-        force[column] = ground[column] * z + across + along
+def _stretch(
+    ties: LevelTies, level: int, height: F4, force: F4, top: Pixels, foot: Pixels, times: np.float32
+) -> None:
+    """Add to `force` that of a level's ties, so many times, where `top` and `foot` say."""
+    for tie in range(ties.start[level], ties.start[level + 1]):
+        pulled = times * ties.stiffness[tie] * (height[ties.top[tie]] - height[ties.foot[tie]])
+        force[top[tie]] += pulled
+        force[foot[tie]] -= pulled
 
 
 @njit(cache=True, nogil=True)
-def _relax(grids: Grids, force: F4, at: int, width: int, height: F4) -> None:
+def _hold(
+    height: F4, right: F4, down: F4, ground: F4, at: int, width: int, force: F4, behind: int
+) -> None:
+    """The force of a row whose first pixel is `at`, ties excepted; so far behind in `force`."""
+    one, columns, shift = np.uintp(1), np.uintp(width), np.uintp(behind)
+    for here in range(np.uintp(at), np.uintp(at + width)):
+        left, above, z = here - one, here - columns, height[here]
+        across = right[left] * (z - height[left]) + right[here] * (z - height[here + one])
+        along = down[above] * (z - height[above]) + down[here] * (z - height[here + columns])
+        force[here - shift] = ground[here] * z + across + along
+
+
+@njit(cache=True, nogil=True)
+def _relax(relax: F4, force: F4, at: int, width: int, height: F4) -> None:
     """A step of Jacobi from height zero, in a row."""
-    end = at + width
-    relax, pulled, there = grids.relax[at:end], force[at:end], height[at:end]
-    for column in range(width):
-        there[column] = relax[column] * pulled[column]
+    for here in range(np.uintp(at), np.uintp(at + width)):
+        height[here] = relax[here] * force[here]
 
 
 @njit(cache=True, nogil=True)
@@ -142,68 +148,75 @@ def _restrict(grids: Grids, level: int, force: F4, height: F4) -> None:
     """Relax a level, and enter in `force` of the coarser what is then left, by 2 x 2 pixels."""
     first, rows, columns = grids.places[level]
     below, _, width = grids.places[level + 1]
-    held, left = np.empty(columns, np.float32), np.zeros(2 * width, np.float32)
-    _relax(grids, force, first, columns, height)
+    held = np.zeros(columns, np.float32)
+    force[below : below + (rows + 1) // 2 * width] = 0
+    _relax(grids.relax, force, first, columns, height)
     for row in range(rows):
         at = first + row * columns
         if row + 1 < rows:
-            _relax(grids, force, at + columns, columns, height)
-        _hold(grids, height, at, columns, held)
-        pulled = force[at : at + columns]
-        if row % 2 == 0:
-            for column in range(columns):
-                left[column] = pulled[column] - held[column]
-        else:
-            for column in range(columns):
-                left[column] += pulled[column] - held[column]
-        if row % 2 or row + 1 == rows:
-            to = below + row // 2 * width
-            blocks = force[to : to + width]
-            for block in range(width):
-                blocks[block] = left[2 * block] + left[2 * block + 1]
+            _relax(grids.relax, force, at + columns, columns, height)
+        _hold(height, grids.right, grids.down, grids.ground, at, columns, held, at)
+        _join(force, held, at, columns, below + row // 2 * width)
     ties = grids.ties
-    for tie in range(ties.start[level], ties.start[level + 1]):
-        stretch = ties.stiffness[tie] * (height[ties.top[tie]] - height[ties.foot[tie]])
-        force[ties.top_block[tie]] -= stretch
-        force[ties.foot_block[tie]] += stretch
+    _stretch(ties, level, height, force, ties.top_block, ties.foot_block, -ONE)
 
 
 @njit(cache=True, nogil=True)
-def _lift_row(grids: Grids, level: int, row: int, coarse: F4, height: F4) -> None:
+def _join(force: F4, held: F4, at: int, width: int, to: int) -> None:
+    """Add what is left of the force on a row to its blocks, the first of which is `to`."""
+    one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
+    for pair in range(np.uintp(width // 2)):
+        left = two * pair
+        right = left + one
+        both = (force[first + left] - held[left]) + (force[first + right] - held[right])
+        force[block + pair] += both
+    if width % 2:
+        force[to + width // 2] += force[at + width - 1] - held[width - 1]
+
+
+@njit(cache=True, nogil=True)
+def _lift_row(coarse: F4, to: int, at: int, width: int, height: F4) -> None:
     """Every pixel of a block moves as the block does, in a row."""
-    first, _, columns = grids.places[level]
-    below, _, width = grids.places[level + 1]
-    at, to = first + row * columns, below + row // 2 * width
-    there, moved = height[at : at + columns], coarse[to : to + width]
-    pairs = columns // 2
-    for block in range(pairs):
-        step = OVERSHOOT * moved[block]
-        there[2 * block] += step
-        there[2 * block + 1] += step
-    if columns % 2:
-        there[columns - 1] += OVERSHOOT * moved[pairs]
+    one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
+    for pair in range(np.uintp(width // 2)):
+        left = first + two * pair
+        step = OVERSHOOT * coarse[block + pair]
+        height[left] += step
+        height[left + one] += step
+    if width % 2:
+        height[at + width - 1] += OVERSHOOT * coarse[to + width // 2]
 
 
 @njit(cache=True, nogil=True)
 def _lift(grids: Grids, level: int, force: F4, height: F4, found: F4) -> None:
     """Move a level as the coarser in `found`, relax it once more, and enter it there."""
     first, rows, columns = grids.places[level]
+    below, _, width = grids.places[level + 1]
     held = np.empty(columns, np.float32)
-    _lift_row(grids, level, 0, found, height)
+    _lift_row(found, below, first, columns, height)
     for row in range(rows):
-        if row + 1 < rows:
-            _lift_row(grids, level, row + 1, found, height)
         at = first + row * columns
-        end = at + columns
-        _hold(grids, height, at, columns, held)
-        pulled, relax, z, out = force[at:end], grids.relax[at:end], height[at:end], found[at:end]
-        for column in range(columns):
-            out[column] = z[column] + relax[column] * (pulled[column] - held[column])
-    for tie in range(grids.ties.start[level], grids.ties.start[level + 1]):
-        top, foot = grids.ties.top[tie], grids.ties.foot[tie]
-        stretch = grids.ties.stiffness[tie] * (height[top] - height[foot])
+        if row + 1 < rows:
+            to = below + (row + 1) // 2 * width
+            _lift_row(found, to, at + columns, columns, height)
+        _hold(height, grids.right, grids.down, grids.ground, at, columns, held, at)
+        _relax_again(grids.relax, force, held, at, columns, height, found)
+    ties = grids.ties
+    for tie in range(ties.start[level], ties.start[level + 1]):
+        top, foot = ties.top[tie], ties.foot[tie]
+        stretch = ties.stiffness[tie] * (height[top] - height[foot])
         found[top] -= grids.relax[top] * stretch
         found[foot] += grids.relax[foot] * stretch
+
+
+@njit(cache=True, nogil=True)
+def _relax_again(
+    relax: F4, force: F4, held: F4, at: int, width: int, height: F4, found: F4
+) -> None:
+    """A step of Jacobi from a height under which the springs hold with `held`, in a row."""
+    first = np.uintp(at)
+    for here in range(first, np.uintp(at + width)):
+        found[here] = height[here] + relax[here] * (force[here] - held[here - first])
 
 
 @njit(cache=True, nogil=True)

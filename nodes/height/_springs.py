@@ -122,7 +122,7 @@ def hierarchy(springs: Springs) -> Grids:
     grids = Grids(places, planes[0], planes[1], planes[2], planes[3], ties, nothing, visits)
     loops.coarsen(grids)
     loops.prepare(grids)
-    return grids._replace(dense=soft_inverse(loops.matrix(grids, len(places) - 1)))
+    return grids._replace(dense=soft_inverse(_smallest_matrix(grids)))
 
 
 def _places(rows: int, columns: int) -> NDArray[np.int64]:
@@ -196,6 +196,24 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
     which = np.full(top.size, -1, np.int64)
     pairs, which[apart] = np.unique(top[apart] * size + foot[apart], return_inverse=True)
     return pairs // size, pairs % size, which
+
+
+def _smallest_matrix(grids: Grids) -> F4:
+    """The matrix of the normal equations of the coarsest level."""
+    first, rows, columns = (int(number) for number in grids.places[-1])
+    size, start = rows * columns, int(grids.ties.start[-2])
+    end = first + size
+    here, ties = np.arange(size), grids.ties
+    ends = np.concatenate([here[:-1], here[:-columns], ties.top[start:] - first])
+    others = np.concatenate([here[1:], here[columns:], ties.foot[start:] - first])
+    right, down = grids.right[first : end - 1], grids.down[first : end - columns]
+    stiffness = np.concatenate([right, down, ties.stiffness[start:]])
+    matrix = np.diag(grids.ground[first:end])
+    np.subtract.at(matrix, (ends, others), stiffness)
+    np.subtract.at(matrix, (others, ends), stiffness)
+    np.add.at(matrix, (ends, ends), stiffness)
+    np.add.at(matrix, (others, others), stiffness)
+    return matrix
 
 
 def soft_inverse(matrix: F4) -> F4:
