@@ -179,12 +179,12 @@ def _lean(film: Film, error: Error, row: int, p: F4, q: F4) -> None:
         q[c] = _bounded(q[c] + lean * error.down + along * b)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _bounded(slope: np.float32) -> np.float32:
     return min(max(slope, -STEEPEST), STEEPEST)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _draw(number: np.uint32) -> np.float32:
     """+1 or -1 by a hash, as `drawn` does for whole planes."""
     x = np.uint32((number ^ (number >> np.uint32(16))) * np.uint32(0x7FEB352D))
