@@ -21,10 +21,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.shadow.label_lights import PIECE
+from tactograph.nodes.shadow._pieces import PIECE
 
 if TYPE_CHECKING:
-    from tactograph.nodes.shadow.label_lights import Choice, Images, Made, Pixels, Room, Rules
+    from tactograph.nodes.shadow._pieces import Choice, Images, Pixels, Room
+    from tactograph.nodes.shadow.label_lights import Made, Rules
 
 Vector = tuple[np.float32, np.float32, np.float32]
 Symmetric = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32]
@@ -63,47 +64,55 @@ INFINITE = np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def label(first: int, last: int, images: Images, rules: Rules, room: Room, made: Made) -> None:
+def label(
+    first: int, last: int, images: Images, prior: F4, rules: Rules, room: Room, made: Made
+) -> None:
     """Label some rows."""
     columns, most = images.x.size, room.best.cost.size
     for row in range(first, last):
         for start in range(0, columns, most):
             count = min(most, columns - start)
-            _load(images, rules, row, start, count, room.pixels)
+            load(images, row, start, count, room.pixels)
+            _find_dark(prior, rules, row, start, count, room.pixels)
             _label_piece(rules, room, count)
             _write(rules, room, row, start, count, made)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _load(images: Images, rules: Rules, row: int, start: int, count: int, pixels: Pixels) -> None:
-    """Read a piece of a row, and find the light vectors there (equation N1)."""
+def load(images: Images, row: int, start: int, count: int, pixels: Pixels) -> None:
+    """Read the light of a piece of a row, and find the light vectors there (equation N1)."""
     end = start + count
     x, z = images.x[start:end], images.height[row, start:end]
-    p, q = images.prior[0, row, start:end], images.prior[1, row, start:end]
-    for i in range(count):
-        pixels.forced[i] = 0
-        pixels.prior[i] = p[i]
-        pixels.prior[i + Y] = q[i]
     for k in range(len(images.lights)):
         lx, ly, lz = images.lights[k]
         dy = ly - images.y[row]
         light, sigma = images.light[k, row, start:end], images.sigma[k, row, start:end]
-        v = pixels.vectors[k]
-        m, spread, weight = pixels.light[k], pixels.sigma[k], pixels.weight[k]
-        below = pixels.below[k]
-        bit = np.uint8(1 << k if rules.dark > 0 else 0)
+        v, m, spread, weight = pixels.vectors[k], pixels.light[k], pixels.sigma[k], pixels.weight[k]
         for i in range(count):
             dx, dz = lx - x[i], lz - z[i]
             plan = dx * dx + dy * dy
             nearer = (plan + lz * lz) / (plan + dz * dz)
             gain = nearer * np.sqrt(nearer) * (ONE / lz)
             v[i], v[i + Y], v[i + Z] = dx * gain, dy * gain, dz * gain
+        for i in range(count):
             m[i] = light[i]
             spread[i] = max(sigma[i], LEAST_SPREAD)
             weight[i] = ONE / (spread[i] * spread[i])
-            dark = m[i] < rules.floor * spread[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _find_dark(prior: F4, rules: Rules, row: int, start: int, count: int, pixels: Pixels) -> None:
+    """Read the slopes expected, and find the LEDs that surely do not reach."""
+    p, q, forced = prior[0, row, start:], prior[1, row, start:], pixels.forced
+    for i in range(count):
+        pixels.prior[i], pixels.prior[i + Y], forced[i] = p[i], q[i], np.uint8(0)
+    for k in range(len(pixels.light)):
+        light, spread, below = pixels.light[k], pixels.sigma[k], pixels.below[k]
+        bit = np.uint8(1 << k if rules.dark > 0 else 0)
+        for i in range(count):
+            dark = light[i] < rules.floor * spread[i]
             below[i] = dark
-            pixels.forced[i] |= bit if dark else np.uint8(0)
+            forced[i] |= bit if dark else np.uint8(0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -196,7 +205,7 @@ def _try(
     leds = len(pixels.light)
     number = leds - _count_bits(left_out)
     if number > 2:
-        _add_up(pixels, count, left_out, room.sums)
+        add_up(pixels, count, left_out, room.sums)
         _least_squares(count, rules.uneven, room.sums, tried.normal, tried.twin)
     else:
         _pair(pixels, count, left_out, rules, room, tried)
@@ -211,7 +220,7 @@ def _try(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_up(pixels: Pixels, count: int, left_out: int, sums: F4) -> None:
+def add_up(pixels: Pixels, count: int, left_out: int, sums: F4) -> None:
     """Sums of w v v' (xx, xy, xz, yy, yz, zz) and of w m v."""
     for i in range(sums.size):
         sums[i] = ZERO
@@ -360,8 +369,8 @@ def _pair(
             continue
         v = pixels.vectors[k]
         for i in range(count):
-            sums[i] += max(_lit(v, first, i), ZERO)
-            sums[i + Y] += max(_lit(v, second, i), ZERO)
+            sums[i] += max(lit_by(v, first, i), ZERO)
+            sums[i + Y] += max(lit_by(v, second, i), ZERO)
     for i in range(count):
         a = first[i], first[i + Y], first[i + Z]
         b = second[i], second[i + Y], second[i + Z]
@@ -423,7 +432,7 @@ def _judge(
         if left_out >> k & 1:
             sigma, below = pixels.sigma[k], pixels.below[k]
             for i in range(count):
-                over = light[i] - max(_lit(v, n, i), ZERO)
+                over = light[i] - max(lit_by(v, n, i), ZERO)
                 spread = np.sqrt(sigma[i] * sigma[i] + STRAY * STRAY)
                 bright = max(over / spread + rules.one_sided, ZERO)
                 lit = light[i] * (ONE / SHADE)
@@ -438,7 +447,7 @@ def _judge(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _lit(v: F4, n: F4, i: int) -> np.float32:
+def lit_by(v: F4, n: F4, i: int) -> np.float32:
     """The light that a normal gets from an LED."""
     return v[i] * n[i] + v[i + Y] * n[i + Y] + v[i + Z] * n[i + Z]
 
@@ -447,7 +456,7 @@ def _lit(v: F4, n: F4, i: int) -> np.float32:
 def _add_squares(v: F4, n: F4, light: F4, weight: F4, count: int, sums: F4) -> None:
     """Add what an LED's light leaves, squared, and its products with the light expected."""
     for i in range(count):
-        expected = _lit(v, n, i)
+        expected = lit_by(v, n, i)
         away, weighted = light[i] - expected, weight[i] * expected
         sums[i] += weight[i] * away * away
         sums[i + Y] += weighted * away
@@ -495,7 +504,7 @@ def _write_shadow(
         v = pixels.vectors[k]
         light, bit = pixels.light[k], np.uint8(1 << k)
         for i in range(count):
-            expected = max(_lit(v, n, i), FAINTEST)
+            expected = max(lit_by(v, n, i), FAINTEST)
             dim = (light[i] < HALF * expected) & (used[i] != 0) & (used[i] & bit == 0)
             out[i] |= bit if dim else np.uint8(0)
 
@@ -516,7 +525,7 @@ def _write_variance(rules: Rules, room: Room, row: int, start: int, count: int, 
             w = weight[i] if counts else ZERO
             j1 = v[i] * n[i + Z] - v[i + Z] * n[i]
             j2 = v[i + Y] * n[i + Z] - v[i + Z] * n[i + Y]
-            shown = _lit(v, n, i)
+            shown = lit_by(v, n, i)
             sums[i] += w * j1 * j1
             sums[i + XY] += w * j1 * j2
             sums[i + YY] += w * j2 * j2

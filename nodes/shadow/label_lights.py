@@ -22,11 +22,8 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import places
 from tactograph.nodes.light._only_read import only_read
-
-PIECE = 640
-"""Pixels of a row that are labelled side by side, so that the cache holds them."""
+from tactograph.nodes.shadow._pieces import images_of, room_for
 
 
 class Labelled(NamedTuple):
@@ -40,19 +37,6 @@ class Labelled(NamedTuple):
     misfit: Annotated[F4, Port("H W", "1")]
 
 
-class Images(NamedTuple):
-    """The node's inputs, as loops take them: light and its standard deviation K x H x W, lights
-    K x 3, height H x W, the prior slope 2 x H x W, and the x and y of columns and rows in mm."""
-
-    light: F4
-    sigma: F4
-    lights: F4
-    height: F4
-    prior: F4
-    x: F4
-    y: F4
-
-
 class Rules(NamedTuple):
     """The node's parameters, and the sets of LEDs that may be left out."""
 
@@ -64,45 +48,6 @@ class Rules(NamedTuple):
     steepest: np.float32
     uneven: np.float32
     sets: NDArray[np.int64]
-
-
-class Pixels(NamedTuple):
-    """N pixels: light, its standard deviation and weight K x N, vectors K x 3N, the prior slope 2N,
-    and the LEDs that surely do not reach (K x N, and as bits where that counts).
-    """
-
-    light: F4
-    sigma: F4
-    weight: F4
-    vectors: F4
-    prior: F4
-    below: NDArray[np.bool_]
-    forced: NDArray[np.uint8]
-
-
-class Choice(NamedTuple):
-    """The best so far per pixel: normals 3N, the LEDs used, and what the choice costs."""
-
-    normal: F4
-    twin: F4
-    used: NDArray[np.uint8]
-    cost: F4
-    misfit: F4
-
-
-class Room(NamedTuple):
-    """What a thread works on: a piece of a row, and those of its pixels that a set is tried on."""
-
-    pixels: Pixels
-    best: Choice
-    chosen: Pixels
-    tried: Choice
-    where: NDArray[np.int64]
-    """Of each pixel that is chosen, its place in the piece."""
-    doubtful: NDArray[np.int64]
-    sums: F4
-    judged: F4
-    """3N, the normals by which a set is judged."""
 
 
 class Made(NamedTuple):
@@ -202,12 +147,11 @@ def label_lights(
     numbers = map(np.float32, (floor, price, one_sided, steepest, uneven))
     told: list[Any] = [pair == "prior", dark, *numbers, _sets(len(light))]
     rules = Rules(*told)
-    x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
-    images = Images(*map(only_read, (light, sigma, lights, height, prior, x, y)))
+    images, believed = images_of(light, sigma, lights, height, pixel), only_read(prior)
     made = _outputs(height.shape, wanted)
 
     def label_rows(rows: slice) -> None:
-        label(rows.start, rows.stop, images, rules, _room(len(light)), made)
+        label(rows.start, rows.stop, images, believed, rules, room_for(len(light)), made)
 
     in_blocks(label_rows, *height.shape)
     found: Iterator[Any] = (
@@ -244,19 +188,3 @@ def _sets(count: int) -> NDArray[np.int64]:
     """The sets of LEDs that may be left out, small ones first; two LEDs stay."""
     sets = [s for s in range(1 << count) if s.bit_count() <= count - 2]
     return np.array(sorted(sets, key=lambda s: (s.bit_count(), s)), np.int64)
-
-
-def _room(leds: int) -> Room:
-    def pixels() -> Pixels:
-        planes, below = np.zeros((3, leds, PIECE), np.float32), np.zeros((leds, PIECE), np.bool_)
-        vectors, prior = np.zeros((leds, 3 * PIECE), np.float32), np.zeros(2 * PIECE, np.float32)
-        forced = np.zeros(PIECE, np.uint8)
-        return Pixels(planes[0], planes[1], planes[2], vectors, prior, below, forced)
-
-    def choice() -> Choice:
-        normals, costs = np.zeros((2, 3 * PIECE), np.float32), np.zeros((2, PIECE), np.float32)
-        return Choice(normals[0], normals[1], np.zeros(PIECE, np.uint8), costs[0], costs[1])
-
-    where, doubtful = np.zeros((2, PIECE), np.int64)
-    sums, judged = np.zeros(9 * PIECE, np.float32), np.zeros(3 * PIECE, np.float32)
-    return Room(pixels(), choice(), pixels(), choice(), where, doubtful, sums, judged)
