@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
+import cv2
 import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
@@ -56,33 +57,34 @@ def cliff_variance(
         Light at which a smooth film may well turn away from an LED.
     """
     cliff = np.zeros(shadow.shape, np.float32)
-    for k in range(len(light)):
-        dark = (shadow >> k & 1).astype(bool)
-        if dark.any():
-            behind = _behind(dark, lights[k] / np.float32(pixel))
-            cliff = np.maximum(cliff, np.where(behind & ~dark, light[k], np.float32(0)))
+    for k, plane in enumerate(light):
+        row, column = _before_dark(shadow >> k & 1, lights[k] / np.float32(pixel))
+        cliff[row, column] = np.maximum(cliff[row, column], plane[row, column])
     sharp = np.maximum(_largest_neighbour(cliff) - np.float32(grazing), np.float32(0))
     step = np.float32(jump) * sharp
     return np.asarray(variance + step * step, np.float32)
 
 
-def _behind(dark: NDArray[np.bool_], led: F4) -> NDArray[np.bool_]:
-    """Whether the next pixel away from the LED (at `led`, in px from the centre) is dark."""
+def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
+    """The lit pixels behind which, away from the LED (at `led`, in px from the centre), it is dark.
+
+    The next pixel is one of the eight around.
+    """
     rows, columns = dark.shape
-    row, column = np.mgrid[:rows, :columns].astype(np.float32)
-    dx = led[0] - (column - np.float32((columns - 1) / 2))
-    dy = led[1] - (row - np.float32((rows - 1) / 2))
+    around = cv2.dilate(dark, np.ones((3, 3), np.uint8)) > dark
+    row, column = np.nonzero(around)
+    dx = led[0] - (column.astype(np.float32) - np.float32((columns - 1) / 2))
+    dy = led[1] - (row.astype(np.float32) - np.float32((rows - 1) / 2))
     plan = np.sqrt(dx * dx + dy * dy) + TINY
-    x, y = np.rint(column - dx / plan).astype(int), np.rint(row - dy / plan).astype(int)
+    x = np.rint(column.astype(np.float32) - dx / plan).astype(int)
+    y = np.rint(row.astype(np.float32) - dy / plan).astype(int)
     inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    return inside & dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)]
+    found = inside & (dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)] > 0)
+    return row[found], column[found]
 
 
 def _largest_neighbour(plane: F4) -> F4:
-    padded = np.pad(plane, 1)
-    rows, columns = plane.shape
-    shifted = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
-    return np.asarray(np.max(shifted, axis=0), np.float32)
+    return np.asarray(cv2.dilate(plane, np.ones((3, 3), np.uint8)), np.float32)
 
 
 @cliff_variance.opencl()
