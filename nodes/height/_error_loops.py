@@ -165,7 +165,7 @@ def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q
 def _lean(film: Film, error: Error, row: int, p: F4, q: F4) -> None:
     """Add to the slopes of a row those by which normals lean that the model gets wrong."""
     slope_p, slope_q = film.slope[0, row], film.slope[1, row]
-    cosine, sine = error.of_columns
+    cosine, sine = error.of_columns[0], error.of_columns[1]
     row_cosine, row_sine = error.of_rows[0, row], error.of_rows[1, row]
     for c in range(p.size):
         a, b = slope_p[c], slope_q[c]

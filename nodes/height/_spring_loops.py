@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 DAMPING = np.float32(0.7)
 OVERSHOOT = np.float32(1.5)
 """Rigid blocks are too stiff: their correction is that much too small."""
+NOTHING = np.int64(0)
+"""A plain 0 would be a constant, for which loops are compiled once more."""
 RESTRICT, SOLVE, REDO, ADD, LIFT = range(5)
 """What `visits` of a cycle do."""
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
@@ -108,7 +110,7 @@ def apply(grids: Grids, level: int, height: F4, force: F4) -> None:
     """Enter in `force` the matrix of a level's normal equations times `height`."""
     first, rows, columns = grids.places[level]
     for at in range(first, first + rows * columns, columns):
-        _hold(height, grids.right, grids.down, grids.ground, at, columns, force, 0)
+        _hold(height, grids.right, grids.down, grids.ground, at, columns, force, NOTHING)
     _stretch(grids.ties, level, height, force, grids.ties.top, grids.ties.foot, ONE)
 
 
@@ -149,7 +151,7 @@ def _restrict(grids: Grids, level: int, force: F4, height: F4) -> None:
     first, rows, columns = grids.places[level]
     below, _, width = grids.places[level + 1]
     held = np.zeros(columns, np.float32)
-    force[below : below + (rows + 1) // 2 * width] = 0
+    _clear(force[below : below + (rows + 1) // 2 * width])
     _relax(grids.relax, force, first, columns, height)
     for row in range(rows):
         at = first + row * columns
@@ -225,7 +227,7 @@ def _solve_directly(grids: Grids, force: F4, found: F4) -> None:
     first, rows, columns = grids.places[-1]
     size = rows * columns
     out = found[first : first + size]
-    out[:] = 0
+    _clear(out)
     for pixel in range(size):
         row, pulled = grids.dense[pixel], force[first + pixel]
         for other in range(size):
@@ -248,11 +250,19 @@ def cycle(grids: Grids, force: F4, found: F4, height: F4, kept: F4) -> None:
         elif what == LIFT:
             _lift(grids, level, force, height, found)
         elif what == REDO:
-            kept[first:end] = found[first:end]
+            _clear(kept[first:end])
+            _subtract(kept[first:end], found[first:end], -ONE)
             apply(grids, level, found, height)
             _subtract(force[first:end], height[first:end], ONE)
         else:
             _subtract(found[first:end], kept[first:end], -ONE)
+
+
+@njit(cache=True, nogil=True)
+def _clear(plane: F4) -> None:
+    """Assigning to a slice takes seconds to compile."""
+    for pixel in range(plane.size):
+        plane[pixel] = ZERO
 
 
 @njit(cache=True, nogil=True)

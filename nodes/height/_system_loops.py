@@ -60,7 +60,8 @@ def steps_down(
             above, here, below, end = slope[row - 1], slope[row], slope[row + 1], slope[row + 2]
             _curve(above, here, below, end, variance[row - 1], variance[row + 2], more)
         else:
-            more[:] = ZERO
+            for c in range(columns):
+                more[c] = ZERO
         _steps(
             slope[row], slope[row + 1], variance[row], variance[row + 1], more, bend, floor, size,
             step[row], spread[row],

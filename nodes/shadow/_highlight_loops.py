@@ -40,6 +40,8 @@ Factors = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.f
 
 SOFTLY, LEAST, SHORTEST = np.float32(1e-6), np.float32(1e-20), np.float32(1e-6)
 LEAST_SPREAD = np.float32(1e-12)
+NONE = np.int64(0)
+"""No LED is left out.  As a plain 0 it would be a constant, for which loops are compiled again."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -50,7 +52,7 @@ def mark(first: int, last: int, images: Images, limits: Limits, room: Room, mark
         for start in range(0, columns, most):
             count = min(most, columns - start)
             load(images, row, start, count, room.pixels)
-            _fit(room.pixels, count, 0, room.sums, room.judged, room.best.misfit)
+            _fit(room.pixels, count, NONE, room.sums, room.judged, room.best.misfit)
             found = _choose_unlikely(room, count, limits.unlikely)
             if found:
                 _mark_piece(limits, room, found)

@@ -119,7 +119,7 @@ def _find_dark(prior: F4, rules: Rules, row: int, start: int, count: int, pixels
 def _label_piece(rules: Rules, room: Room, count: int) -> None:
     """The cheapest set for each pixel; none where no set is open."""
     pixels, best, tried, doubtful = room.pixels, room.best, room.tried, room.doubtful
-    _try(pixels, count, 0, rules, room, best)
+    _try(pixels, count, rules.sets[0], rules, room, best)
     left = 0
     for i in range(count):
         # Leaving an LED out costs its price at least.
@@ -163,7 +163,7 @@ def _choose(rules: Rules, room: Room, left: int, left_out: int) -> int:
     found = 0
     for n in range(left):
         i = room.doubtful[n]
-        forced = int(pixels.forced[i])
+        forced = np.int64(pixels.forced[i])
         if forced & ~left_out or _count_bits(forced) + rules.dark < number:
             continue
         # The light of LEDs that are left out is much for a shadow, wherever the surface faces.
