@@ -177,14 +177,15 @@ def test_numbers_of_numpy_are_numbers(toys: list[str], write: Write, make: Any) 
 
 
 def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
-    """Matplotlib, trimesh and SciPy's transforms take longer to load than a touch to compute."""
+    """Matplotlib, trimesh, numba and SciPy's transforms take longer to load than a touch to
+    compute."""
     script = (
         "import sys;"
         "from tactograph.graph.files.read_graph import read_graph;"
         "from tactograph.graph.run.open_pipeline import open_pipeline, placeholders;"
         "graph = read_graph('reconstruct');"
         "open_pipeline(graph, placeholders(graph));"
-        "print(sorted({'matplotlib', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
+        "print(sorted({'matplotlib', 'numba', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.stdout == "[]\n", done.stderr

@@ -1,0 +1,40 @@
+"""Loops that numba compiles for the host."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.parity import cases, make_inputs
+
+LOOPS = {
+    "cast_shadows": ["shadow._ray_loops"],
+    "height_error": ["height._error_loops", "height._spring_loops", "height._system_loops"],
+    "integrate_weighted": ["height._spring_loops", "height._system_loops"],
+    "label_highlights": ["shadow._highlight_loops"],
+    "label_lights": ["shadow._label_loops"],
+    "shadow_constraints": ["shadow._ray_loops"],
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_loop_is_compiled_once_whoever_calls_its_node(name: str) -> None:
+    """Numba compiles anew for arrays that are read-only, as those of a graph are; for seconds."""
+    node = find_node(name)
+    case = cases(node)[0]
+    for writeable in (True, False):
+        inputs = make_inputs(node, case)
+        for array in inputs.values():
+            if hasattr(array, "flags"):
+                array.flags.writeable = writeable
+        node(*node.in_order(inputs), **case.settings)
+    for module in LOOPS[name]:
+        loops = vars(importlib.import_module(f"tactograph.nodes.{module}"))
+        compiled = {
+            name: len(loop.signatures)
+            for name, loop in loops.items()
+            if hasattr(loop, "signatures")
+        }
+        assert max(compiled.values()) == 1, compiled
