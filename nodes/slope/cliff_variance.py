@@ -58,7 +58,8 @@ def cliff_variance(
     """
     cliff = np.zeros(shadow.shape, np.float32)
     for k, plane in enumerate(light):
-        row, column = _before_dark(shadow >> k & 1, lights[k] / np.float32(pixel))
+        dark = np.asarray(shadow >> k & 1, np.uint8)
+        row, column = _before_dark(dark, lights[k] / np.float32(pixel))
         cliff[row, column] = np.maximum(cliff[row, column], plane[row, column])
     sharp = np.maximum(_largest_neighbour(cliff) - np.float32(grazing), np.float32(0))
     step = np.float32(jump) * sharp
