@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -302,15 +301,22 @@ class HeightSolver:
 
     def _join(self, stack: Stack) -> None:
         """Make the networks below the first."""
-        run, levels = self._run, self._levels[self._levels.index(stack.top) :]
-        for fine, coarse in pairwise(levels):
+        run, levels, network = self._run, self._levels, self._network(stack)
+        *planes, marks, starts, own, _, stiffness = network
+        number = levels.index(stack.top)
+        joined = *planes, marks, starts, own, stiffness
+        while levels[number].size > self._one_group:
+            fine, coarse = levels[number], levels[number + 1]
+            run.kernel("invert_diagonal", run.in_lanes(fine.size), *joined, *fine.there)
             run.kernel(
                 "coarsen_level", run.in_lanes(coarse.size),
                 stack.right, stack.down, self.ground, *fine.there, *coarse.there,
             )  # fmt: skip
-        network = self._network(stack)
-        for level in levels:
-            run.kernel("invert_diagonal", run.in_lanes(level.size), *network, *level.there)
+            number += 1
+        run.kernel(
+            "join_small_levels", (run.group,), *joined, self._levels_there, number,
+            len(levels) - 1, local=(run.group,),
+        )  # fmt: skip
         stack.dense = run.put(self._coarsest_inverse(network))
 
     def _coarsest_inverse(self, network: tuple[DeviceArray, ...]) -> F4:
