@@ -45,6 +45,7 @@ from tactograph.nodes.height._springs import Springs, conjugate_gradients, hiera
 from tactograph.nodes.light._near_light import (
     brightness_share,
     expected_light,
+    light_by_place,
     places,
     vectors_at,
 )
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
 ERRORS = 8
-"""Random errors; each has the LEDs at another place."""
+"""Random errors; each has the LEDs at another place.  The kernel's ERRORS."""
 STEEPEST = np.float32(3)
 SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
@@ -64,11 +65,10 @@ FINE = 2
 """So many of them are sent through the pixels' own network as well.  What they then have more is
 what cells do not see of any (multilevel Monte Carlo; Giles, "Multilevel Monte Carlo path
 simulation", 2008)."""
-AT_ONCE = 4
-"""Errors of the slopes that a device draws in one launch, since they share most of what they read;
-the kernel's AT_ONCE."""
 AGAIN = 4
 """Conjugate gradients that such an error takes from where the cells have brought it."""
+FEW = 4
+"""Work-items in a group of a CPU that keep much each."""
 WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
@@ -98,10 +98,30 @@ class _Response(NamedTuple):
     by_p: F4
     by_q: F4
 
-    def slope(self, change: F4) -> tuple[F4, F4]:
-        """The change of p and q that a change of the lights (K x H x W) causes."""
-        p, q = (self.by_p * change).sum(axis=0), (self.by_q * change).sum(axis=0)
+    def spread(self, noise: F4) -> _Spread:
+        """What noise of the lights (K x H x W) does to p and q: a root of their covariance.
+
+        As many numbers as p and q have are drawn, then, and not as many as there are LEDs.
+        """
+        p, q = self.by_p * noise, self.by_q * noise
+        alone = np.sqrt((p * p).sum(axis=0))
+        along = (p * q).sum(axis=0) / np.maximum(alone, np.float32(1e-12))
+        across = np.sqrt(np.maximum((q * q).sum(axis=0) - along * along, np.float32(0)))
+        return _Spread(alone, along, across)
+
+    def slope(self, change: F4, spread: _Spread, drawn: F4) -> tuple[F4, F4]:
+        """The change of p and q that a change of the lights causes, and noise as drawn."""
+        p = (self.by_p * change).sum(axis=0) + spread.alone * drawn[0]
+        q = (self.by_q * change).sum(axis=0) + (spread.along * drawn[0] + spread.across * drawn[1])
         return np.clip(p, -STEEPEST, STEEPEST), np.clip(q, -STEEPEST, STEEPEST)
+
+
+class _Spread(NamedTuple):
+    """The noise of p, of q along with that of p, and of q across it: H x W each."""
+
+    alone: F4
+    along: F4
+    across: F4
 
 
 @node(
@@ -146,8 +166,8 @@ def height_error(
     - the noise of each LED's light, and of the flat frame by which it was divided,
       independent from pixel to pixel;
     - an error of the calibration, common to all pixels: by how much the film's light would
-      differ from the one found if the LEDs were where the calibration allows them to be too
-      (on the film at rest it would not, by the flat frame);
+      differ from the one found, to first order, if the LEDs were where the calibration allows
+      them to be too (on the film at rest it would not, by the flat frame);
     - an error of the film's model: normals that lean by what was left over on presses held out,
       and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
       wave apart, so that their squares add up to the same everywhere.  Only the part of such a
@@ -226,7 +246,7 @@ def height_error(
     noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
     vectors, slopes = _vectors(window, height, lights, pixel), window.of(slope)
     response = _response(window, vectors, slopes, used, rest, sigma, np.float32(uneven))
-    lit = expected_light(vectors, slopes)
+    spread = response.spread(noise)
     turn = _turns(system)
     rise_error = np.float32(rise_px * pixel)
     level = np.zeros(inside.shape[1:], np.float32)
@@ -245,6 +265,7 @@ def height_error(
     of_cells = np.zeros_like(cells[-1].springs.ground) if cells else total
     coarse = hierarchy(cells[-1].springs) if cells else levels
     x, y = _places(window, height.shape, pixel)
+    by_place = light_by_place(lights, x, y, window.of(height), slopes)
     thrown = np.float32(0) if bounced is None else window.of(bounced)
     changed: F4 | np.float32 = np.float32(0)
     if bounced is not None and earlier is not None:
@@ -253,10 +274,10 @@ def height_error(
     half, beside = np.float32(0.5 * pixel), 0.0
     for number, other in enumerate(others):
         keys = _keys(seed, number)
-        common = expected_light(_vectors(window, height, other, pixel), slopes) - lit
+        common = np.einsum("kc,kchw->khw", np.float32(other) - np.float32(lights), by_place)
         common += np.float32(SIGNS[number]) * wrong * thrown
         common += np.float32(SETTLING[number]) * changed
-        p, q = response.slope(common + noise * _drawn(keys.light, noise.shape))
+        p, q = response.slope(common, spread, _drawn(keys.light, slopes.shape))
         if misfit is not None:
             p, q = _leaning(p, q, slopes, misfit, number, x, y)
         across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
@@ -284,9 +305,9 @@ def height_error(
     if mask is not None:
         free &= window.of(mask) != 0
     out = np.zeros(rest.shape, np.float32)
-    spread = _smooth_deviation(total, free.astype(np.float32))
+    deviation = _smooth_deviation(total, free.astype(np.float32))
     edge = window.of(_unresolved(height, pixel))
-    out[window.rows, window.columns] = np.sqrt(spread * spread + edge * edge) * free
+    out[window.rows, window.columns] = np.sqrt(deviation * deviation + edge * edge) * free
     return out
 
 
@@ -493,7 +514,7 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 def _launch(run: Launch) -> None:
     """The same errors through the same networks; no pixel comes to the host."""
     of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
-    lights, rows, columns = frame = tuple(run.sizes[symbol] for symbol in "KHW")
+    frame = tuple(run.sizes[symbol] for symbol in "KHW")
     touch = find_touch(run)
     solver = HeightSolver(run, touch.window, DEEPEST)
     solver.weigh(solver.cut(of["height"]), settings["robust"])
@@ -501,8 +522,7 @@ def _launch(run: Launch) -> None:
     coarse = solver.pixels if cells is None else cells
     wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
     wanted = wants if cells is None else solver.room(cells, ERRORS)
-    slopes = run.scratch((AT_ONCE, 2, *shape))
-    by_p, by_q = run.scratch(frame), run.scratch(frame)
+    slopes = run.scratch((ERRORS, 2, *shape))
     moved, total = (run.scratch((1, *shape)) for _ in range(2))
     misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
@@ -518,38 +538,30 @@ def _launch(run: Launch) -> None:
         told = run.put(np.array(shares, np.float32))
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
-    run.kernel(
-        "respond", run.in_lanes(rows, columns),
-        of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
-        by_p, by_q, *frame, pixel, of["uneven"],
-    )  # fmt: skip
     drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
     kinds = run.keep("kinds", lambda: run.upload(_kinds()))
     light_keys = run.put(np.array([keys.light for keys in drawn], np.uint32))
+    run.kernel(
+        "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+        of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
+        *frame, *solver.place, pixel, settings["flat_noise"], of["uneven"],
+        kinds, light_keys, misfit, bounced, earlier,
+        # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
+        local=(FEW,) if run.lanes > 1 else None,
+    )  # fmt: skip
     # The first come last: what they want of pixels is still there then.
     for number in reversed(range(ERRORS)):
-        first, to, keys = (
-            number // AT_ONCE * AT_ONCE,
-            min(number, wants.right.shape[0] - 1),
-            drawn[number],
-        )
-        if number == first + AT_ONCE - 1:
-            run.kernel(
-                "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-                of["slope"], of["lights"], of["others"], by_p, by_q, slopes,
-                lights, rows, columns, *solver.place, pixel, first, settings["flat_noise"],
-                kinds, light_keys, misfit, bounced, earlier,
-            )  # fmt: skip
+        to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
         run.kernel(
             "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes,
-            wants.right, wants.down, *shape, number - first, to, 0.5 * pixel,
+            wants.right, wants.down, *shape, number, to, 0.5 * pixel,
             settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
         err_rises(to, settings["rise_px"] * pixel, keys.rises)
         if cells is not None:
             solver.wants_of_cells(wants, to, wanted, number)
-    beside = BESIDE * float(solver.energies(solver.pixels, wants)[0])
-    enough = ENOUGH * solver.energies(coarse, wanted, ERRORS)
+    beside = solver.energies(solver.pixels, wants)
+    enough = solver.enough(ENOUGH, solver.energies(coarse, wanted, ERRORS))
     there, of_cells = run.scratch((ERRORS, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
     clear(of_cells)
@@ -559,10 +571,10 @@ def _launch(run: Launch) -> None:
         total = of_cells
     else:
         solver.on_pixels(of_cells, 0, total)
-        enough = ENOUGH * solver.energies(solver.pixels, wants, FINE)
+        enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants, FINE))
         for number in range(FINE):
             solver.on_pixels(there, number, moved)
-            solver.solve(solver.pixels, wants, moved, AGAIN, float(enough[number]), number)
+            solver.solve(solver.pixels, wants, moved, AGAIN, enough, number)
             add_squares(moved, total, [np.float32(1 / FINE)])
     kink = settings["kink"] * pixel
     by_rows = run.in_row_lanes(*shape)
@@ -571,8 +583,8 @@ def _launch(run: Launch) -> None:
     )
     err_rises(0, 0.0, 0)
     clear(moved)
-    enough_too = ENOUGH * max(float(solver.energies(solver.pixels, wants)[0]), beside)
-    solver.solve(solver.pixels, wants, moved, settings["steps"], enough_too)
+    enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants), beside, BESIDE)
+    solver.solve(solver.pixels, wants, moved, settings["steps"], enough)
     add_squares(moved, total, [np.float32(1)])
     _deviate(run, solver, total)
 
