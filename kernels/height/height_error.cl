@@ -36,11 +36,9 @@ static float drawn(const uint number, const uint key)
 // The same for the numbers that follow, too.
 #if LANES == 1
 #define uints uint
-#define AS_INTS as_int
 #define LANE_COUNTS 0u
 #else
 #define uints uint16
-#define AS_INTS as_int16
 #define LANE_COUNTS ((uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #endif
 static floats drawn_from(const uint number, const uint key)

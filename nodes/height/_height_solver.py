@@ -253,7 +253,7 @@ class HeightSolver:
         run, found = self._run, self._run.scratch(self.shape)
         first, _, stride = self._levels[0].there
         run.kernel(
-            "cut", self.shape,
+            "cut", run.in_row_lanes(*self.shape),
             height, self.ground, found, first, stride, run.sizes["W"], *self.place,
         )  # fmt: skip
         return found
