@@ -3,6 +3,8 @@
 It is the search of ``lut_nearest.cl``, ``table_tree.clh`` and ``sort_by_light.clh``, lane by lane,
 but for two things: it keeps a list of the nearest entries, however many are asked for, and squares
 of distances round as NumPy's, so that the order of entries almost equally near is NumPy's too.
+
+Long because numba compiles a kept function anew when its own file has changed, and no other.
 """
 
 from __future__ import annotations

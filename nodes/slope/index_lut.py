@@ -3,9 +3,9 @@
 The look-up is exact.  The index is a tree of three levels of 16 boxes along the table's principal
 axes, along which a Lambertian film's light is thin.  A film at rest lies off the table, so that
 many entries are almost equally near, and only boxes in all principal axes prune them.  On CPUs 16
-pixels of similar light walk the tree together; ``sort_by_light.clh`` sorts the frame by light, so
-that they are alike.  Equal entries are merged and ties go to the first entry, so both back ends
-find the same slope.
+pixels of similar light walk the tree together, in the kernel and in ``_packet_search.py``; the
+frame is sorted by light, so that they are alike.  Equal entries are merged and ties go to the
+first entry, so both back ends find the same slope.
 """
 
 from __future__ import annotations
