@@ -180,7 +180,7 @@ def _operator(operation: Any, pairs: dict[_Lanes, Pair], result: _Lanes) -> None
 
     @overload(operation)
     def chosen(a: Any, b: Any) -> Any:
-        found = made.get(a) if a == b else None
+        found: Any = made.get(a) if a == b else None
 
         def call(a: Any, b: Any) -> Any:
             return found(a, b)
