@@ -240,13 +240,13 @@ def _find(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | N
     One look at the folder spares asking for every name that an image may have.
     """
     try:
-        names = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
+        listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
     except OSError:  # each LED has a folder of its own, or there is none
-        names = None
-    return {led: _find_one(folder, pattern, led, names) for led in leds}
+        listed = None
+    return {led: _find_one(folder, pattern, led, listed) for led in leds}
 
 
-def _find_one(folder: Path, pattern: str, led: int, names: set[str] | None) -> Path | None:
+def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> Path | None:
     try:
         stem = pattern.format(led)
         if stem == pattern:
@@ -254,7 +254,7 @@ def _find_one(folder: Path, pattern: str, led: int, names: set[str] | None) -> P
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
-    likely = (file for file in candidates if names is None or file.name.lower() in names)
+    likely = (file for file in candidates if listed is None or file.name.lower() in listed)
     there = [file for file in likely if file.is_file()]
     if len(there) > 1:
         names = " and ".join(file.name for file in there)

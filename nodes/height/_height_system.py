@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Mask, ShadowRises, Slope, SlopeVariance
 from tactograph.nodes.height._springs import Springs, Ties
+from tactograph.nodes.light._cache_blocks import in_blocks
+from tactograph.nodes.light._only_read import only_read
 
 MARGIN = 8
-KNOWN = np.float32(1e6)
-SMOOTH = np.float32(1)
-LONELY = np.float32(4)
 HOLD = np.float32(1e5)
 """Stiffness of the film at rest; that of the surest step is 1."""
 
@@ -50,11 +49,10 @@ class HeightSystem(NamedTuple):
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
         """By how much the height departs from what is wanted, in mm."""
-        flat = height.ravel()
         return (
             height[:, 1:] - height[:, :-1] - self.right,
             height[1:] - height[:-1] - self.down,
-            flat[self.rises.top] - flat[self.rises.foot] - self.rise,
+            self._rise_residuals(height),
         )
 
     def cost(self, height: F4, scale: float) -> float:
@@ -74,18 +72,21 @@ class HeightSystem(NamedTuple):
         Cauchy's weights: 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the
         stiffest step's.
         """
-        right, down, rise = self.residuals(height)
+        from tactograph.nodes.height._system_loops import stiffen
+
         square = np.float32(scale * scale)
+        right, down = np.empty_like(self.right), np.empty_like(self.down)
+        variances = self.right_variance, self.down_variance
+        wants = self.right, self.down
+        stiffen(height, *wants, *variances, self.unit, square, right, down)
+        rise = self._rise_residuals(height)
+        stiffness = self.unit / (self.rise_variance + rise * rise / square)
+        ties = self.rises._replace(stiffness=np.asarray(stiffness, np.float32))
+        return Springs(right, down, self.at_rest * HOLD, ties)
 
-        def stiffness(variance: F4 | np.float32, residual: F4) -> F4:
-            return np.asarray(self.unit / (variance + residual * residual / square), np.float32)
-
-        return Springs(
-            stiffness(self.right_variance, right),
-            stiffness(self.down_variance, down),
-            self.at_rest * HOLD,
-            self.rises._replace(stiffness=stiffness(self.rise_variance, rise)),
-        )
+    def _rise_residuals(self, height: F4) -> F4:
+        flat = height.ravel()
+        return flat[self.rises.top] - flat[self.rises.foot] - self.rise
 
 
 def contact_window(rest: Mask, mask: Mask | None) -> Window:
@@ -138,15 +139,13 @@ def height_system(
         counts = window.of(mask) != 0
         variances = np.where(counts, variances, np.float32(np.inf))
         at_rest = np.where(counts, at_rest, np.float32(0))
-    right, right_variance = _steps(slopes[0], variances[0], bend, floor)
-    down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
-    size = np.float32(pixel)
+    right, right_variance, down, down_variance = _steps(slopes, variances, bend, floor, pixel)
     ties, rise = rises_inside(window, rises, rest.shape[1], mask)
     return HeightSystem(
-        right * size,
-        np.ascontiguousarray(down.T) * size,
-        right_variance * size * size,
-        np.ascontiguousarray(down_variance.T) * size * size,
+        right,
+        down,
+        right_variance,
+        down_variance,
         at_rest,
         ties,
         rise,
@@ -165,35 +164,29 @@ def rise_variance(rise_px: float, pixel: float) -> np.float32:
     return np.float32((rise_px * pixel) ** 2)
 
 
-def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
-    """Steps along the rows in px, from the slopes at both ends, and their variances.
+def _steps(
+    slope: F4, variance: F4, bend: float, floor: float, pixel: float
+) -> tuple[F4, F4, F4, F4]:
+    """Steps to the right in mm, from the slopes at both ends, and their variances; those down.
 
     Where all is smooth a cubic through four slopes gives (-1, 9, 9, -1) / 16 of them; else
     two.  Where only one slope is known, it counts, but little; one of infinite variance makes
     that of the step infinite.
     """
-    before, after = slope[:, :-1], slope[:, 1:]
-    step = np.float32(0.5) * (before + after)
-    step[:, 1:-1] += _cubic_part(slope, variance)
-    least = np.minimum(variance[:, :-1], variance[:, 1:])
-    known = np.maximum(variance[:, :-1], variance[:, 1:]) < KNOWN
-    surer = np.where(variance[:, :-1] < variance[:, 1:], before, after)
-    turn = np.float32(bend) * (after - before)
-    both = np.float32(0.25) * (variance[:, :-1] + variance[:, 1:]) + turn * turn
-    # A wall ends within the pixel that shows it.
-    little = np.minimum(least, np.float32(1e3)) + LONELY + surer * surer
-    alone = np.where(np.isinf(both), both, little)
-    spread = np.where(known, both, alone)
-    return np.where(known, step, surer), spread + np.float32(floor * floor)
+    from tactograph.nodes.height._system_loops import steps_down, steps_right
 
+    rows, columns = slope.shape[1:]
+    right, of_right = np.empty((2, rows, columns - 1), np.float32)
+    down, of_down = np.empty((2, rows - 1, columns), np.float32)
+    p, q, of_p, of_q = map(only_read, (*slope, *variance))
+    numbers = np.float32(bend), np.float32(floor), np.float32(pixel)
 
-def _cubic_part(slope: F4, variance: F4) -> F4:
-    """What four slopes add to the mean of the inner two; at most a quarter of their difference."""
-    outer = slope[:, :-3] + slope[:, 3:]
-    curve = (slope[:, 1:-2] + slope[:, 2:-1] - outer) / np.float32(16)
-    limit = np.float32(0.25) * np.abs(slope[:, 2:-1] - slope[:, 1:-2])
-    smooth = (variance[:, :-3] < SMOOTH) & (variance[:, 3:] < SMOOTH)
-    return np.where(smooth, np.clip(curve, -limit, limit), np.float32(0))
+    def step(part: slice) -> None:
+        steps_right(part.start, part.stop, p, of_p, *numbers, right, of_right)
+        steps_down(part.start, min(part.stop, rows - 1), q, of_q, *numbers, down, of_down)
+
+    in_blocks(step, rows, columns)
+    return right, of_right, down, of_down
 
 
 def rises_inside(

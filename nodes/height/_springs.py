@@ -9,8 +9,6 @@ weights that differ by orders of magnitude, where a transform that knows no weig
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +17,6 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4
 
 SMALLEST = 128
-DAMPING = np.float32(0.7)
-OVERSHOOT = np.float32(1.5)
-"""Rigid blocks are too stiff: their correction is that much too small."""
 SINGLE_VISITS = 2
 """How many of the finest networks are visited once a cycle; the coarser ones twice."""
 
@@ -45,26 +40,12 @@ class Springs:
         self.right, self.down, self.ground, self.ties = right, down, ground, ties
         self.shape = ground.shape
 
-    @cached_property
-    def inverse_diagonal(self) -> F4:
-        total = self.ground.copy()
-        total[:, 1:] += self.right
-        total[:, :-1] += self.right
-        total[1:] += self.down
-        total[:-1] += self.down
-        np.add.at(total.ravel(), self.ties.top, self.ties.stiffness)
-        np.add.at(total.ravel(), self.ties.foot, self.ties.stiffness)
-        return np.where(total > 0, np.float32(1) / np.maximum(total, np.float32(1e-30)), 0)
-
     def pull(self, right: F4, down: F4, rise: F4) -> F4:
         """Force on each pixel when the springs want these differences of height."""
+        from tactograph.nodes.height import _spring_loops as loops
+
         force = np.zeros(self.shape, np.float32)
-        stretch = self.right * right
-        force[:, 1:] += stretch
-        force[:, :-1] -= stretch
-        stretch = self.down * down
-        force[1:] += stretch
-        force[:-1] -= stretch
+        loops.pull(self.right, self.down, right, down, force)
         if rise.size:
             stretch = self.ties.stiffness * rise
             np.add.at(force.ravel(), self.ties.top, stretch)
@@ -78,44 +59,130 @@ class Springs:
         """
         return float(np.vdot(self.right * right, right) + np.vdot(self.down * down, down))
 
-    def apply(self, height: F4) -> F4:
-        """The matrix of the normal equations times `height`."""
-        flat = height.ravel()
-        force = self.pull(
-            height[:, 1:] - height[:, :-1],
-            height[1:] - height[:-1],
-            flat[self.ties.top] - flat[self.ties.foot],
-        )
-        force += self.ground * height
-        return force
 
-    def coarser(self) -> Springs:
-        """The network of 2 x 2 pixels joined rigidly."""
-        rows, columns = self.shape
-        half = ((rows + 1) // 2, (columns + 1) // 2)
-        right = _padded(self.right, half)
-        down = _padded(self.down, half)
-        joined_right = right[0::2, 1::2] + right[1::2, 1::2]
-        joined_down = down[1::2, 0::2] + down[1::2, 1::2]
-        return Springs(
-            np.ascontiguousarray(joined_right[:, :-1]),
-            np.ascontiguousarray(joined_down[:-1]),
-            block_sums(self.ground),
-            self._coarser_ties(half),
-        )
+class LevelTies(NamedTuple):
+    """The ties of all levels, one behind the other; pixels are counted in the planes of `Grids`."""
 
-    def _coarser_ties(self, half: tuple[int, int]) -> Ties:
-        top, foot, which = join_ends(self.ties.top, self.ties.foot, self.shape[1], half)
-        apart = which >= 0
-        stiffness = np.bincount(which[apart], self.ties.stiffness[apart], len(top))
-        return Ties(top, foot, stiffness.astype(np.float32))
+    start: Pixels
+    """The first tie of each level, and how many there are."""
+    top: Pixels
+    foot: Pixels
+    stiffness: F4
+    top_block: Pixels
+    """The pixels of the coarser level that hold the ends."""
+    foot_block: Pixels
 
-    @cached_property
-    def dense_inverse(self) -> F4:
-        """The inverse matrix; only for the smallest network."""
-        size = self.ground.size
-        units = np.eye(size, dtype=np.float32).reshape(size, *self.shape)
-        return soft_inverse(np.stack([self.apply(unit).ravel() for unit in units], axis=1))
+
+class Grids(NamedTuple):
+    """A network and its coarser ones down to a few pixels, each of 2 x 2 pixels of the one before.
+
+    Planes hold all levels, one behind the other.
+    """
+
+    places: NDArray[np.int64]
+    """Levels x 3: where in the planes each begins, its rows and columns."""
+    right: F4
+    down: F4
+    ground: F4
+    relax: F4
+    """One over the diagonal of the matrix, times the damping of Jacobi's steps."""
+    ties: LevelTies
+    dense: F4
+    """The inverse matrix of the smallest network."""
+    visits: NDArray[np.int64]
+    """What a cycle does at which level, one after another (`_spring_loops`)."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return int(self.places[0, 1]), int(self.places[0, 2])
+
+    def apply(self, height: F4, level: int = 0) -> F4:
+        """The matrix of a level's normal equations times `height`."""
+        from tactograph.nodes.height import _spring_loops as loops
+
+        first, rows, columns = self.places[level]
+        planes = np.zeros((2, self.right.size), np.float32)
+        planes[0, first : first + rows * columns] = height.ravel()
+        loops.apply(self, level, *planes)
+        return planes[1, first : first + rows * columns].reshape(rows, columns)
+
+
+def hierarchy(springs: Springs) -> Grids:
+    """The network and its coarser ones down to a few pixels."""
+    # Here, and not above: importing numba takes half a second, which a device has no use for.
+    from tactograph.nodes.height import _spring_loops as loops
+
+    places = _places(*springs.shape)
+    first, rows, columns = places[0]
+    planes = np.zeros((4, places[-1, 0] + (places[-1, 1] + 1) * places[-1, 2]), np.float32)
+    finest = planes[:, first : first + rows * columns].reshape(4, rows, columns)
+    finest[0, :, :-1], finest[1, :-1], finest[2] = springs.right, springs.down, springs.ground
+    nothing = np.zeros((0, 0), np.float32)
+    ties, visits = _tied(springs.ties, places), _visits(len(places))
+    grids = Grids(places, planes[0], planes[1], planes[2], planes[3], ties, nothing, visits)
+    loops.coarsen(grids)
+    loops.prepare(grids)
+    return grids._replace(dense=soft_inverse(_smallest_matrix(grids)))
+
+
+def _places(rows: int, columns: int) -> NDArray[np.int64]:
+    """Where the levels of a network begin: room for a row before and behind each."""
+    places = [(columns, rows, columns)]
+    while rows * columns > SMALLEST:
+        end = places[-1][0] + (rows + 1) * columns
+        rows, columns = (rows + 1) // 2, (columns + 1) // 2
+        places.append((end, rows, columns))
+    return np.array(places, np.int64)
+
+
+def _visits(levels: int) -> NDArray[np.int64]:
+    """What a multigrid cycle does, and where."""
+    from tactograph.nodes.height import _spring_loops as loops
+
+    def cycle(level: int) -> list[tuple[int, int]]:
+        below = level + 1
+        if below == levels:
+            return [(loops.SOLVE, level)]
+        visits = [(loops.RESTRICT, level), *cycle(below)]
+        if below >= SINGLE_VISITS and below + 1 < levels:
+            visits += [(loops.REDO, below), *cycle(below), (loops.ADD, below)]
+        return [*visits, (loops.LIFT, level)]
+
+    return np.array(cycle(0), np.int64)
+
+
+def _tied(ties: Ties, places: NDArray[np.int64]) -> LevelTies:
+    """The ties of all levels."""
+    levels: list[Ties] = []
+    blocks: list[list[Pixels]] = []
+    starts = [0]
+    for level, (first, _, columns) in enumerate(places):
+        levels.append(Ties(ties.top + first, ties.foot + first, ties.stiffness))
+        starts.append(starts[-1] + ties.top.size)
+        if level + 1 < len(places):
+            below, *half = (int(number) for number in places[level + 1])
+            blocks.append(
+                [below + blocks_of(index, int(columns), half[1]) for index in (ties.top, ties.foot)]
+            )
+            ties = coarser_ties(ties, int(columns), (half[0], half[1]))
+    blocks.append([np.zeros(ties.top.size, np.int64)] * 2)
+    tops, feet, stiffness = map(np.concatenate, zip(*levels, strict=True))
+    top_blocks, foot_blocks = map(np.concatenate, zip(*blocks, strict=True))
+    start = np.array(starts, np.int64)
+    return LevelTies(start, tops, feet, stiffness, top_blocks, foot_blocks)
+
+
+def coarser_ties(ties: Ties, width: int, half: tuple[int, int]) -> Ties:
+    """The ties between blocks of 2 x 2 pixels, each as stiff as all those that it joins."""
+    top, foot, which = join_ends(ties.top, ties.foot, width, half)
+    apart = which >= 0
+    stiffness = np.bincount(which[apart], ties.stiffness[apart], len(top))
+    return Ties(top, foot, stiffness.astype(np.float32))
+
+
+def blocks_of(index: Pixels, width: int, half: int) -> Pixels:
+    """The blocks of 2 x 2 that hold pixels of a network `width` pixels wide; `half` in a row."""
+    return index // width // 2 * half + index % width // 2
 
 
 def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> tuple[Pixels, ...]:
@@ -124,7 +191,7 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
     A tie whose ends become one pixel joins none: -1.
     """
     size = half[0] * half[1]
-    top, foot = (index // width // 2 * half[1] + index % width // 2 for index in (top, foot))
+    top, foot = (blocks_of(index, width, half[1]) for index in (top, foot))
     apart = top != foot
     which = np.full(top.size, -1, np.int64)
     pairs = top[apart] * size + foot[apart]
@@ -140,6 +207,24 @@ def stable_order(keys: Pixels) -> Pixels:
     numbered = keys.astype(np.int64) * keys.size + np.arange(keys.size)
     numbered.sort()
     return numbered % max(keys.size, 1)
+
+
+def _smallest_matrix(grids: Grids) -> F4:
+    """The matrix of the normal equations of the coarsest level."""
+    first, rows, columns = (int(number) for number in grids.places[-1])
+    size, start = rows * columns, int(grids.ties.start[-2])
+    end = first + size
+    here, ties = np.arange(size), grids.ties
+    ends = np.concatenate([here[:-1], here[:-columns], ties.top[start:] - first])
+    others = np.concatenate([here[1:], here[columns:], ties.foot[start:] - first])
+    right, down = grids.right[first : end - 1], grids.down[first : end - columns]
+    stiffness = np.concatenate([right, down, ties.stiffness[start:]])
+    matrix = np.diag(grids.ground[first:end])
+    np.subtract.at(matrix, (ends, others), stiffness)
+    np.subtract.at(matrix, (others, ends), stiffness)
+    np.add.at(matrix, (ends, ends), stiffness)
+    np.add.at(matrix, (others, others), stiffness)
+    return matrix
 
 
 def soft_inverse(matrix: F4) -> F4:
@@ -176,53 +261,34 @@ def block_sums(plane: F4) -> F4:
     return np.asarray(plane[0::2, 0::2] + plane[1::2, 0::2] + plane[0::2, 1::2] + plane[1::2, 1::2])
 
 
-def _spread(coarse: F4, shape: tuple[int, ...]) -> F4:
-    """Every pixel of a block moves as the block does."""
-    return coarse.repeat(2, axis=0).repeat(2, axis=1)[: shape[0], : shape[1]]
+def conjugate_gradients(grids: Grids, force: F4, height: F4, steps: int, enough: float) -> F4:
+    """Improve `height` until about `enough` energy is left to gain, `steps` times at most.
 
+    The same array comes back where there is nothing to gain.
+    """
+    from tactograph.nodes.height import _spring_loops as loops
 
-def hierarchy(springs: Springs) -> list[Springs]:
-    """The network and its coarser ones down to a few pixels."""
-    levels = [springs]
-    while levels[-1].ground.size > SMALLEST:
-        levels.append(levels[-1].coarser())
-    return levels
-
-
-def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
-    """Return the heights that about balance `force`: one symmetric multigrid cycle."""
-    network = levels[0]
-    if len(levels) == 1:
-        return (network.dense_inverse @ force.ravel()).reshape(force.shape)
-    height = DAMPING * network.inverse_diagonal * force
-    left = block_sums(force - network.apply(height))
-    coarse = cycle(levels[1:], left, depth + 1)
-    if depth + 1 >= SINGLE_VISITS and len(levels) > 2:
-        coarse = coarse + cycle(levels[1:], left - levels[1].apply(coarse), depth + 1)
-    height = height + OVERSHOOT * _spread(coarse, height.shape)
-    height += DAMPING * network.inverse_diagonal * (force - network.apply(height))
-    return height
-
-
-def conjugate_gradients(
-    levels: Sequence[Springs], force: F4, height: F4, steps: int, enough: float
-) -> F4:
-    """Improve `height` until about `enough` energy is left to gain, `steps` times at most."""
-    left = force - levels[0].apply(height)
-    correction = cycle(levels, left)
-    direction = correction
+    first, rows, columns = grids.places[0]
+    planes = np.zeros((6, grids.right.size), np.float32)
+    whole_left, whole_correction, whole_direction, whole_moved, *room = planes
+    left, correction, direction, moved, *_ = planes[:, first : first + rows * columns]
+    direction[:] = height.ravel()
+    loops.apply(grids, 0, whole_direction, whole_moved)
+    np.subtract(force.ravel(), moved, out=left)
+    loops.cycle(grids, whole_left, whole_correction, *room)
+    direction[:] = correction
     energy = float(np.vdot(left, correction))
+    found = height
     for _ in range(steps):
         if energy <= enough or energy <= 0:
             break
-        moved = levels[0].apply(direction)
+        loops.apply(grids, 0, whole_direction, whole_moved)
         stretched = float(np.vdot(direction, moved))
         if stretched <= 0:
             break
-        length = np.float32(energy / stretched)
-        height = height + length * direction
-        left = left - length * moved
-        correction = cycle(levels, left)
+        found = height.copy() if found is height else found
+        loops.advance(found.ravel(), left, direction, moved, np.float32(energy / stretched))
+        loops.cycle(grids, whole_left, whole_correction, *room)
         before, energy = energy, float(np.vdot(left, correction))
-        direction = correction + np.float32(energy / before) * direction
-    return height
+        loops.turn(direction, correction, np.float32(energy / before))
+    return found

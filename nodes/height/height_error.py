@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
@@ -17,6 +18,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import (
     F4,
     Height,
@@ -37,26 +39,18 @@ from tactograph.nodes.height._cells import Cells, cells_of
 from tactograph.nodes.height._height_solver import HeightSolver, find_touch
 from tactograph.nodes.height._height_system import (
     HeightSystem,
-    Window,
     contact_window,
     height_system,
 )
-from tactograph.nodes.height._springs import Springs, conjugate_gradients, hierarchy
-from tactograph.nodes.light._near_light import (
-    brightness_share,
-    expected_light,
-    light_by_place,
-    places,
-    vectors_at,
-)
+from tactograph.nodes.height._slope_errors import Error, Film, Turns, film_inside, response_of
+from tactograph.nodes.height._springs import Grids, Springs, conjugate_gradients, hierarchy
+from tactograph.nodes.light._only_read import only_read
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
 ERRORS = 8
 """Random errors; each has the LEDs at another place.  The kernel's ERRORS."""
-STEEPEST = np.float32(3)
-SINGULAR = np.float32(1e-4)
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 DEEPEST = 2
@@ -75,11 +69,6 @@ first has fallen to a half where it says."""
 SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
 LEANING = 1, -1, 1, -1, 1, -1, 1, -1
 """Of errors that are whole in each, so that they hardly add to one another."""
-TILTED = np.float32(0.1)
-"""Slope from which a model errs as it did on presses."""
-FLAT = np.float32(0.3)
-"""Share of that error on level film around a touch, which the flat frame knows but for the light
-that the touch throws on it."""
 NARROWEST = np.float32(1e-3)
 """mm, a width that waves can be made of."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
@@ -88,40 +77,10 @@ SHARP = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
 """The share of the steps' energy that may be left to gain."""
+Wants = tuple[F4, F4, F4]
+"""The steps to the right and down and the rises that springs want, in mm."""
 BESIDE = 0.1
 """Of a random error's energy: kinks of less are found as well as if they had so much."""
-
-
-class _Response(NamedTuple):
-    """What a small change of each LED's light does to the slope: K x H x W each."""
-
-    by_p: F4
-    by_q: F4
-
-    def spread(self, noise: F4) -> _Spread:
-        """What noise of the lights (K x H x W) does to p and q: a root of their covariance.
-
-        As many numbers as p and q have are drawn, then, and not as many as there are LEDs.
-        """
-        p, q = self.by_p * noise, self.by_q * noise
-        alone = np.sqrt((p * p).sum(axis=0))
-        along = (p * q).sum(axis=0) / np.maximum(alone, np.float32(1e-12))
-        across = np.sqrt(np.maximum((q * q).sum(axis=0) - along * along, np.float32(0)))
-        return _Spread(alone, along, across)
-
-    def slope(self, change: F4, spread: _Spread, drawn: F4) -> tuple[F4, F4]:
-        """The change of p and q that a change of the lights causes, and noise as drawn."""
-        p = (self.by_p * change).sum(axis=0) + spread.alone * drawn[0]
-        q = (self.by_q * change).sum(axis=0) + (spread.along * drawn[0] + spread.across * drawn[1])
-        return np.clip(p, -STEEPEST, STEEPEST), np.clip(q, -STEEPEST, STEEPEST)
-
-
-class _Spread(NamedTuple):
-    """The noise of p, of q along with that of p, and of q across it: H x W each."""
-
-    alone: F4
-    along: F4
-    across: F4
 
 
 @node(
@@ -238,69 +197,68 @@ def height_error(
         floor=floor,
         rise_px=rise_px,
     )
+    from tactograph.nodes.height._error_loops import err
+
     springs = system.springs(system.cut(window.of(height)), robust)
     levels = hierarchy(springs)
-    cells = _on_cells(levels)
-    inside = window.of(light)
-    flat = np.float32(flat_noise) * inside
-    noise = window.of(sigma) * np.sqrt(np.float32(1) + flat * flat)
-    vectors, slopes = _vectors(window, height, lights, pixel), window.of(slope)
-    response = _response(window, vectors, slopes, used, rest, sigma, np.float32(uneven))
-    spread = response.spread(noise)
+    cells = _on_cells(springs, len(levels.places))
+    coarsest = cells[-1].springs if cells else springs
+    coarse = hierarchy(coarsest) if cells else levels
+    film = film_inside(window, light, sigma, slope, height, pixel, bounced, earlier)
+    response = response_of(
+        film, lights, window.of(used), window.of(rest), uneven, np.float32(flat_noise)
+    )
     turn = _turns(system)
+    turns = Turns(*(np.float32(aperture) * part for part in turn))
     rise_error = np.float32(rise_px * pixel)
-    level = np.zeros(inside.shape[1:], np.float32)
+    level = np.zeros(springs.shape, np.float32)
+
+    def load(number: int) -> tuple[Wants, Wants]:
+        """What the springs between pixels want under an error, and those between cells."""
+        keys = _keys(seed, number)
+        error = _error(number, keys, others[number] - lights, misfit, film)
+        steps = Turns(np.empty_like(system.right), np.empty_like(system.down))
+        err(film, response, error, turns, np.float32(pixel), steps)
+        wants = *steps, rise_error * _drawn(keys.rises, system.rise.shape)
+        wants_there = wants
+        for network in cells:
+            wants_there = network.wants(*wants_there)
+        # Pixels are not asked again.
+        return (wants if number < FINE else wants_there), wants_there
 
     def moved(
-        levels: Sequence[Springs],
-        wants: tuple[F4, F4, F4],
+        springs: Springs,
+        levels: Grids,
+        wants: Wants,
         start: F4,
         steps: int,
         beside: float = 0.0,
     ) -> F4:
-        enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
-        return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
+        enough = ENOUGH * max(springs.energy(*wants[:2]), beside)
+        return conjugate_gradients(levels, springs.pull(*wants), start, steps, enough)
 
-    total = np.zeros_like(level)
-    of_cells = np.zeros_like(cells[-1].springs.ground) if cells else total
-    coarse = hierarchy(cells[-1].springs) if cells else levels
-    x, y = _places(window, height.shape, pixel)
-    by_place = light_by_place(lights, x, y, window.of(height), slopes)
-    thrown = np.float32(0) if bounced is None else window.of(bounced)
-    changed: F4 | np.float32 = np.float32(0)
-    if bounced is not None and earlier is not None:
-        changed = window.of(bounced) - window.of(earlier)
-    wrong = np.float32(0) if misfit is None else misfit[3]
-    half, beside = np.float32(0.5 * pixel), 0.0
-    for number, other in enumerate(others):
-        keys = _keys(seed, number)
-        common = np.einsum("kc,kchw->khw", np.float32(other) - np.float32(lights), by_place)
-        common += np.float32(SIGNS[number]) * wrong * thrown
-        common += np.float32(SETTLING[number]) * changed
-        p, q = response.slope(common, spread, _drawn(keys.light, slopes.shape))
-        if misfit is not None:
-            p, q = _leaning(p, q, slopes, misfit, number, x, y)
-        across, along = _drawn(keys.right, level.shape), _drawn(keys.down, level.shape)
-        right = (p[:, 1:] + p[:, :-1]) * half
-        down = (q[1:] + q[:-1]) * half
-        right += np.float32(aperture) * turn[0] * across[:, :-1]
-        down += np.float32(aperture) * turn[1] * along[:-1]
-        wants = right, down, rise_error * _drawn(keys.rises, system.rise.shape)
-        if number == 0:
-            beside = BESIDE * levels[0].energy(right, down)
-        wants_there = wants
-        for network in cells:
-            wants_there = network.wants(*wants_there)
-        change = moved(coarse, wants_there, np.zeros_like(of_cells), steps)
-        of_cells += _share(number, len(cells)) * change * change
-        if cells and number < FINE:
-            change = moved(levels, wants, _on_pixels(cells, change), AGAIN)
-            total += change * change / np.float32(FINE)
-    if cells:
-        total += _on_pixels(cells, of_cells)
+    def send(number: int) -> tuple[F4, F4 | None]:
+        """By how much an error moves cells, and pixels if it is sent through those as well."""
+        wants, wants_there = loads[number]
+        there = np.zeros(coarsest.shape, np.float32)
+        change = moved(coarsest, coarse, wants_there, there, steps)
+        if not cells or number >= FINE:
+            return change, None
+        return change, moved(springs, levels, wants, _on_pixels(cells, change), AGAIN)
+
     kinks = *_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise)
-    change = moved(levels, kinks, level, steps, beside)
-    total += change * change
+    with ThreadPoolExecutor(cores()) as threads:
+        loads = list(threads.map(load, range(ERRORS)))
+        beside = BESIDE * springs.energy(*loads[0][0][:2])
+        by_kinks = threads.submit(moved, springs, levels, kinks, level, steps, beside)
+        changes = list(threads.map(send, range(ERRORS)))
+    total, of_cells = np.zeros_like(level), np.zeros(coarsest.shape, np.float32)
+    for number, (change, fine) in enumerate(changes):
+        of_cells += _share(number, len(cells)) * change * change
+        if fine is not None:
+            total += fine * fine / np.float32(FINE)
+    total += _on_pixels(cells, of_cells)
+    total += by_kinks.result() * by_kinks.result()
     free = window.of(rest) == 0
     if mask is not None:
         free &= window.of(mask) != 0
@@ -311,11 +269,11 @@ def height_error(
     return out
 
 
-def _on_cells(levels: Sequence[Springs]) -> list[Cells]:
+def _on_cells(springs: Springs, levels: int) -> list[Cells]:
     """Cells of pixels, and cells of those; fewer where there are too few pixels."""
     cells: list[Cells] = []
-    for _ in levels[1 : 1 + DEEPEST]:
-        cells.append(cells_of(cells[-1].springs if cells else levels[0]))
+    for _ in range(min(DEEPEST, levels - 1)):
+        cells.append(cells_of(cells[-1].springs if cells else springs))
     return cells
 
 
@@ -370,22 +328,6 @@ def _kinds() -> F4:
     return np.column_stack([SIGNS, SETTLING, LEANING, waves]).astype(np.float32)
 
 
-def _leaning(p: F4, q: F4, slopes: F4, misfit: Misfit, number: int, x: F4, y: F4) -> tuple[F4, F4]:
-    """Slopes plus those by which normals lean that the model gets wrong."""
-    wave, (a, b) = _wave(number), slopes
-    per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
-    turn = per_mm * (wave.across * x + wave.down * y) + wave.phase
-    slant = np.sqrt(a * a + b * b)
-    tilted = np.clip(slant / TILTED, FLAT, np.float32(1))
-    lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turn)
-    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
-    along = lean * (wave.across * a + wave.down * b) + steeper * (1 + a * a + b * b)
-    return (
-        np.clip(p + lean * wave.across + along * a, -STEEPEST, STEEPEST),
-        np.clip(q + lean * wave.down + along * b, -STEEPEST, STEEPEST),
-    )
-
-
 class _Keys(NamedTuple):
     """What the draws of one error hang on."""
 
@@ -417,64 +359,37 @@ def _hashed(x: Any) -> Any:
     return x ^ x >> np.uint32(16)
 
 
-def _response(
-    window: Window,
-    vectors: F4,
-    slope: Slope,
-    used: Labels,
-    rest: Mask,
-    sigma: Light,
-    uneven: np.float32,
-) -> _Response:
-    """The derivative of the weighted least-squares normal by the lights, carried to p, q.
-
-    Vectors and slope are those inside the window.
-
-    In the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y); of three LEDs or more at any
-    brightness of the film; see `label_lights`.
-    """
-    p, q = slope
-    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
-    along_a = (vectors[:, 0] + vectors[:, 2] * p) * nz
-    along_b = (vectors[:, 1] + vectors[:, 2] * q) * nz
-    shown = expected_light(vectors, slope)
-    numbers = np.arange(len(vectors), dtype=np.uint8)[:, None, None]
-    counts = np.ascontiguousarray(used[window.rows, window.columns]) >> numbers & 1
-    noise = window.of(sigma)
-    weight = counts / np.maximum(noise * noise, np.float32(1e-10))
-    weighted = weight * shown
-    share = brightness_share((weighted * shown).sum(axis=0), np.float32(1), uneven)
-    share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
-    told_a, told_b = (
-        weight * (along - share * (weighted * along).sum(axis=0) * shown)
-        for along in (along_a, along_b)
+def _error(
+    number: int,
+    keys: _Keys,
+    moved: F4,
+    misfit: Misfit | None,
+    film: Film,
+) -> Error:
+    """One of the random errors; `moved` is K x 3 in mm, by how much the LEDs are elsewhere."""
+    wave, zero = _wave(number), np.float32(0)
+    of_columns = of_rows = np.zeros((2, 0), np.float32)
+    wrong = steeper = zero
+    if misfit is not None:
+        per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
+        turned, strength = per_mm * wave.across * film.x + wave.phase, math.sqrt(2) * misfit[0]
+        of_columns = np.float32(strength) * np.stack([np.cos(turned), np.sin(turned)])
+        turned = per_mm * wave.down * film.y
+        of_rows = np.stack([np.cos(turned), np.sin(turned)])
+        wrong, steeper = SIGNS[number] * misfit[3], LEANING[number] * misfit[4]
+    return Error(
+        only_read(np.asarray(moved, np.float32)),
+        np.float32(wrong),
+        np.float32(SETTLING[number]),
+        wave.across,
+        wave.down,
+        of_columns,
+        of_rows,
+        np.float32(steeper),
+        np.uint32(keys.light),
+        np.uint32(keys.right),
+        np.uint32(keys.down),
     )
-    aa, ab, bb = (
-        (told * along).sum(axis=0)
-        for told, along in ((told_a, along_a), (told_a, along_b), (told_b, along_b))
-    )
-    determinant = aa * bb - ab * ab
-    known = (determinant > SINGULAR * aa * bb) & (rest[window.rows, window.columns] == 0)
-    inverse = np.where(known, np.float32(1) / np.where(known, determinant, 1), np.float32(0))
-    by_a = (bb * told_a - ab * told_b) * inverse
-    by_b = (aa * told_b - ab * told_a) * inverse
-    return _Response(
-        np.asarray(-((1 + p * p) * by_a + p * q * by_b), np.float32),
-        np.asarray(-(p * q * by_a + (1 + q * q) * by_b), np.float32),
-    )
-
-
-def _places(window: Window, size: tuple[int, ...], pixel: float) -> tuple[F4, F4]:
-    """The x and y inside the window, 1 x w and h x 1."""
-    rows, columns = size
-    x = places(columns, np.float32(pixel))[None, window.columns]
-    return x, places(rows, np.float32(pixel))[window.rows, None]
-
-
-def _vectors(window: Window, height: Height, lights: LightPositions, pixel: float) -> F4:
-    """The light vectors inside the window, K x 3 x h x w."""
-    x, y = _places(window, height.shape, pixel)
-    return vectors_at(lights, x, y, window.of(height))
 
 
 def _turns(system: HeightSystem) -> tuple[F4, F4]:

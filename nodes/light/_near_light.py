@@ -57,27 +57,6 @@ def expected_light(vectors: F4, slope: F4) -> F4:
     return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
 
 
-def light_by_place(lights: F4, x: F4, y: F4, z: F4, slope: F4) -> F4:
-    """Return the derivative of n.v by each LED's place, per mm: K x 3 x H x W.
-
-    Places x, y and z are in mm from the middle of the image, slopes 2 x H x W.
-    """
-    p, q = slope
-    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
-    found = np.empty((len(lights), 3, *z.shape), np.float32)
-    for by, (lx, ly, lz) in zip(found, lights, strict=True):
-        dx, dy, dz = lx - x, ly - y, lz - z
-        plan = dx * dx + dy * dy
-        there, here = np.float32(1) / (plan + lz * lz), np.float32(1) / (plan + dz * dz)
-        nearer = here / there
-        gain = nearer * np.sqrt(nearer) * (np.float32(1) / lz) * nz
-        thrice = np.float32(3) * gain * (dz - dx * p - dy * q)
-        by[0] = thrice * dx * (there - here) - gain * p
-        by[1] = thrice * dy * (there - here) - gain * q
-        by[2] = thrice * (lz * there - dz * here - np.float32(1 / 3) / lz) + gain
-    return found
-
-
 def brightness_share(whole: F4, scale: F4 | np.float32, uneven: np.float32) -> F4:
     """Return what an unknown brightness explains of a square along n.v (Woodbury's identity).
 

@@ -7,16 +7,14 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
-from tactograph.nodes.simulate._interpolate import bilinear
+from tactograph.nodes.light._cache_blocks import in_blocks
+from tactograph.nodes.light._only_read import only_read
 
 GROUP, BLOCK = 64, 16
-STEP = np.float32(0.5)
-TINY = np.float32(1e-6)
 
 
 @node(
@@ -55,43 +53,23 @@ def cast_shadows(
     ndarray
         H x W, bit k-1 set where LED k does not light the pixel.
     """
+    from tactograph.nodes.shadow._ray_loops import cast
+
     out = np.zeros(height.shape, np.uint8)
     window = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
-    for k, led in enumerate(lights):
+    surface, top = only_read(height), height.max()
+    size = np.float32(pixel)
+    for k, (x, y, z) in enumerate(lights):
         asked: Mask = np.ones(height.shape, np.uint8)
         if seen is not None:
             asked = np.asarray(cv2.dilate(np.ascontiguousarray(seen >> k & 1), window), np.uint8)
-        row, column = np.nonzero(asked)
-        if row.size:
-            out[row, column] |= _is_blocked(height, led, pixel, row, column).astype(np.uint8) << k
+        led = np.array([x / size, y / size, z], np.float32)
+
+        def cast_in(rows: slice, led: F4 = led, asked: Mask = asked, bit: int = 1 << k) -> None:
+            cast(rows.start, rows.stop, surface, led, asked, top, bit, out)
+
+        in_blocks(cast_in, *height.shape)
     return out
-
-
-def _is_blocked(
-    height: F4, led: F4, pixel: float, row: NDArray[np.intp], column: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Whether the way from each pixel to the LED is blocked."""
-    rows, columns = height.shape
-    size = np.float32(pixel)
-    x, y, z = column.astype(np.float32), row.astype(np.float32), height[row, column]
-    dx = led[0] / size - (x - np.float32((columns - 1) / 2))
-    dy = led[1] / size - (y - np.float32((rows - 1) / 2))
-    plan = np.sqrt(dx * dx + dy * dy) + TINY
-    ux, uy, climb = dx / plan, dy / plan, (led[2] - z) / plan
-    top = height.max()
-    blocked = np.zeros(row.size, bool)
-    going = np.arange(row.size)
-    t = STEP
-    farthest = np.float32(rows + columns)
-    while going.size and t < farthest:
-        px, py = x[going] + ux[going] * t, y[going] + uy[going] * t
-        ray = z[going] + climb[going] * t
-        inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
-        hit = inside & (bilinear(height, px, py) > ray)
-        blocked[going[hit]] = True
-        going = going[inside & ~hit & (ray < top)]
-        t = np.float32(t + STEP)
-    return blocked
 
 
 @cast_shadows.opencl()

@@ -6,18 +6,17 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
-from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
+from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import F8, expected_light, light_vectors, places, vectors_at
+from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.shadow._pieces import images_of, room_for
 
 FEWEST = 3
 """LEDs that have to remain: two would leave two normals."""
 UNKNOWN = np.float32(1e3)
 """Standard deviation of a light that says nothing."""
-SOFTLY = np.float32(1e-6)
 
 
 class Highlights(NamedTuple):
@@ -27,31 +26,13 @@ class Highlights(NamedTuple):
     sigma: Light
 
 
-class _Moments(NamedTuple):
-    """A symmetric 3 x 3 matrix per pixel, taken apart into L D L^T: one over D, then L."""
+class Limits(NamedTuple):
+    """The node's parameters; `near` is the cosine of the lobe's angle."""
 
-    first: F4
-    second: F4
-    third: F4
-    yx: F4
-    zx: F4
-    zy: F4
-
-    def solve(self, right: F4 | F8) -> F4:
-        """The inverse times 3 x N."""
-        y = right[1] - self.yx * right[0]
-        z = (right[2] - self.zx * right[0] - self.zy * y) * self.third
-        y = y * self.second - self.zy * z
-        x = right[0] * self.first - self.yx * y - self.zx * z
-        return np.asarray([x, y, z], np.float32)
-
-
-class _Fit(NamedTuple):
-    """Unit normals 3 x N, the matrix of their equations, and the chi-square that they leave."""
-
-    normal: F4
-    moments: _Moments
-    misfit: F4
+    unlikely: np.float32
+    likely: np.float32
+    excess: np.float32
+    near: np.float32
 
 
 @node(
@@ -105,103 +86,26 @@ def label_highlights(
         H x W, bit k-1 where LED k is mirrored; K x H x W, `sigma`, but 1000 there, so that
         `label_lights` leaves that light out without calling it a shadow.
     """
-    count, size = len(light), height.size
-    marked = np.zeros(size, np.uint8)
-    x, y = (np.broadcast_to(part, height.shape).ravel() for part in _places(height, pixel))
-    seen, noise, z = light.reshape(count, size), sigma.reshape(count, size), height.ravel()
-    near = np.cos(np.deg2rad(np.float32(lobe_deg)))
+    from tactograph.nodes.shadow._highlight_loops import mark
 
-    def mark(part: slice) -> None:
-        together = _fit(
-            seen[:, part], noise[:, part], vectors_at(lights, x[part], y[part], z[part])
-        )
-        at = np.flatnonzero(together.misfit > np.float32(unlikely)) + part.start
-        spot = np.stack([x[at], y[at], z[at]])
-        towards, halves = vectors_at(lights, *spot), _half_way(lights, spot)
-        marked[at] = _mirrored(seen[:, at], noise[:, at], towards, halves, likely, excess, near)
+    count = len(light)
+    highlight = np.zeros(height.shape, np.uint8)
+    images = images_of(light, sigma, lights, height, pixel)
+    near = np.cos(np.deg2rad(np.float32(lobe_deg)))
+    limits = Limits(*map(np.float32, (unlikely, likely, excess, near)))
+
+    def mark_rows(rows: slice) -> None:
+        mark(rows.start, rows.stop, images, limits, room_for(count), highlight)
 
     if count > FEWEST:
-        in_blocks(mark, size)
-    highlight = marked.reshape(height.shape)
-    numbers = np.arange(count, dtype=np.uint8)[:, None, None]
-    raised = np.where(highlight >> numbers & 1, UNKNOWN, sigma)
-    return Highlights(highlight, np.asarray(raised, np.float32))
+        in_blocks(mark_rows, *height.shape)
+    raised = sigma.copy()
+    for k, plane in enumerate(raised):
+        plane[(highlight >> k & 1) > 0] = UNKNOWN
+    return Highlights(highlight, raised)
 
 
 label_highlights.opencl(grid="H W", lanes="grid")
-
-
-def _fit(light: F4, sigma: F4, vectors: F4) -> _Fit:
-    """Least squares, then the nearest normal of unit length in the metric of the noise."""
-    weight = np.float32(1) / np.maximum(sigma * sigma, np.float32(1e-10))
-    moments = _moments(weight, vectors)
-    free = moments.solve(((weight * light)[:, None] * vectors).sum(axis=0))
-    length = np.sqrt(_dot(free, free))
-    unit = free / np.maximum(length, np.float32(1e-6))
-    along = moments.solve(unit)
-    spread = np.maximum(_dot(unit, along), np.float32(1e-12))
-    nearest = free - along * ((length - np.float32(1)) / spread)
-    length = np.maximum(np.sqrt(_dot(nearest, nearest)), np.float32(1e-6))
-    normal = np.asarray(nearest / length, np.float32)
-    away = light - _dot(vectors.swapaxes(0, 1), normal)
-    return _Fit(normal, moments, np.asarray((weight * away * away).sum(axis=0), np.float32))
-
-
-def _moments(weight: F4, vectors: F4) -> _Moments:
-    """The sum of weight v v^T, softened, with pivots that stay above zero."""
-    x, y, z = vectors.swapaxes(0, 1)
-    xx, xy, xz, yy, yz, zz = (
-        (weight * a * b).sum(axis=0) for a, b in ((x, x), (x, y), (x, z), (y, y), (y, z), (z, z))
-    )
-    soft = np.maximum(SOFTLY * (xx + yy + zz), np.float32(1e-20))
-    one = np.float32(1)
-    first = one / (xx + soft)
-    yx, zx = xy * first, xz * first
-    second = one / np.maximum(yy + soft - yx * xy, soft)
-    zy = (yz - yx * xz) * second
-    third = one / np.maximum(zz + soft - zx * xz - zy * (yz - yx * xz), soft)
-    return _Moments(first, second, third, yx, zx, zy)
-
-
-def _dot(a: F4 | F8, b: F4 | F8) -> F4:
-    """The product of vectors whose x, y and z come first."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2], np.float32)
-
-
-def _places(height: Height, pixel: float) -> tuple[F4, F4]:
-    """The x and y of the columns and rows, 1 x W and H x 1."""
-    rows, columns = (places(size, np.float32(pixel)) for size in height.shape)
-    return columns[None, :], rows[:, None]
-
-
-def _half_way(lights: LightPositions, spot: F4) -> F4:
-    """Unit vectors half-way between each LED and the camera above places of 3 x N: K x 3 x N."""
-    ray = lights[:, :, None] - spot
-    half = ray / np.sqrt(_dot(ray.swapaxes(0, 1), ray.swapaxes(0, 1)))[:, None]
-    half[:, 2] += 1
-    parts = half.swapaxes(0, 1)
-    return np.asarray(half / np.sqrt(_dot(parts, parts))[:, None], np.float32)
-
-
-def _mirrored(
-    light: F4, sigma: F4, vectors: F4, halves: F4, likely: float, excess: float, near: np.float32
-) -> NDArray[np.uint8]:
-    """The bit of the LED, if any, that is brighter than the others allow: N."""
-    count, size = light.shape
-    best = np.full(size, np.inf, np.float32)
-    marked = np.zeros(size, np.uint8)
-    for k in range(count):
-        others = [j for j in range(count) if j != k]
-        fit = _fit(light[others], sigma[others], vectors[others])
-        over = light[k] - _dot(vectors[k], fit.normal)
-        doubt = _dot(vectors[k], fit.moments.solve(vectors[k]))
-        bright = over > np.float32(excess) * np.sqrt(sigma[k] * sigma[k] + doubt)
-        facing = _dot(halves[k], fit.normal) > near
-        better = fit.misfit < best
-        best = np.where(better, fit.misfit, best)
-        found = bright & facing & (fit.misfit < np.float32(likely))
-        marked = np.where(better, np.where(found, np.uint8(1 << k), np.uint8(0)), marked)
-    return marked
 
 
 @label_highlights.example

@@ -20,21 +20,18 @@ from tactograph.nodes import (
     ShadowRises,
     Slope,
 )
-from tactograph.nodes.light._near_light import light_vectors
-from tactograph.nodes.simulate._interpolate import bilinear
+from tactograph.nodes.light._near_light import places
+from tactograph.nodes.light._only_read import only_read
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 HALF = np.float32(0.5)
-FAINTEST = np.float32(0.02)
 STEEPEST = np.float32(3)
-FARTHEST_END = np.float32(1.5)
 OUTSIDE = np.float32(-1e6)
-NEAREST_EDGE = np.float32(1.2)
 
 
-class _Rays(NamedTuple):
+class Rays(NamedTuple):
     """Rays that start at the ends of shadows: pixels, directions, distance to the LED."""
 
     column: F4
@@ -47,8 +44,22 @@ class _Rays(NamedTuple):
         """The points t px along the rays."""
         return self.column + self.ux * t, self.row + self.uy * t
 
-    def only(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> _Rays:
-        return _Rays(*(part[keep] for part in self))
+    def only(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Rays:
+        return Rays(*(part[keep] for part in self))
+
+
+class Film(NamedTuple):
+    """What one LED's light on the film is, and would be without shadow (`_near_light`, N1)."""
+
+    light: F4
+    """H x W."""
+    slope: F4
+    height: F4
+    led: F4
+    """In mm."""
+    x: F4
+    """W, in mm from the middle of the image."""
+    y: F4
 
 
 @node(tolerance=Close(1e-5, 1e-5, why="square roots that a device rounds otherwise"))
@@ -98,14 +109,15 @@ def shadow_constraints(
     ShadowRises
         C measurements; none where nothing casts a shadow.
     """
-    known = _count_bits(used) >= 2
+    known = np.bitwise_count(used) >= 2
+    x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     found = []
     for k, led in enumerate(lights):
         dark = (shadow >> k & 1).astype(bool)
         rays = _ends(dark, known, led / np.float32(pixel))
         if rays.row.size:
-            part = _lit_part(light[k], lights[k : k + 1], slope, height, pixel)
-            ends = _march(rays, dark, part, np.float32(step_px), longest_px)
+            film = Film(*map(only_read, (light[k], slope, height, led, x, y)))
+            ends = _march(rays, film, dark, np.float32(step_px), longest_px)
             measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
             found.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
     if not found:
@@ -114,19 +126,7 @@ def shadow_constraints(
     return ShadowRises(*map(np.concatenate, zip(*found, strict=True)))
 
 
-def _count_bits(labels: Labels) -> Labels:
-    return np.unpackbits(labels[..., None], axis=-1).sum(axis=-1, dtype=np.uint8)
-
-
-def _lit_part(light: F4, led: F4, slope: Slope, height: Height, pixel: float) -> F4:
-    """The share (0 to 1) of its light that each pixel gets from one LED."""
-    p, q = slope
-    x, y, z = light_vectors(led, height, pixel)[0]
-    expected = (z - p * x - q * y) / np.sqrt(np.float32(1) + p * p + q * q)
-    return np.clip(light / np.maximum(expected, FAINTEST), np.float32(0), np.float32(1))
-
-
-def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> _Rays:
+def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> Rays:
     """The lit pixels of known slope that are dark one pixel on towards the LED (in px)."""
     rows, columns = dark.shape
     ring = cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
@@ -134,7 +134,7 @@ def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> _Rays:
     dx = led[0] + np.float32((columns - 1) / 2) - column
     dy = led[1] + np.float32((rows - 1) / 2) - row
     plan = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
-    rays = _Rays(column, row, dx / plan, dy / plan, plan)
+    rays = Rays(column, row, dx / plan, dy / plan, plan)
     return rays.only(_look_up(dark, *rays.at(np.float32(1))))
 
 
@@ -147,7 +147,7 @@ def _look_up(mask: NDArray[np.bool_], x: F4, y: F4) -> NDArray[np.bool_]:
 
 
 def _measure(
-    rays: _Rays,
+    rays: Rays,
     ends: tuple[F4, F4],
     dark: NDArray[np.bool_],
     known: NDArray[np.bool_],
@@ -175,33 +175,16 @@ def _measure(
 
 
 def _march(
-    rays: _Rays, dark: NDArray[np.bool_], part: F4, step: np.float32, longest: float
+    rays: Rays, film: Film, dark: NDArray[np.bool_], step: np.float32, longest: float
 ) -> tuple[F4, F4]:
     """How far along each ray, in px, the shadow ends and the edge that casts it lies.
 
     The edge is `OUTSIDE` where there is none within the frame and the longest shadow.
     """
-    rows, columns = dark.shape
-    darkness = dark.astype(np.float32)
-    end = np.full(rays.row.size, HALF)
-    edge = np.full(rays.row.size, OUTSIDE)
-    before = bilinear(part, rays.column, rays.row)
-    going = np.arange(rays.row.size)
-    t = step
-    while going.size and t <= longest:
-        x, y = rays.only(going).at(t)
-        inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
-        going, x, y, before = going[inside], x[inside], y[inside], before[inside]
-        if t - step < FARTHEST_END:
-            now = bilinear(part, x, y)
-            falls = (now < HALF) & (before >= HALF)
-            back = step * (HALF - now) / np.maximum(before - now, np.float32(1e-6))
-            end[going[falls]] = np.clip(t - back, 0, FARTHEST_END)[falls]
-            before = now
-        lit = (t > NEAREST_EDGE) & (bilinear(darkness, x, y) < HALF)
-        edge[going[lit]] = t
-        going, before = going[~lit], before[~lit]
-        t = np.float32(t + step)
+    from tactograph.nodes.shadow._ray_loops import march
+
+    end, edge = np.full(rays.row.size, HALF), np.full(rays.row.size, OUTSIDE)
+    march(rays, film, dark.view(np.uint8), step, float(longest), end, edge)
     return end, edge
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, ShadowRises
-from tactograph.nodes.height import _springs
+from tactograph.nodes.height import _spring_loops
 from tactograph.nodes.height._height_system import Window, height_system
-from tactograph.nodes.height._springs import Springs, Ties
+from tactograph.nodes.height._springs import Grids, Springs, Ties, hierarchy
 from tactograph.nodes.height.height_error import height_error
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tactograph.nodes.height.settle_loose import settle_loose
@@ -151,13 +150,13 @@ def test_outliers_are_given_up() -> None:
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many cycles every call of the solver takes, from now on."""
     counts: list[int] = []
-    plain = _springs.cycle
+    plain = _spring_loops.cycle
 
-    def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
-        counts[-1] += depth == 0
-        return plain(levels, force, depth)
+    def cycle(grids: Grids, *planes: F4) -> None:
+        counts[-1] += 1
+        plain(grids, *planes)
 
-    monkeypatch.setattr(_springs, "cycle", cycle)
+    monkeypatch.setattr(_spring_loops, "cycle", cycle)
     return counts
 
 
@@ -456,13 +455,16 @@ def test_noise_does_to_the_height_what_the_error_says() -> None:
 
 
 def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
+    """And joins shadows from block to block; a border of single pixels makes blocks, too."""
     rng = np.random.default_rng(4)
     right, down, ground = (
-        rng.uniform(0.1, 1, shape).astype(np.float32) for shape in ((7, 8), (6, 9), (7, 9))
+        rng.uniform(0.1, 1, shape).astype(np.float32) for shape in ((13, 16), (12, 17), (13, 17))
     )
-    ties = Ties(np.array([3]), np.array([50]), np.array([0.7], np.float32))
-    springs = Springs(right, down, ground, ties)
-    coarse = springs.coarser()
-    z = rng.uniform(size=coarse.shape).astype(np.float32)
-    fine = z.repeat(2, axis=0).repeat(2, axis=1)[:7, :9]
-    assert np.vdot(fine, springs.apply(fine)) == pytest.approx(np.vdot(z, coarse.apply(z)), 1e-5)
+    stiff = np.array([0.7, 0.3, 0.5], np.float32)
+    ties = Ties(np.array([3, 20, 40]), np.array([50, 67, 220]), stiff)
+    grids = hierarchy(Springs(right, down, ground, ties))
+    assert grids.ties.start.tolist() == [0, 3, 5]
+    z = rng.uniform(size=(7, 9)).astype(np.float32)
+    fine = z.repeat(2, axis=0).repeat(2, axis=1)[:13, :17]
+    energies = np.vdot(fine, grids.apply(fine)), np.vdot(z, grids.apply(z, 1))
+    assert energies[0] == pytest.approx(energies[1], 1e-5)
