@@ -14,8 +14,15 @@
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
 #define FLAT 0.3f
-#define MOST 8
 #define ERRORS 8
+// How many LEDs there are: where it is known to the compiler, loops over them are unrolled.
+#ifdef LEDS
+#define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
+#define MOST LEDS
+#else
+#define EACH_LED(k) for (int k = 0; k < K; ++k)
+#define MOST 8
+#endif
 
 // The hash of nodes/height/height_error.py, _drawn, of one number or of several in lanes.
 #define SCATTER(x) \
@@ -65,7 +72,7 @@ static Response respond(
     floats told_a[MOST], told_b[MOST], shown[MOST], weight[MOST];
     floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
     ints leds = 0;
-    for (int k = 0; k < K; ++k) {
+    EACH_LED(k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);
         const ints lit = (used & (1 << k)) != 0;
@@ -81,7 +88,7 @@ static Response respond(
     // Of three LEDs or more, less what the film's brightness explains.
     const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
     floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
-    for (int k = 0; k < K; ++k) {
+    EACH_LED(k) {
         const floats a = told_a[k], b = told_b[k];
         told_a[k] = weight[k] * (a - share * by_shown_a * shown[k]);
         told_b[k] = weight[k] * (b - share * by_shown_b * shown[k]);
@@ -94,7 +101,7 @@ static Response respond(
     const floats divisor = known ? determinant : one;
     const floats inverse = known ? 1.0f / divisor : none;
     Response found;
-    for (int k = 0; k < K; ++k) {
+    EACH_LED(k) {
         const floats by_a = (bb * told_a[k] - ab * told_b[k]) * inverse;
         const floats by_b = (aa * told_b[k] - ab * told_a[k]) * inverse;
         found.by_p[k] = -((1.0f + p * p) * by_a + p * q * by_b);
@@ -152,13 +159,13 @@ LANED __kernel void err_slopes(
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
     floats noise[MOST];
-    for (int k = 0; k < K; ++k) noise[k] = load_floats(sigma + k * frame_size + from, count);
+    EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
     const ints touched = load_bytes(rest + from, count) == 0;
     const Response response = respond(
         a, b, nz, x, y, z, touched, load_bytes(used + from, count), noise, lights, K, uneven);
     floats p[ERRORS], q[ERRORS], pp = 0.0f, pq = 0.0f, qq = 0.0f;
     for (int n = 0; n < ERRORS; ++n) p[n] = q[n] = 0.0f;
-    for (int k = 0; k < K; ++k) {
+    EACH_LED(k) {
         const int at = k * frame_size + from;
         const floats flat = flat_noise * load_floats(light + at, count);
         const floats noisy = noise[k] * sqrt(1.0f + flat * flat);
@@ -331,7 +338,16 @@ LANED __kernel void blur(
     __global float *restrict out, const int H, const int W, const int radius, const int axis)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    if (axis && (x < radius || x + LANES + radius > W)) {
+    const int inside = y >= radius && y + radius < H;
+    if (count == LANES && (axis ? x >= radius && x + LANES + radius <= W : inside)) {
+        const int stride = axis ? 1 : W;
+        floats total = 0.0f;
+        for (int n = -radius; n <= radius; ++n)
+            total += weights[n + radius] * LOAD_LANES(plane + y * W + x + n * stride);
+        STORE_LANES(total, out + y * W + x);
+        return;
+    }
+    if (axis) {
         for (int l = 0; l < count; ++l) {
             float total = 0.0f;
             for (int n = -radius; n <= radius; ++n)
@@ -342,7 +358,7 @@ LANED __kernel void blur(
     }
     floats total = 0.0f;
     for (int n = -radius; n <= radius; ++n) {
-        const int i = axis ? y * W + x + n : mirrored(y + n, H) * W + x;
+        const int i = mirrored(y + n, H) * W + x;
         total += weights[n + radius] * load_floats(plane + i, count);
     }
     store_floats(total, out + y * W + x, count);

@@ -31,7 +31,6 @@ from tactograph.nodes.height._springs import (
     SINGLE_VISITS,
     SMALLEST,
     Ties,
-    join_ends,
     soft_inverse,
     stable_order,
 )
@@ -407,7 +406,9 @@ class HeightSolver:
         """Find the heights under all loads, from zero: side by side where there are few pixels."""
         run, (loads,) = self._run, enough.shape
         if not self._is_small(stack.steps[0]):
-            run.kernel("clear", (math.prod(heights.shape),), heights, math.prod(heights.shape))
+            run.kernel(
+                "clear", run.in_lanes(math.prod(heights.shape)), heights, math.prod(heights.shape)
+            )
             for number in range(loads):
                 self.solve(stack, wants, heights, steps, enough, number, number)
             return
@@ -417,7 +418,7 @@ class HeightSolver:
         planes = self._working(loads * apart, base, apart)
         # What lies between levels has to be finite, and the start is zero.
         for plane in (planes.height, planes.lifted, planes.z):
-            run.kernel("clear", (loads * apart,), plane, loads * apart)
+            run.kernel("clear", run.in_lanes(loads * apart), plane, loads * apart)
         self._unbalance(stack, wants, planes, 0, loads)
         self._small_gradients(stack, planes, steps, enough, 0, loads)
         self._give_heights(stack, planes, heights, 0, loads)
@@ -648,25 +649,33 @@ class _TieLevels(NamedTuple):
 
 
 def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
-    top, foot, which = ties.top, ties.foot, np.arange(ties.top.size)
-    tops, feet, finest, owners = [], [], [], []
-    count = 0
-    for level, finer in zip(levels, [None, *levels], strict=False):
-        if finer is not None:
-            top, foot, joined = join_ends(top, foot, finer.columns, level[1:3])
-            which = np.where(which >= 0, np.append(joined, -1)[which], -1)
-        tops.append(level.at(top))
-        feet.append(level.at(foot))
-        finest.append(np.flatnonzero(which >= 0))
-        owners.append(count + which[which >= 0])
-        count += top.size
-    ends = np.stack([np.concatenate(tops), np.concatenate(feet)], axis=1)
-    member_start, members = _grouped(np.concatenate(owners), np.concatenate(finest), count)
-    numbers = np.arange(count)
-    order = stable_order(np.concatenate([ends[:, 0], ends[:, 1]]))
+    """The finest ties as they are; of each coarser level, those of the same two blocks are one."""
+    count, width = ties.top.size, levels[0].columns
+    depth = np.arange(len(levels))[:, None]
+    first, stride = (np.array([level[n] for level in levels])[:, None] for n in (0, 3))
+    at = [
+        first + (end // width >> depth) * stride + (end % width >> depth)
+        for end in (ties.top, ties.foot)
+    ]
+    # A tie whose ends lie in one block joins none.
+    level, finest = np.nonzero(at[0][1:] != at[1][1:])
+    top, foot = (end[level + 1, finest] for end in at)
+    pairs = top * (levels[-1].first + levels[-1].size) + foot
+    order = stable_order(pairs)
+    begins = np.diff(pairs[order], prepend=-1) > 0
+    joined = np.empty_like(order)
+    joined[order] = count + np.cumsum(begins) - 1
+    own = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
+    numbers = np.arange(own[0].size)
+    member_start, members = _grouped(
+        np.concatenate([numbers[:count], joined]),
+        np.concatenate([numbers[:count], finest]),
+        numbers.size,
+    )
+    order = stable_order(np.concatenate(own))
+    knot_own, knot_other = (np.concatenate(ends)[order] for ends in (own, own[::-1]))
     knot_tie = np.concatenate([numbers, ~numbers])[order]
-    own, other = (np.concatenate([ends[:, n], ends[:, 1 - n]])[order] for n in (0, 1))
-    found = member_start, members, own, knot_tie, other
+    found = member_start, members, knot_own, knot_tie, knot_other
     return _TieLevels(*(array.astype(np.int32) for array in found))
 
 

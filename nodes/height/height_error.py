@@ -442,7 +442,7 @@ def _launch(run: Launch) -> None:
     misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
     def clear(plane: DeviceArray) -> None:
-        run.kernel("clear", (math.prod(plane.shape),), plane, math.prod(plane.shape))
+        run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
 
     def err_rises(to: int, error: float, key: int) -> None:
         if ties:
@@ -462,7 +462,7 @@ def _launch(run: Launch) -> None:
         *frame, *solver.place, pixel, settings["flat_noise"], of["uneven"],
         kinds, light_keys, misfit, bounced, earlier,
         # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
-        local=(FEW,) if run.lanes > 1 else None,
+        local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
     # The first come last: what they want of pixels is still there then.
     for number in reversed(range(ERRORS)):
@@ -521,7 +521,7 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     out, bent = run.outputs["height_error"], run.scratch(frame)
     height, pixel = run.inputs["height"], float(run.inputs["pixel"])
     run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
-    run.kernel("clear", (math.prod(frame),), out, math.prod(frame))
+    run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
 
