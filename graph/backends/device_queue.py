@@ -145,7 +145,9 @@ class Queue:
 
     def constant(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to a buffer of its own, that the pool does not lack afterwards."""
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        if not array.size:
+            return self.empty(array.shape, array.dtype)
+        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         buffer = cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
         return DeviceArray(buffer, array.shape, array.dtype)
 

@@ -22,6 +22,7 @@ class Kernel:
 
     def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
         self._kernel = kernel
+        self._twins: list[Kernel] = []
         self._signature = signature
         self._converters = [converter(c_type) for c_type, _ in signature]
         self._typed = False
@@ -55,6 +56,13 @@ class Kernel:
                 return f"{name}: argument {number} is '{taken}', not {in_words(value)}"
         raise AssertionError(name)
 
+    def twin(self, number: int) -> Kernel:
+        """The same kernel, which keeps arguments of its own; made when first asked for."""
+        while len(self._twins) <= number:
+            again = cl.Kernel(self._kernel.program, self._kernel.function_name)
+            self._twins.append(Kernel(again, self._signature))
+        return self._twins[number]
+
     def enqueue(
         self,
         queue: cl.CommandQueue,
@@ -63,11 +71,26 @@ class Kernel:
         arguments: Sequence[Any],
     ) -> cl.Event:
         """Launch over `work_items` in work-groups of `local`, both fastest axis first."""
+        self._be_typed(arguments)
+        return self._kernel(queue, work_items, local, *arguments)
+
+    def bind(
+        self,
+        queue: cl.CommandQueue,
+        work_items: tuple[int, ...],
+        local: tuple[int, ...],
+        arguments: Sequence[Any],
+    ) -> Callable[[], cl.Event]:
+        """Set the arguments once; return what launches the kernel with them."""
+        self._be_typed(arguments)
+        self._kernel.set_args(*arguments)
+        return partial(cl.enqueue_nd_range_kernel, queue, self._kernel, work_items, local)
+
+    def _be_typed(self, arguments: Sequence[Any]) -> None:
         if not self._typed:
             types = [type(a) if isinstance(a, np.generic) else None for a in arguments]
             self._kernel.set_arg_types(types)
             self._typed = True
-        return self._kernel(queue, work_items, local, *arguments)
 
 
 _ELEMENTS = {

@@ -200,6 +200,16 @@ class Node:
             seen.update(dict.fromkeys(d for d in port.dims if isinstance(d, str)))
         return tuple(seen)
 
+    @cached_property
+    def finds_sizes(self) -> bool:
+        """Whether only the data determine the size of an output.
+
+        The host waits for a device then, in the midst of the launch.
+        """
+        given = {d for port in self.inputs.values() for d in port.dims}
+        made = {d for port in self.outputs.values() for d in port.dims if isinstance(d, str)}
+        return not self.source and not made <= given | set(self.derived)
+
     @property
     def may_be_absent(self) -> list[str]:
         """The inputs, by port, that an item may come without."""

@@ -13,6 +13,7 @@ _VERSIONS = (
     "tactograph",
     "numpy",
     "scipy",
+    "numba",
     "pyopencl",
     "pyvkfft",
     "opencv-contrib-python-headless",

@@ -13,10 +13,10 @@ from tactograph.graph.plan.plan import Step
 def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
-    What the device does is enqueued before the host starts on something itself, so that both
-    work; and first what the host will need soonest, that is what has most transfers still
-    ahead of it.  Writers come last within what the edges allow, so that nothing is written if
-    a later computation fails.
+    What the device does is enqueued before the host starts on something itself, or waits for
+    sizes that only the data determine, so that both work; and first what the host will need
+    soonest, that is what has most transfers still ahead of it.  Writers come last within what
+    the edges allow, so that nothing is written if a later computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
     ahead = _ways_ahead(dag)
@@ -31,7 +31,8 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
             group = 2
         transfers, steps = ahead[name]
         place = file_order.get(name, len(file_order))
-        return step.stream, group, not step.on_device, -transfers, -steps, place, name
+        waits = task is not None and task.node.finds_sizes
+        return step.stream, group, not step.on_device or waits, -transfers, -steps, place, name
 
     names = list(nx.lexicographical_topological_sort(dag, key=rank))
     return _with_releases([dag.nodes[name]["step"] for name in names], draft)

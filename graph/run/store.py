@@ -85,11 +85,9 @@ def _write(file: Path, node: Node, made: Any) -> None:
 
 
 class _Reader(pickle.Unpickler):
-    """Reads arrays, plain data and SciPy's trees, and runs no code that a file names."""
+    """Reads arrays and plain data, and runs no code that a file names."""
 
     def find_class(self, module: str, name: str) -> Any:
-        top = module.partition(".")[0]
-        is_tree = top == "scipy" and module.startswith("scipy.spatial") and name == "cKDTree"
-        if (top == "numpy" and name in _ARRAYS) or is_tree:
+        if module.partition(".")[0] == "numpy" and name in _ARRAYS:
             return super().find_class(module, name)
         raise pickle.UnpicklingError(f"{module}.{name} is not kept on disk")

@@ -14,8 +14,15 @@
 #define NARROWEST 1e-3f
 #define TILTED 0.1f
 #define FLAT 0.3f
+#define ERRORS 8
+// How many LEDs there are: where it is known to the compiler, loops over them are unrolled.
+#ifdef LEDS
+#define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
+#define MOST LEDS
+#else
+#define EACH_LED(k) for (int k = 0; k < K; ++k)
 #define MOST 8
-#define AT_ONCE 4
+#endif
 
 // The hash of nodes/height/height_error.py, _drawn, of one number or of several in lanes.
 #define SCATTER(x) \
@@ -36,11 +43,9 @@ static float drawn(const uint number, const uint key)
 // The same for the numbers that follow, too.
 #if LANES == 1
 #define uints uint
-#define AS_INTS as_int
 #define LANE_COUNTS 0u
 #else
 #define uints uint16
-#define AS_INTS as_int16
 #define LANE_COUNTS ((uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #endif
 static floats drawn_from(const uint number, const uint key)
@@ -51,30 +56,25 @@ static floats drawn_from(const uint number, const uint key)
     return AS_INTS(x) < 0 ? up : down;
 }
 
-// What a small change of each LED's light does to p and to q; nothing on the film at rest.
-__kernel void respond(
-    __global const float *restrict height, __global const float *restrict slope,
-    __global const uchar *restrict rest, __global const float *restrict sigma,
-    __global const uchar *restrict used_leds, __global const float *restrict lights,
-    __global float *restrict by_p, __global float *restrict by_q, const int K, const int H,
-    const int W, const float pixel, const float uneven)
+// What a small change of each LED's light does to p and to q.
+typedef struct {
+    floats by_p[MOST], by_q[MOST];
+} Response;
+
+// Nothing on the film at rest.
+static Response respond(
+    const floats p, const floats q, const floats nz, const floats x, const floats y, const floats z,
+    const ints touched, const ints used, const floats *noise, __global const float *lights,
+    const int K, const float uneven)
 {
-    const int size = H * W;
-    GRID_LANES(at, count, size)
-    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
-    const floats z = load_floats(height + at, count), none = 0.0f, tiny = 1e-10f, one = 1.0f;
-    const ints used = load_bytes(used_leds + at, count);
-    const ints touched = load_bytes(rest + at, count) == 0;
-    const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    floats x, y, told_a[MOST], told_b[MOST], shown[MOST], weight[MOST];
-    floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
+    const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
     const ints one_more = 1, nothing = 0;
+    floats told_a[MOST], told_b[MOST], shown[MOST], weight[MOST];
+    floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
     ints leds = 0;
-    places(at, H, W, pixel, &x, &y);
-    for (int k = 0; k < K; ++k) {
+    EACH_LED(k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats noise = load_floats(sigma + k * size + at, count), square = noise * noise;
-        const floats sure = 1.0f / MORE_OF(square, tiny);
+        const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);
         const ints lit = (used & (1 << k)) != 0;
         told_a[k] = (v.x + v.z * p) * nz;
         told_b[k] = (v.y + v.z * q) * nz;
@@ -88,7 +88,7 @@ __kernel void respond(
     // Of three LEDs or more, less what the film's brightness explains.
     const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
     floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
-    for (int k = 0; k < K; ++k) {
+    EACH_LED(k) {
         const floats a = told_a[k], b = told_b[k];
         told_a[k] = weight[k] * (a - share * by_shown_a * shown[k]);
         told_b[k] = weight[k] * (b - share * by_shown_b * shown[k]);
@@ -100,20 +100,22 @@ __kernel void respond(
     const ints known = (determinant > SINGULAR * aa * bb) & touched;
     const floats divisor = known ? determinant : one;
     const floats inverse = known ? 1.0f / divisor : none;
-    for (int k = 0; k < K; ++k) {
+    Response found;
+    EACH_LED(k) {
         const floats by_a = (bb * told_a[k] - ab * told_b[k]) * inverse;
         const floats by_b = (aa * told_b[k] - ab * told_a[k]) * inverse;
-        const floats p_too = -((1.0f + p * p) * by_a + p * q * by_b);
-        const floats q_too = -(p * q * by_a + (1.0f + q * q) * by_b);
-        store_floats(p_too, by_p + k * size + at, count);
-        store_floats(q_too, by_q + k * size + at, count);
+        found.by_p[k] = -((1.0f + p * p) * by_a + p * q * by_b);
+        found.by_q[k] = -(p * q * by_a + (1.0f + q * q) * by_b);
     }
+    return found;
 }
 
 // The cosine of an angle in turns, by Taylor's series of the sine up to a quarter: within 4e-6.
 static floats cosine_of(const floats turns)
 {
-    const floats x = 6.2831853f * (0.25f - fabs(turns - rint(turns))), square = x * x;
+    // To the nearest whole number; the built-in is compiled lane by lane by some.
+    const floats whole = (turns + 12582912.0f) - 12582912.0f, over = turns - whole;
+    const floats x = 6.2831853f * (0.25f - MORE_OF(over, -over)), square = x * x;
     const floats inner = fma(square, 2.7557319e-6f, -1.9841270e-4f);
     return x * fma(square, fma(square, fma(square, inner, 8.3333333e-3f), -0.16666667f), 1.0f);
 }
@@ -130,21 +132,22 @@ typedef struct {
     float sign, settling, leaning, across, down, phase, wavelength;
 } Kind;
 
-// AT_ONCE errors of the slopes inside the window, which share most of what they read: the lights'
-// noise, what all pixels of an LED have in common, the LEDs being elsewhere and bounced light
+// The errors of the slopes inside the window, all in one launch since they share what they read: the
+// lights' noise, what all pixels of an LED have in common, the LEDs being elsewhere and bounced light
 // uncertain; and normals that lean in waves where the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
+    __global const uchar *restrict rest, __global const uchar *restrict used,
     __global const float *restrict lights, __global const float *restrict others,
-    __global const float *restrict by_p, __global const float *restrict by_q,
     __global float *restrict out, const int K, const int frame_height, const int frame_width,
-    const int top, const int left, const int H, const int W, const float pixel, const int number,
-    const float flat_noise, __global const float *restrict kinds, __global const uint *restrict keys,
-    __global const float *misfit, __global const float *bounced, __global const float *earlier)
+    const int top, const int left, const int H, const int W, const float pixel,
+    const float flat_noise, const float uneven, __global const float *restrict kinds,
+    __global const uint *restrict keys, __global const float *misfit,
+    __global const float *bounced, __global const float *earlier)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
-    __global const Kind *kind = (__global const Kind *)kinds + number;
+    __global const Kind *kind = (__global const Kind *)kinds;
     const int frame_size = frame_height * frame_width;
     const int i = row * W + column, from = (top + row) * frame_width + left + column;
     const float middle = 0.5f * (float)(frame_width - 1);
@@ -155,44 +158,66 @@ LANED __kernel void err_slopes(
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
-    floats p[AT_ONCE], q[AT_ONCE];
-    #pragma unroll
-    for (int n = 0; n < AT_ONCE; ++n) p[n] = q[n] = 0.0f;
-    for (int k = 0; k < K; ++k) {
+    floats noise[MOST];
+    EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
+    const ints touched = load_bytes(rest + from, count) == 0;
+    const Response response = respond(
+        a, b, nz, x, y, z, touched, load_bytes(used + from, count), noise, lights, K, uneven);
+    floats p[ERRORS], q[ERRORS], pp = 0.0f, pq = 0.0f, qq = 0.0f;
+    for (int n = 0; n < ERRORS; ++n) p[n] = q[n] = 0.0f;
+    EACH_LED(k) {
         const int at = k * frame_size + from;
         const floats flat = flat_noise * load_floats(light + at, count);
-        const floats noise = load_floats(sigma + at, count) * sqrt(1.0f + flat * flat);
-        const floats thrown = bounced ? load_floats(bounced + at, count) : none;
-        const floats changed =
-            bounced && earlier ? thrown - load_floats(earlier + at, count) : none;
-        const floats to_p = load_floats(by_p + at, count), to_q = load_floats(by_q + at, count);
-        const Vector known = light_vector(lights + 3 * k, x, y, z);
-        const floats lit = (known.z - known.x * a - known.y * b) * nz;
-        #pragma unroll
-        for (int n = 0; n < AT_ONCE; ++n) {
-            const Vector there = light_vector(others + 3 * ((number + n) * K + k), x, y, z);
-            const floats common = kind[n].sign * wrong * thrown + kind[n].settling * changed
-                + (there.z - there.x * a - there.y * b) * nz - lit;
-            const floats change = common + noise * drawn_from(k * H * W + i, keys[number + n]);
+        const floats noisy = noise[k] * sqrt(1.0f + flat * flat);
+        const floats to_p = response.by_p[k], to_q = response.by_q[k];
+        const floats noise_p = to_p * noisy, noise_q = to_q * noisy;
+        pp += noise_p * noise_p;
+        pq += noise_p * noise_q;
+        qq += noise_q * noise_q;
+        __global const float *led = lights + 3 * k;
+        const Vector by = light_by_place(led, x, y, z, a, b, nz);
+        for (int n = 0; n < ERRORS; ++n) {
+            __global const float *other = others + 3 * (n * K + k);
+            const floats change =
+                (other[0] - led[0]) * by.x + (other[1] - led[1]) * by.y + (other[2] - led[2]) * by.z;
             p[n] += to_p * change;
             q[n] += to_q * change;
         }
+        if (bounced) {
+            const floats thrown = load_floats(bounced + at, count);
+            const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
+            for (int n = 0; n < ERRORS; ++n) {
+                const floats change = kind[n].sign * wrong * thrown + kind[n].settling * changed;
+                p[n] += to_p * change;
+                q[n] += to_q * change;
+            }
+        }
+    }
+    // A root of the covariance of p and q.
+    const floats tiny = 1e-12f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
+    const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));
+    for (int n = 0; n < ERRORS; ++n) {
+        const floats first = drawn_from(i, keys[n]);
+        const floats second = drawn_from(H * W + i, keys[n]);
+        p[n] += alone * first;
+        q[n] += along * first + across * second;
     }
     const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
-    const floats tilted = clamp(slant / TILTED, FLAT, 1.0f), leans = fmax(slant, TILTED);
-    #pragma unroll
-    for (int n = 0; n < AT_ONCE; ++n) {
+    const floats level = FLAT, whole = 1.0f, tilt = TILTED, by_tilt = slant / TILTED;
+    const floats above = MORE_OF(by_tilt, level), tilted = LESS_OF(above, whole);
+    const floats leans = MORE_OF(slant, tilt);
+    for (int n = 0; n < ERRORS; ++n) {
         p[n] = within(p[n], STEEPEST);
         q[n] = within(q[n], STEEPEST);
         if (misfit) {
-            const float across = kind[n].across, down = kind[n].down;
+            const float right = kind[n].across, down = kind[n].down;
             const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], NARROWEST));
-            const floats turns = per_mm * (across * x + down * y) + kind[n].phase;
+            const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
             const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
             const floats steeper = kind[n].leaning * (misfit[4] / leans);
-            const floats along = lean * (across * a + down * b) + steeper * steep;
-            p[n] = within(p[n] + lean * across + along * a, STEEPEST);
-            q[n] = within(q[n] + lean * down + along * b, STEEPEST);
+            const floats uphill = lean * (right * a + down * b) + steeper * steep;
+            p[n] = within(p[n] + lean * right + uphill * a, STEEPEST);
+            q[n] = within(q[n] + lean * down + uphill * b, STEEPEST);
         }
         store_floats(p[n], out + 2 * n * H * W + i, count);
         store_floats(q[n], out + (2 * n + 1) * H * W + i, count);
@@ -313,7 +338,16 @@ LANED __kernel void blur(
     __global float *restrict out, const int H, const int W, const int radius, const int axis)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    if (axis && (x < radius || x + LANES + radius > W)) {
+    const int inside = y >= radius && y + radius < H;
+    if (count == LANES && (axis ? x >= radius && x + LANES + radius <= W : inside)) {
+        const int stride = axis ? 1 : W;
+        floats total = 0.0f;
+        for (int n = -radius; n <= radius; ++n)
+            total += weights[n + radius] * LOAD_LANES(plane + y * W + x + n * stride);
+        STORE_LANES(total, out + y * W + x);
+        return;
+    }
+    if (axis) {
         for (int l = 0; l < count; ++l) {
             float total = 0.0f;
             for (int n = -radius; n <= radius; ++n)
@@ -324,7 +358,7 @@ LANED __kernel void blur(
     }
     floats total = 0.0f;
     for (int n = -radius; n <= radius; ++n) {
-        const int i = axis ? y * W + x + n : mirrored(y + n, H) * W + x;
+        const int i = mirrored(y + n, H) * W + x;
         total += weights[n + radius] * load_floats(plane + i, count);
     }
     store_floats(total, out + y * W + x, count);

@@ -14,14 +14,18 @@ LANED __kernel void calm_film(
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int size = H * W, i = y * W + x;
     const float width = (float)(2 * radius_px + 1);
+    const int inside = count == LANES && x >= radius_px && x + LANES + radius_px <= W;
     const ints one = 1, none = 0;
     ints calm = one;
     for (int k = 0; k < K && ANY(calm); ++k) {
         floats sum = 0.0f;
         for (int dy = -radius_px; dy <= radius_px; ++dy) {
             __global const float *row = light + k * size + clamp(y + dy, 0, H - 1) * W;
-            for (int dx = -radius_px; dx <= radius_px; ++dx)
-                sum += load_within_border(row, x + dx, count, W, REPLICATE) - 1.0f;
+            for (int dx = -radius_px; dx <= radius_px; ++dx) {
+                const floats found = inside ? LOAD_LANES(row + x + dx)
+                                            : load_within_border(row, x + dx, count, W, REPLICATE);
+                sum += found - 1.0f;
+            }
         }
         const floats noise = load_floats(sigma + k * size + i, count);
         calm = fabs(sum) / width < level * noise ? calm : none;

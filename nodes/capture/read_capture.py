@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -207,7 +207,7 @@ def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -
 def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
     if _lights(folder, lights) == "leds":
         numbers = layout.leds or (*range(1, MOST_LEDS + 1),)
-        return any(_find(folder, layout.files, k) for k in numbers)
+        return any(_find(folder, layout.files, numbers).values())
     return bool(_images(folder))
 
 
@@ -234,7 +234,19 @@ def _with_capture_file(folder: Path, layout: Layout) -> Layout:
     return replace(layout, leds=leds, bits=layout.bits or said.bits)
 
 
-def _find(folder: Path, pattern: str, led: int) -> Path | None:
+def _find(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
+    """The image of each LED.
+
+    One look at the folder spares asking for every name that an image may have.
+    """
+    try:
+        listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
+    except OSError:  # each LED has a folder of its own, or there is none
+        listed = None
+    return {led: _find_one(folder, pattern, led, listed) for led in leds}
+
+
+def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> Path | None:
     try:
         stem = pattern.format(led)
         if stem == pattern:
@@ -242,7 +254,8 @@ def _find(folder: Path, pattern: str, led: int) -> Path | None:
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
-    there = [file for file in candidates if file.is_file()]
+    likely = (file for file in candidates if listed is None or file.name.lower() in listed)
+    there = [file for file in likely if file.is_file()]
     if len(there) > 1:
         names = " and ".join(file.name for file in there)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
@@ -253,9 +266,9 @@ def _led_files(folder: Path, layout: Layout) -> list[Path]:
     if layout.leds is not None:
         if len(set(layout.leds)) < len(layout.leds):
             raise InputError(f"leds={layout.leds}: an LED is named twice")
-        found = {k: _find(folder, layout.files, k) for k in layout.leds}
+        found = _find(folder, layout.files, layout.leds)
     else:
-        there = {k: _find(folder, layout.files, k) for k in range(1, MOST_LEDS + 1)}
+        there = _find(folder, layout.files, range(1, MOST_LEDS + 1))
         last = max((k for k, file in there.items() if file), default=0)
         found = {k: there[k] for k in range(1, max(last, 1) + 1)}
     missing = [k for k, file in found.items() if file is None]

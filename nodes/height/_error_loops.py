@@ -17,9 +17,10 @@ from tactograph.nodes import F4, U1
 if TYPE_CHECKING:
     from tactograph.nodes.height._slope_errors import Error, Film, Response, Turns
 
-ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
+ZERO, THIRD, HALF, ONE, THREE = map(np.float32, (0, 1 / 3, 0.5, 1, 3))
 SINGULAR = np.float32(1e-4)
 LEAST_VARIANCE = np.float32(1e-10)
+LEAST_NOISE = np.float32(1e-12)
 STEEPEST = np.float32(3)
 TILTED = np.float32(0.1)
 """Slope from which a model errs as it did on presses."""
@@ -37,6 +38,7 @@ def respond(
     used: U1,
     rest: U1,
     uneven: np.float32,
+    flat_noise: np.float32,
     made: Response,
 ) -> None:
     """Enter the response of some rows.
@@ -46,16 +48,16 @@ def respond(
     of the film; see `label_lights`.
     """
     leds, width = len(lights), film.x.size
-    room = np.empty((3, leds, width), np.float32)
-    along_a, along_b, weight = room[0], room[1], room[2]
+    room = np.empty((4, leds, width), np.float32)
+    along_a, along_b, weight, lit = room[0], room[1], room[2], room[3]
     for row in range(first, last):
         p, q, z = film.slope[0, row], film.slope[1, row], film.height[row]
         whole, with_a, with_b, counts, aa, ab, bb = np.zeros((7, width), np.float32)
         for k in range(leds):
             lx, ly, lz = lights[k]
             dy = ly - film.y[row]
-            a, b, w, shown = along_a[k], along_b[k], weight[k], made.lit[k, row]
-            sigma, labels = film.sigma[k, row], used[row]
+            a, b, w, shown = along_a[k], along_b[k], weight[k], lit[k]
+            sigma, labels, by = film.sigma[k, row], used[row], made.by_place[k]
             for c in range(width):
                 dx, dz = lx - film.x[c], lz - z[c]
                 plan = dx * dx + dy * dy
@@ -67,6 +69,11 @@ def respond(
                 a[c], b[c] = (vx + vz * p[c]) * nz, (vy + vz * q[c]) * nz
                 counted = np.float32((labels[c] >> k) & 1)
                 w[c] = counted / max(sigma[c] * sigma[c], LEAST_VARIANCE)
+                there, here = ONE / (plan + lz * lz), ONE / (plan + dz * dz)
+                thrice, apart, sunk = THREE * shown[c], there - here, gain * nz
+                by[0, row, c] = thrice * dx * apart - sunk * p[c]
+                by[1, row, c] = thrice * dy * apart - sunk * q[c]
+                by[2, row, c] = thrice * (lz * there - dz * here - THIRD / lz) + sunk
                 weighted = w[c] * shown[c]
                 whole[c] += weighted * shown[c]
                 with_a[c] += weighted * a[c]
@@ -74,7 +81,7 @@ def respond(
                 counts[c] += counted
         square = uneven * uneven
         for k in range(leds):
-            a, b, w, shown = along_a[k], along_b[k], weight[k], made.lit[k, row]
+            a, b, w, shown = along_a[k], along_b[k], weight[k], lit[k]
             for c in range(width):
                 share = square / (ONE + square * whole[c]) if counts[c] > 2 else ZERO
                 told_a = w[c] * (a[c] - share * with_a[c] * shown[c])
@@ -84,8 +91,10 @@ def respond(
                 bb[c] += told_b * b[c]
                 a[c], b[c] = told_a, told_b
         at_rest = rest[row]
+        pp, pq, qq = np.zeros((3, width), np.float32)
         for k in range(leds):
             a, b, by_p, by_q = along_a[k], along_b[k], made.by_p[k, row], made.by_q[k, row]
+            sigma, light = film.sigma[k, row], film.light[k, row]
             for c in range(width):
                 determinant = aa[c] * bb[c] - ab[c] * ab[c]
                 known = (determinant > SINGULAR * aa[c] * bb[c]) & (at_rest[c] == 0)
@@ -94,6 +103,17 @@ def respond(
                 by_b = (aa[c] * b[c] - ab[c] * a[c]) * inverse
                 by_p[c] = -((ONE + p[c] * p[c]) * by_a + p[c] * q[c] * by_b)
                 by_q[c] = -(p[c] * q[c] * by_a + (ONE + q[c] * q[c]) * by_b)
+                flat = flat_noise * light[c]
+                noise = sigma[c] * np.sqrt(ONE + flat * flat)
+                noise_p, noise_q = by_p[c] * noise, by_q[c] * noise
+                pp[c] += noise_p * noise_p
+                pq[c] += noise_p * noise_q
+                qq[c] += noise_q * noise_q
+        alone, along, across = made.alone[row], made.along[row], made.across[row]
+        for c in range(width):
+            alone[c] = np.sqrt(pp[c])
+            along[c] = pq[c] / max(alone[c], LEAST_NOISE)
+            across[c] = np.sqrt(max(qq[c] - along[c] * along[c], ZERO))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -125,26 +145,14 @@ def err(
 def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q: F4) -> None:
     """The error of the slopes in a row that those of the lights make."""
     rows, width = film.height.shape
-    change, z = np.empty(width, np.float32), film.height[row]
-    slope_p, slope_q = film.slope[0, row], film.slope[1, row]
+    change = np.empty(width, np.float32)
     for c in range(width):
         p[c], q[c] = ZERO, ZERO
-    for k in range(len(error.lights)):
-        lx, ly, lz = error.lights[k]
-        dy = ly - film.y[row]
-        lit, light, sigma = response.lit[k, row], film.light[k, row], film.sigma[k, row]
-        start = np.uint32((k * rows + row) * width)
+    for k in range(len(error.moved)):
+        right, down, up = error.moved[k]
+        by_right, by_down, by_up = response.by_place[k, :, row]
         for c in range(width):
-            dx, dz = lx - film.x[c], lz - z[c]
-            plan = dx * dx + dy * dy
-            nearer = (plan + lz * lz) / (plan + dz * dz)
-            gain = nearer * np.sqrt(nearer) * (ONE / lz)
-            nz = ONE / np.sqrt(ONE + slope_p[c] * slope_p[c] + slope_q[c] * slope_q[c])
-            shown = (dz * gain - dx * gain * slope_p[c] - dy * gain * slope_q[c]) * nz
-            flat = error.flat_noise * light[c]
-            noise = sigma[c] * np.sqrt(ONE + flat * flat)
-            drawn = _draw(np.uint32(start + np.uint32(c)) ^ error.light_key)
-            change[c] = (shown - lit[c]) + noise * drawn
+            change[c] = right * by_right[c] + down * by_down[c] + up * by_up[c]
         if film.bounced.size:
             bounced = film.bounced[k, row]
             for c in range(width):
@@ -157,6 +165,13 @@ def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q
         for c in range(width):
             p[c] += by_p[c] * change[c]
             q[c] += by_q[c] * change[c]
+    alone, along, across = response.alone[row], response.along[row], response.across[row]
+    start, other = np.uint32(row * width), np.uint32((rows + row) * width)
+    for c in range(width):
+        first = _draw(np.uint32(start + np.uint32(c)) ^ error.light_key)
+        second = _draw(np.uint32(other + np.uint32(c)) ^ error.light_key)
+        p[c] += alone[c] * first
+        q[c] += along[c] * first + across[c] * second
     for c in range(width):
         p[c], q[c] = _bounded(p[c]), _bounded(q[c])
 

@@ -1,6 +1,6 @@
 """`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here.
 
-For each step of conjugate gradients one number comes down: whether there is more to gain.  Levels
+For each step of conjugate gradients a few numbers come down: whether there is more to gain.  Levels
 of at most ONE_GROUP pixels run in one work-group, all steps in one launch.  Multigrid
 preconditions, no cosine transform: weights differ by orders of magnitude, and a preconditioner
 that does not know them leaves conjugate gradients without convergence.
@@ -11,9 +11,8 @@ Long because conjugate gradients, their weights and the grids below share buffer
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,8 +31,8 @@ from tactograph.nodes.height._springs import (
     SINGLE_VISITS,
     SMALLEST,
     Ties,
-    join_ends,
     soft_inverse,
+    stable_order,
 )
 
 ONE_GROUP, ONE_GROUP_OF_LANES = 4096, 20480
@@ -43,6 +42,8 @@ PARTS = 1024
 GAP = 32
 """Numbers before, between and behind the levels come in runs of so many, as rows do."""
 RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
+TAKEN, GOES_ON = 2, 3
+"""Where it stands how many steps a solution has taken, and whether it goes on."""
 
 
 class Level(NamedTuple):
@@ -86,7 +87,8 @@ class Touch(NamedTuple):
 class Stack:
     """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
 
-    `steps` are those of a cycle through them, `dense` is the inverse of the last one's matrix.
+    `steps` are those of a cycle through them.  `matrix` waits for the last one's matrix, `dense`
+    is its inverse, which the host makes when a cycle asks for it: the device has other work first.
     """
 
     top: Level
@@ -95,6 +97,7 @@ class Stack:
     inverse: DeviceArray
     steps: list[Step]
     steps_there: DeviceArray
+    matrix: Callable[[], F4] | None = None
     dense: DeviceArray | None = None
 
     @property
@@ -160,7 +163,7 @@ class HeightSolver:
         total = int(gaps[-1]) + GAP
         (self.ground,) = self._planes(1, total)
         self._whole = self._working(total)
-        self._stretch, self._parts = run.scratch((1,)), run.scratch((PARTS,))
+        self._distance, self._parts = run.scratch((1,)), run.scratch((PARTS,))
         self._one_group = ONE_GROUP if run.lanes == 1 else ONE_GROUP_OF_LANES
         last = self._levels[-1]
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
@@ -181,7 +184,7 @@ class HeightSolver:
         whole = self._whole
         run.kernel(
             "clear_gaps", (gaps.size * GAP,), run.put(gaps), gaps.size, right, down, self.ground,
-            whole.height, whole.lifted, whole.direction, whole.z,
+            whole.height, whole.lifted, whole.z,
         )  # fmt: skip
         steps = list(_steps(len(self._levels), top))
         steps_there = run.put(np.array(steps, np.int32))
@@ -249,7 +252,7 @@ class HeightSolver:
         run, found = self._run, self._run.scratch(self.shape)
         first, _, stride = self._levels[0].there
         run.kernel(
-            "cut", self.shape,
+            "cut", run.in_row_lanes(*self.shape),
             height, self.ground, found, first, stride, run.sizes["W"], *self.place,
         )  # fmt: skip
         return found
@@ -302,26 +305,37 @@ class HeightSolver:
 
     def _join(self, stack: Stack) -> None:
         """Make the networks below the first."""
-        run, levels = self._run, self._levels[self._levels.index(stack.top) :]
-        for fine, coarse in pairwise(levels):
+        run, levels, network = self._run, self._levels, self._network(stack)
+        *planes, marks, starts, own, _, stiffness = network
+        number = levels.index(stack.top)
+        joined = *planes, marks, starts, own, stiffness
+        while levels[number].size > self._one_group:
+            fine, coarse = levels[number], levels[number + 1]
+            run.kernel("invert_diagonal", run.in_lanes(fine.size), *joined, *fine.there)
             run.kernel(
                 "coarsen_level", run.in_lanes(coarse.size),
                 stack.right, stack.down, self.ground, *fine.there, *coarse.there,
             )  # fmt: skip
-        network = self._network(stack)
-        for level in levels:
-            run.kernel("invert_diagonal", run.in_lanes(level.size), *network, *level.there)
-        stack.dense = run.put(self._coarsest_inverse(network))
-
-    def _coarsest_inverse(self, network: tuple[DeviceArray, ...]) -> F4:
-        run, last = self._run, self._levels[-1]
+            number += 1
+        run.kernel(
+            "join_small_levels", (run.group,), *joined, self._levels_there, number,
+            len(levels) - 1, local=(run.group,),
+        )  # fmt: skip
+        last = levels[-1]
         size = last.rows * last.columns
         matrix = run.scratch((size, size))
         run.kernel(
             "dense_matrix", (size, size), *network, self._dense_at, matrix, size, last.stride
         )
-        inverse = soft_inverse(run.download(matrix))
-        return np.pad(inverse, ((0, 0), (0, -size % GAP)))
+        stack.matrix, stack.dense = run.begin_download(matrix), None
+
+    def _dense(self, stack: Stack) -> DeviceArray:
+        """The inverse of the coarsest level's matrix, rows padded to whole lanes."""
+        if stack.dense is None:
+            assert stack.matrix is not None
+            inverse = soft_inverse(stack.matrix())
+            stack.dense = self._run.put(np.pad(inverse, ((0, 0), (0, -len(inverse) % GAP))))
+        return stack.dense
 
     def room(self, stack: Stack, loads: int) -> Wants:
         """Room for what the springs want under so many loads."""
@@ -366,7 +380,7 @@ class HeightSolver:
         wants: Wants,
         height: DeviceArray,
         steps: int,
-        enough: float,
+        enough: DeviceArray,
         number: int = 0,
         to: int = 0,
     ) -> bool:
@@ -380,32 +394,33 @@ class HeightSolver:
         run.kernel("take_height", by_rows, height, planes.z, first, rows, columns, stride, to)
         self._unbalance(stack, wants, planes, number, 1)
         if self._is_small(stack.steps[0]):
-            gain = self._small_gradients(stack, planes, steps, np.array([enough], np.float32))
-            moved = bool(run.download(gain)[0, 2])
+            moved = self._small_gradients(stack, planes, steps, enough, number, 1)
         else:
-            moved = self._gradients(stack, steps, enough)
+            moved = self._gradients(stack, steps, enough, number)
         self._give_heights(stack, planes, height, to, 1)
-        return moved
+        return bool(moved()[0, TAKEN] > 0)
 
     def solve_all(
-        self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: NDArray[Any]
+        self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: DeviceArray
     ) -> None:
         """Find the heights under all loads, from zero: side by side where there are few pixels."""
-        run, loads = self._run, len(enough)
+        run, (loads,) = self._run, enough.shape
         if not self._is_small(stack.steps[0]):
-            run.kernel("clear", (math.prod(heights.shape),), heights, math.prod(heights.shape))
+            run.kernel(
+                "clear", run.in_lanes(math.prod(heights.shape)), heights, math.prod(heights.shape)
+            )
             for number in range(loads):
-                self.solve(stack, wants, heights, steps, float(enough[number]), number, number)
+                self.solve(stack, wants, heights, steps, enough, number, number)
             return
         last = self._levels[-1]
         base = stack.top.first - stack.top.stride
         apart = last.first + last.size + last.stride + 2 * GAP - base
         planes = self._working(loads * apart, base, apart)
         # What lies between levels has to be finite, and the start is zero.
-        for plane in (planes.height, planes.lifted, planes.direction, planes.z):
-            run.kernel("clear", (loads * apart,), plane, loads * apart)
+        for plane in (planes.height, planes.lifted, planes.z):
+            run.kernel("clear", run.in_lanes(loads * apart), plane, loads * apart)
         self._unbalance(stack, wants, planes, 0, loads)
-        self._small_gradients(stack, planes, steps, enough)
+        self._small_gradients(stack, planes, steps, enough, 0, loads)
         self._give_heights(stack, planes, heights, 0, loads)
 
     def _unbalance(
@@ -429,118 +444,150 @@ class HeightSolver:
         )  # fmt: skip
 
     def _small_gradients(
-        self, stack: Stack, planes: _Planes, steps: int, enough: NDArray[Any]
-    ) -> DeviceArray:
+        self,
+        stack: Stack,
+        planes: _Planes,
+        steps: int,
+        enough: DeviceArray,
+        number: int,
+        loads: int,
+    ) -> Callable[[], NDArray[Any]]:
         """The steps where the first level is small, too: a launch each, and no wait between.
 
-        Each load has a work-group.  Returns what `small_step` says of each.
+        Each load has a work-group.  Returns what waits for how the solutions stand.
         """
-        run, loads = self._run, len(enough)
-        gain, until = run.scratch((loads, 3)), run.put(enough.astype(np.float32))
-        for number in range(steps + 1):
-            run.kernel(
+        run, gain = self._run, self._beginning(loads)
+        step = run.capture(
+            lambda: run.kernel(
                 "small_step", (loads * run.group,), *self._cycle_there(stack, planes), 0,
-                len(stack.steps), planes.direction, planes.moved, planes.z, gain, until,
-                *stack.top.there, int(number == 0), *planes.place, local=(run.group,),
-            )  # fmt: skip
-        return gain
+                len(stack.steps), planes.direction, planes.moved, planes.z, gain, enough, number,
+                *stack.top.there, *planes.place, local=(run.group,),
+            )
+        )  # fmt: skip
+        for _ in range(steps + 1):
+            step()
+        return run.begin_download(gain)
 
-    def _gradients(self, stack: Stack, steps: int, enough: float) -> bool:
-        """The steps where the first level is large: what is left to gain comes down."""
-        run, there, network, planes = self._run, stack.top.there, self._network(stack), self._whole
-        size = run.in_lanes(stack.top.size)
-        energy, share, moved = self._cycle(stack), 0.0, False
-        for _ in range(steps):
-            if energy <= enough or energy <= 0:
+    def _gradients(
+        self, stack: Stack, steps: int, enough: DeviceArray, number: int
+    ) -> Callable[[], NDArray[Any]]:
+        """The steps where the first level is large.
+
+        Whether a step was the last is asked when the next is enqueued, so that the device never
+        waits for the host; of a solution that has ended kernels return at once.
+        """
+        run, gain = self._run, self._beginning(1)
+        step = run.capture(lambda: self._step(stack, gain, enough, number))
+        stands: Callable[[], NDArray[Any]] | None = None
+        for _ in range(steps + 1):
+            before = stands
+            step()
+            stands = run.begin_download(gain)
+            if before is not None and not before()[0, GOES_ON]:
                 break
-            moved = True
-            run.kernel("turn", size, planes.height, planes.direction, *there, share)
-            run.kernel(
-                "apply_springs", (PARTS,), *network, planes.direction, planes.moved, self._parts,
-                *there,
-            )  # fmt: skip
-            run.kernel("add_parts", (1,), self._parts, self._stretch)
-            run.kernel(
-                "advance", size, planes.direction, planes.moved, stack.inverse, planes.z,
-                planes.force, planes.lifted, self._stretch, *there, energy,
-            )  # fmt: skip
-            before, energy = energy, self._cycle(stack)
-            share = energy / before
-        return moved
+        assert stands is not None
+        return stands
 
-    def energies(self, stack: Stack, wants: Wants, loads: int = 1) -> NDArray[np.float64]:
+    def _beginning(self, loads: int) -> DeviceArray:
+        """How solutions stand before their first cycle; springs.clh says what the numbers are."""
+        return self._run.put(np.tile(np.array([0, 0, -1, 1], np.float32), (loads, 1)))
+
+    def _step(self, stack: Stack, gain: DeviceArray, enough: DeviceArray, number: int) -> None:
+        """A step and the cycle after it; or, as a solution begins, the cycle alone."""
+        run, there, network, planes = self._run, stack.top.there, self._network(stack), self._whole
+        run.kernel(
+            "turn", (PARTS,), *network, planes.height, planes.direction, planes.moved, self._parts,
+            *there, gain,
+        )  # fmt: skip
+        run.kernel("reach", (1,), self._parts, self._distance, gain)
+        run.kernel(
+            "advance", run.in_lanes(stack.top.size), planes.direction, planes.moved, stack.inverse,
+            planes.z, planes.force, planes.lifted, self._distance, *there, gain,
+        )  # fmt: skip
+        self._cycle(stack, gain)
+        run.kernel("end_step", (1,), self._parts, gain, enough, number)
+
+    def energies(self, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
         """What `Springs.energy` says of the first loads."""
         run, (first, rows, stride) = self._run, stack.top.there
-        parts = run.scratch((loads, PARTS))
+        parts, found = run.scratch((loads, PARTS)), run.scratch((loads,))
         run.kernel(
             "energy_parts", (loads * PARTS,), stack.right, stack.down, wants.right, wants.down,
             parts, first, rows, stack.top.columns, stride, loads,
         )  # fmt: skip
-        found: NDArray[np.float64] = run.download(parts).sum(axis=1, dtype=float)
+        run.kernel("add_energies", (loads,), parts, found, loads)
         return found
 
-    def _cycle(self, stack: Stack) -> float:
-        """One multigrid cycle: from the force on the first level, a large one, to its height.
+    def enough(
+        self,
+        share: float,
+        energies: DeviceArray,
+        others: DeviceArray | None = None,
+        part: float = 0.0,
+    ) -> DeviceArray:
+        """A share of each energy, or of a part of the first of others if that is more."""
+        run, (loads,) = self._run, energies.shape
+        found = run.scratch((loads,))
+        run.kernel("be_enough", (loads,), energies, others, found, loads, share, part)
+        return found
 
-        Returns the energy that is left to gain.
-        """
+    def _cycle(self, stack: Stack, gain: DeviceArray) -> None:
+        """One multigrid cycle: from the force on the first level, a large one, to its height."""
         run, (*steps, _) = self._run, stack.steps
         at = 0
         while at < len(steps):
             end = at + 1
             if not self._is_small(steps[at]):
-                self._large_step(stack, steps[at])
+                self._large_step(stack, steps[at], gain)
             else:
                 while end < len(steps) and self._is_small(steps[end]):
                     end += 1
-                self._small_steps(stack, at, end)
+                self._small_steps(stack, at, end, gain)
             at = end
         run.kernel(
             "smooth_and_sum", (PARTS,), *self._network(stack), *self._whole[:3], self._parts,
-            *stack.top.there,
+            *stack.top.there, gain,
         )  # fmt: skip
-        return float(run.download(self._parts).sum(dtype=float))
 
     def _is_small(self, step: Step) -> bool:
         return self._levels[step.level].size <= self._one_group
 
     def _cycle_there(self, stack: Stack, planes: _Planes) -> tuple[Any, ...]:
         """What the kernels of small levels are told."""
-        (count,), dense = self._dense_at.shape, stack.dense
-        assert dense is not None
+        (count,), dense = self._dense_at.shape, self._dense(stack)
         return (
             *self._network(stack), *planes[:4],
             dense, self._dense_at, count, dense.shape[1], self._levels_there, stack.steps_there,
         )  # fmt: skip
 
-    def _small_steps(self, stack: Stack, first: int, end: int) -> None:
+    def _small_steps(self, stack: Stack, first: int, end: int, gain: DeviceArray) -> None:
         run = self._run
         there = self._cycle_there(stack, self._whole)
-        run.kernel("small_levels", (run.group,), *there, first, end, local=(run.group,))
+        run.kernel("small_levels", (run.group,), *there, first, end, gain, local=(run.group,))
 
-    def _large_step(self, stack: Stack, step: Step) -> None:
+    def _large_step(self, stack: Stack, step: Step, gain: DeviceArray) -> None:
         run, level, network = self._run, self._levels[step.level], self._network(stack)
         coarse, (force, height, lifted, kept, *_) = self._levels[step.level + 1], self._whole
         here, blocks = run.in_lanes(level.size), run.in_lanes(coarse.size)
         if step.what == RESTRICT:
             run.kernel(
                 "restrict_level", blocks,
-                *network, force, lifted, *level.there, *coarse.there,
+                *network, force, lifted, *level.there, *coarse.there, gain,
             )  # fmt: skip
         elif step.what == REDO:
             run.kernel(
                 "redo_level", here,
-                *network, force, height, lifted, kept, *level.there,
+                *network, force, height, lifted, kept, *level.there, gain,
             )  # fmt: skip
         elif step.what == LIFT:
             run.kernel(
                 "lift_level", blocks, height, lifted, kept, int(step.twice),
-                *level.there, *coarse.there,
+                *level.there, *coarse.there, gain,
             )  # fmt: skip
         else:
             run.kernel(
                 "smooth_level", here,
-                *network, force, height, lifted, *level.there,
+                *network, force, height, lifted, *level.there, gain,
             )  # fmt: skip
 
 
@@ -602,25 +649,33 @@ class _TieLevels(NamedTuple):
 
 
 def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
-    top, foot, which = ties.top, ties.foot, np.arange(ties.top.size)
-    tops, feet, finest, owners = [], [], [], []
-    count = 0
-    for level, finer in zip(levels, [None, *levels], strict=False):
-        if finer is not None:
-            top, foot, joined = join_ends(top, foot, finer.columns, level[1:3])
-            which = np.where(which >= 0, np.append(joined, -1)[which], -1)
-        tops.append(level.at(top))
-        feet.append(level.at(foot))
-        finest.append(np.flatnonzero(which >= 0))
-        owners.append(count + which[which >= 0])
-        count += top.size
-    ends = np.stack([np.concatenate(tops), np.concatenate(feet)], axis=1)
-    member_start, members = _grouped(np.concatenate(owners), np.concatenate(finest), count)
-    numbers = np.arange(count)
-    order = np.argsort(np.concatenate([ends[:, 0], ends[:, 1]]), kind="stable")
+    """The finest ties as they are; of each coarser level, those of the same two blocks are one."""
+    count, width = ties.top.size, levels[0].columns
+    depth = np.arange(len(levels))[:, None]
+    first, stride = (np.array([level[n] for level in levels])[:, None] for n in (0, 3))
+    at = [
+        first + (end // width >> depth) * stride + (end % width >> depth)
+        for end in (ties.top, ties.foot)
+    ]
+    # A tie whose ends lie in one block joins none.
+    level, finest = np.nonzero(at[0][1:] != at[1][1:])
+    top, foot = (end[level + 1, finest] for end in at)
+    pairs = top * (levels[-1].first + levels[-1].size) + foot
+    order = stable_order(pairs)
+    begins = np.diff(pairs[order], prepend=-1) > 0
+    joined = np.empty_like(order)
+    joined[order] = count + np.cumsum(begins) - 1
+    own = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
+    numbers = np.arange(own[0].size)
+    member_start, members = _grouped(
+        np.concatenate([numbers[:count], joined]),
+        np.concatenate([numbers[:count], finest]),
+        numbers.size,
+    )
+    order = stable_order(np.concatenate(own))
+    knot_own, knot_other = (np.concatenate(ends)[order] for ends in (own, own[::-1]))
     knot_tie = np.concatenate([numbers, ~numbers])[order]
-    own, other = (np.concatenate([ends[:, n], ends[:, 1 - n]])[order] for n in (0, 1))
-    found = member_start, members, own, knot_tie, other
+    found = member_start, members, knot_own, knot_tie, knot_other
     return _TieLevels(*(array.astype(np.int32) for array in found))
 
 
@@ -628,6 +683,5 @@ def _grouped(
     group: NDArray[Any], values: NDArray[Any], count: int
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Where each group's values begin, and the values sorted by group."""
-    order = np.argsort(group, kind="stable")
-    start = np.searchsorted(group[order], np.arange(count + 1))
-    return start, values[order]
+    start = np.append(0, np.cumsum(np.bincount(group, minlength=count)))
+    return start, values[stable_order(group)]

@@ -32,19 +32,26 @@ class Film(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What a small change of each LED's light does to p and q, and its light: K x h x w each."""
+    """What small changes of the lights, and noise, do to the slopes."""
 
     by_p: F4
+    """K x h x w, what a change of each LED's light does to p."""
     by_q: F4
-    lit: F4
+    by_place: F4
+    """K x 3 x h x w, what a mm by which an LED is elsewhere does to its light."""
+    alone: F4
+    """h x w, the noise of p; with the next two a root of the covariance of p and q."""
+    along: F4
+    """The noise of q that goes with it."""
+    across: F4
+    """The noise of q that does not."""
 
 
 class Error(NamedTuple):
-    """One error: where the LEDs are, its signs, its wave, and the numbers of its draws."""
+    """One error: by how much LEDs are elsewhere, its signs, its wave, the numbers of its draws."""
 
-    lights: F4
+    moved: F4
     """K x 3 in mm."""
-    flat_noise: np.float32
     bounce: np.float32
     """The share by which light thrown on the film is wrong."""
     settling: np.float32
@@ -90,13 +97,20 @@ def film_inside(
 
 
 def response_of(
-    film: Film, lights: LightPositions, used: Labels, rest: Mask, uneven: float
+    film: Film,
+    lights: LightPositions,
+    used: Labels,
+    rest: Mask,
+    uneven: float,
+    flat_noise: np.float32,
 ) -> Response:
-    """What a small change of each LED's light does to the slope."""
+    """What small changes of the lights, and noise, do to the slopes."""
     from tactograph.nodes.height._error_loops import respond
 
-    made = Response(*(np.empty(film.light.shape, np.float32) for _ in Response._fields))
-    of_film = only_read(lights), only_read(used), only_read(rest), np.float32(uneven)
+    leds, *size = film.light.shape
+    shapes = *((leds, *size) for _ in range(2)), (leds, 3, *size), *(size for _ in range(3))
+    made = Response(*(np.empty(shape, np.float32) for shape in shapes))
+    of_film = only_read(lights), only_read(used), only_read(rest), np.float32(uneven), flat_noise
 
     def respond_in(rows: slice) -> None:
         respond(rows.start, rows.stop, film, *of_film, made)

@@ -194,8 +194,19 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
     top, foot = (blocks_of(index, width, half[1]) for index in (top, foot))
     apart = top != foot
     which = np.full(top.size, -1, np.int64)
-    pairs, which[apart] = np.unique(top[apart] * size + foot[apart], return_inverse=True)
+    pairs = top[apart] * size + foot[apart]
+    order = stable_order(pairs)
+    first = np.diff(pairs[order], prepend=-1) > 0
+    which[np.flatnonzero(apart)[order]] = np.cumsum(first) - 1
+    pairs = pairs[order][first]
     return pairs // size, pairs % size, which
+
+
+def stable_order(keys: Pixels) -> Pixels:
+    """The stable `np.argsort`, by the fast sort of numbers of which no two are alike."""
+    numbered = keys.astype(np.int64) * keys.size + np.arange(keys.size)
+    numbered.sort()
+    return numbered % max(keys.size, 1)
 
 
 def _smallest_matrix(grids: Grids) -> F4:
@@ -229,11 +240,11 @@ def soft_inverse(matrix: F4) -> F4:
     if size:
         stiffness = float(np.trace(matrix, dtype=float)) / size
         held = matrix[inside] + np.eye(size) * (1e-7 * stiffness)
-        keep = np.eye(size)
-        if held.sum() <= 1e-5 * stiffness * size:
-            held += stiffness / size
-            keep -= 1 / size
-        inverse[inside] = keep @ np.linalg.inv(held) @ keep
+        if held.sum() > 1e-5 * stiffness * size:
+            inverse[inside] = np.linalg.inv(held)
+        else:
+            keep = np.eye(size) - 1 / size
+            inverse[inside] = keep @ np.linalg.inv(held + stiffness / size) @ keep
     return inverse
 
 

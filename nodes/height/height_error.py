@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
 ERRORS = 8
-"""Random errors; each has the LEDs at another place."""
+"""Random errors; each has the LEDs at another place.  The kernel's ERRORS."""
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 DEEPEST = 2
@@ -59,11 +59,10 @@ FINE = 2
 """So many of them are sent through the pixels' own network as well.  What they then have more is
 what cells do not see of any (multilevel Monte Carlo; Giles, "Multilevel Monte Carlo path
 simulation", 2008)."""
-AT_ONCE = 4
-"""Errors of the slopes that a device draws in one launch, since they share most of what they read;
-the kernel's AT_ONCE."""
 AGAIN = 4
 """Conjugate gradients that such an error takes from where the cells have brought it."""
+FEW = 4
+"""Work-items in a group of a CPU that keep much each."""
 WAVES = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: the correlation of the
 first has fallen to a half where it says."""
@@ -126,8 +125,8 @@ def height_error(
     - the noise of each LED's light, and of the flat frame by which it was divided,
       independent from pixel to pixel;
     - an error of the calibration, common to all pixels: by how much the film's light would
-      differ from the one found if the LEDs were where the calibration allows them to be too
-      (on the film at rest it would not, by the flat frame);
+      differ from the one found, to first order, if the LEDs were where the calibration allows
+      them to be too (on the film at rest it would not, by the flat frame);
     - an error of the film's model: normals that lean by what was left over on presses held out,
       and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
       wave apart, so that their squares add up to the same everywhere.  Only the part of such a
@@ -206,7 +205,9 @@ def height_error(
     coarsest = cells[-1].springs if cells else springs
     coarse = hierarchy(coarsest) if cells else levels
     film = film_inside(window, light, sigma, slope, height, pixel, bounced, earlier)
-    response = response_of(film, lights, window.of(used), window.of(rest), uneven)
+    response = response_of(
+        film, lights, window.of(used), window.of(rest), uneven, np.float32(flat_noise)
+    )
     turn = _turns(system)
     turns = Turns(*(np.float32(aperture) * part for part in turn))
     rise_error = np.float32(rise_px * pixel)
@@ -215,7 +216,7 @@ def height_error(
     def load(number: int) -> tuple[Wants, Wants]:
         """What the springs between pixels want under an error, and those between cells."""
         keys = _keys(seed, number)
-        error = _error(number, keys, others[number], flat_noise, misfit, film)
+        error = _error(number, keys, others[number] - lights, misfit, film)
         steps = Turns(np.empty_like(system.right), np.empty_like(system.down))
         err(film, response, error, turns, np.float32(pixel), steps)
         wants = *steps, rise_error * _drawn(keys.rises, system.rise.shape)
@@ -262,9 +263,9 @@ def height_error(
     if mask is not None:
         free &= window.of(mask) != 0
     out = np.zeros(rest.shape, np.float32)
-    spread = _smooth_deviation(total, free.astype(np.float32))
+    deviation = _smooth_deviation(total, free.astype(np.float32))
     edge = window.of(_unresolved(height, pixel))
-    out[window.rows, window.columns] = np.sqrt(spread * spread + edge * edge) * free
+    out[window.rows, window.columns] = np.sqrt(deviation * deviation + edge * edge) * free
     return out
 
 
@@ -361,12 +362,11 @@ def _hashed(x: Any) -> Any:
 def _error(
     number: int,
     keys: _Keys,
-    lights: LightPositions,
-    flat_noise: float,
+    moved: F4,
     misfit: Misfit | None,
     film: Film,
 ) -> Error:
-    """One of the random errors."""
+    """One of the random errors; `moved` is K x 3 in mm, by how much the LEDs are elsewhere."""
     wave, zero = _wave(number), np.float32(0)
     of_columns = of_rows = np.zeros((2, 0), np.float32)
     wrong = steeper = zero
@@ -378,8 +378,7 @@ def _error(
         of_rows = np.stack([np.cos(turned), np.sin(turned)])
         wrong, steeper = SIGNS[number] * misfit[3], LEANING[number] * misfit[4]
     return Error(
-        only_read(lights),
-        np.float32(flat_noise),
+        only_read(np.asarray(moved, np.float32)),
         np.float32(wrong),
         np.float32(SETTLING[number]),
         wave.across,
@@ -430,7 +429,7 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 def _launch(run: Launch) -> None:
     """The same errors through the same networks; no pixel comes to the host."""
     of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
-    lights, rows, columns = frame = tuple(run.sizes[symbol] for symbol in "KHW")
+    frame = tuple(run.sizes[symbol] for symbol in "KHW")
     touch = find_touch(run)
     solver = HeightSolver(run, touch.window, DEEPEST)
     solver.weigh(solver.cut(of["height"]), settings["robust"])
@@ -438,13 +437,12 @@ def _launch(run: Launch) -> None:
     coarse = solver.pixels if cells is None else cells
     wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
     wanted = wants if cells is None else solver.room(cells, ERRORS)
-    slopes = run.scratch((AT_ONCE, 2, *shape))
-    by_p, by_q = run.scratch(frame), run.scratch(frame)
+    slopes = run.scratch((ERRORS, 2, *shape))
     moved, total = (run.scratch((1, *shape)) for _ in range(2))
     misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
     def clear(plane: DeviceArray) -> None:
-        run.kernel("clear", (math.prod(plane.shape),), plane, math.prod(plane.shape))
+        run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
 
     def err_rises(to: int, error: float, key: int) -> None:
         if ties:
@@ -455,38 +453,30 @@ def _launch(run: Launch) -> None:
         told = run.put(np.array(shares, np.float32))
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
-    run.kernel(
-        "respond", run.in_lanes(rows, columns),
-        of["height"], of["slope"], of["rest"], of["sigma"], of["used"], of["lights"],
-        by_p, by_q, *frame, pixel, of["uneven"],
-    )  # fmt: skip
     drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
     kinds = run.keep("kinds", lambda: run.upload(_kinds()))
     light_keys = run.put(np.array([keys.light for keys in drawn], np.uint32))
+    run.kernel(
+        "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
+        of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
+        *frame, *solver.place, pixel, settings["flat_noise"], of["uneven"],
+        kinds, light_keys, misfit, bounced, earlier,
+        # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
+        local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
+    )  # fmt: skip
     # The first come last: what they want of pixels is still there then.
     for number in reversed(range(ERRORS)):
-        first, to, keys = (
-            number // AT_ONCE * AT_ONCE,
-            min(number, wants.right.shape[0] - 1),
-            drawn[number],
-        )
-        if number == first + AT_ONCE - 1:
-            run.kernel(
-                "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-                of["slope"], of["lights"], of["others"], by_p, by_q, slopes,
-                lights, rows, columns, *solver.place, pixel, first, settings["flat_noise"],
-                kinds, light_keys, misfit, bounced, earlier,
-            )  # fmt: skip
+        to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
         run.kernel(
             "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes,
-            wants.right, wants.down, *shape, number - first, to, 0.5 * pixel,
+            wants.right, wants.down, *shape, number, to, 0.5 * pixel,
             settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
         err_rises(to, settings["rise_px"] * pixel, keys.rises)
         if cells is not None:
             solver.wants_of_cells(wants, to, wanted, number)
-    beside = BESIDE * float(solver.energies(solver.pixels, wants)[0])
-    enough = ENOUGH * solver.energies(coarse, wanted, ERRORS)
+    beside = solver.energies(solver.pixels, wants)
+    enough = solver.enough(ENOUGH, solver.energies(coarse, wanted, ERRORS))
     there, of_cells = run.scratch((ERRORS, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
     clear(of_cells)
@@ -496,10 +486,10 @@ def _launch(run: Launch) -> None:
         total = of_cells
     else:
         solver.on_pixels(of_cells, 0, total)
-        enough = ENOUGH * solver.energies(solver.pixels, wants, FINE)
+        enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants, FINE))
         for number in range(FINE):
             solver.on_pixels(there, number, moved)
-            solver.solve(solver.pixels, wants, moved, AGAIN, float(enough[number]), number)
+            solver.solve(solver.pixels, wants, moved, AGAIN, enough, number)
             add_squares(moved, total, [np.float32(1 / FINE)])
     kink = settings["kink"] * pixel
     by_rows = run.in_row_lanes(*shape)
@@ -508,8 +498,8 @@ def _launch(run: Launch) -> None:
     )
     err_rises(0, 0.0, 0)
     clear(moved)
-    enough_too = ENOUGH * max(float(solver.energies(solver.pixels, wants)[0]), beside)
-    solver.solve(solver.pixels, wants, moved, settings["steps"], enough_too)
+    enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants), beside, BESIDE)
+    solver.solve(solver.pixels, wants, moved, settings["steps"], enough)
     add_squares(moved, total, [np.float32(1)])
     _deviate(run, solver, total)
 
@@ -531,7 +521,7 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     out, bent = run.outputs["height_error"], run.scratch(frame)
     height, pixel = run.inputs["height"], float(run.inputs["pixel"])
     run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
-    run.kernel("clear", (math.prod(frame),), out, math.prod(frame))
+    run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
 

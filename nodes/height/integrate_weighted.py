@@ -156,7 +156,7 @@ def _launch(run: Launch) -> None:
     scales = _scales(settings["rounds"], robust, settings["ease"], warm=warm)
     for scale in scales:
         solver.weigh(height, scale)
-        enough = ENOUGH * float(solver.energies(solver.pixels, solver.wants)[0])
+        enough = solver.enough(ENOUGH, solver.energies(solver.pixels, solver.wants))
         moved = solver.solve(solver.pixels, solver.wants, height, settings["steps"], enough)
         if not moved and scale == scales[-1]:
             break

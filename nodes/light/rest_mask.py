@@ -38,9 +38,12 @@ def rest_mask(
         H x W, 1 on the film at rest.
     """
     closed = cv2.morphologyEx(calm, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    _, parts = cv2.connectedComponents(closed, connectivity=4)
-    border = np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))
-    joined = np.isin(parts, border[border > 0]).astype(np.uint8)
+    count, parts = cv2.connectedComponents(closed, connectivity=4)
+    at_border = np.zeros(count, np.uint8)
+    for line in (parts[0], parts[-1], parts[:, 0], parts[:, -1]):
+        at_border[line] = 1
+    at_border[0] = 0
+    joined = at_border[parts]
     margin = round(margin_mm / pixel)
     square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     return np.asarray(cv2.erode(joined, square, borderValue=1), np.uint8)

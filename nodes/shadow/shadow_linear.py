@@ -9,6 +9,7 @@ from annotated_types import Gt
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import Labels, Light, NullVector, Spread
+from tactograph.nodes.light._cache_blocks import in_blocks
 
 
 @node(
@@ -51,12 +52,21 @@ def shadow_linear(
     ndarray
         H x W, bit k-1 set where LED k is shadowed.
     """
-    departure = np.zeros(light.shape[1:], np.float32)
-    for a, plane in zip(null, light, strict=True):
-        departure += a * plane
-    shadowed = np.abs(departure) > np.float32(threshold) * np.float32(spread)
-    darkest = np.left_shift(1, np.argmin(light, axis=0))
-    return np.asarray(np.where(shadowed, darkest, 0), np.uint8)
+    lights, level = light.reshape(len(light), -1), np.float32(threshold) * np.float32(spread)
+    labels = np.empty(lights.shape[1], np.uint8)
+
+    def label(part: slice) -> None:
+        darkest, least = labels[part], lights[0, part]
+        departure = np.zeros_like(least)
+        darkest[:] = 1
+        for k, (a, plane) in enumerate(zip(null, lights[:, part], strict=True)):
+            departure += a * plane
+            np.copyto(darkest, np.uint8(1 << k), where=plane < least)
+            least = np.minimum(plane, least)
+        darkest *= np.abs(departure) > level
+
+    in_blocks(label, len(labels))
+    return labels.reshape(light.shape[1:])
 
 
 shadow_linear.opencl(grid="H W", lanes="grid")

@@ -3,9 +3,9 @@
 The look-up is exact.  The index is a tree of three levels of 16 boxes along the table's principal
 axes, along which a Lambertian film's light is thin.  A film at rest lies off the table, so that
 many entries are almost equally near, and only boxes in all principal axes prune them.  On CPUs 16
-pixels of similar light walk the tree together; ``sort_by_light.clh`` sorts the frame by light, so
-that they are alike.  Equal entries are merged and ties go to the first entry, so both back ends
-find the same slope.
+pixels of similar light walk the tree together, in the kernel and in ``_packet_search.py``; the
+frame is sorted by light, so that they are alike.  Equal entries are merged and ties go to the
+first entry, so both back ends find the same slope.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tactograph.graph import Port, node
 from tactograph.graph.run.cores import cores
@@ -52,8 +51,6 @@ class LutIndex(NamedTuple):
     centres: Annotated[F4, Port("T K", "1")]
     tables: Annotated[I4, Port("T 4", "1")]
     """Number of tops, first row of `boxes`, of `entries`, of `slopes`."""
-    trees: tuple[cKDTree, ...]
-    """The same tables as SciPy's trees, for the host, by number."""
 
 
 class _Table(NamedTuple):
@@ -64,7 +61,6 @@ class _Table(NamedTuple):
     axes: F4
     centre: F4
     tops: int
-    tree: cKDTree
 
 
 @node
@@ -101,7 +97,6 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
         np.stack([t.axes for t in tables]),
         np.stack([t.centre for t in tables]),
         np.array([(t.tops, *(s[i] for s in starts)) for i, t in enumerate(tables)], np.int32),
-        tuple(t.tree for t in tables),
     )
 
 
@@ -123,13 +118,7 @@ def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -
     boxes = _boxes(places[order], np.float32(SLACK * np.abs(points).max()))
     numbers = order.ravel().astype(np.int32)
     tops = len(numbers) // TOP
-    return _Table(points[numbers], numbers, slopes, boxes, axes, centre, tops, _tree(points))
-
-
-def _tree(points: F4) -> cKDTree:
-    # Light far from the table is about as near to all of it: with small leaves the search
-    # spends twice the time on their boxes.
-    return cKDTree(points, leafsize=64)
+    return _Table(points[numbers], numbers, slopes, boxes, axes, centre, tops)
 
 
 def _empty(count: int) -> _Table:
@@ -137,7 +126,7 @@ def _empty(count: int) -> _Table:
     axes = np.eye(count, dtype=np.float32)
     boxes = np.zeros((0, 2, count, WIDE), np.float32)
     numbers = np.zeros(0, np.int32)
-    return _Table(none, numbers, none[:, :2], boxes, axes, axes[0], 0, cKDTree(none))
+    return _Table(none, numbers, none[:, :2], boxes, axes, axes[0], 0)
 
 
 def _merged(points: F4, slopes: F4) -> tuple[F4, F4]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
-from typing import Annotated, Any, NamedTuple
+from itertools import pairwise
+from typing import Annotated, Any
 
-import cv2
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
@@ -18,32 +16,23 @@ from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Labels, Light, Slope
 from tactograph.nodes.slope.index_lut import LutIndex, index_lut
 
-SPARE = 3
-"""So many neighbours more are asked for, to settle ties in float32 as the kernel does."""
-ALIKE = 1e-5
-"""Distances that differ by less than this part may change places in float32."""
-ROUNDING = 1e-6
-"""Error of a distance between places in float32, relative to the largest coordinate."""
-SINGLE_TREE, LEAF = 4, 8
-"""FLANN's number for an exact tree, and entries in a leaf of it."""
-UNLIMITED = {"checks": -1, "eps": 0.0, "sorted": True}
-PARTS = 16
-"""So many parts of the frame are shared out among the cores."""
-MOST_LIGHT = 1e15
-PIXELS_IN_CELL = 1024
+PIECE = 1024
 """So many pixels at least are in a cell of the sort, on average; the kernel's PIECE."""
 MOST_LEVELS = 10
 SAMPLES = 8
 """Pixels per cell that are sampled for the medians; the kernel's SAMPLES."""
 SPARSER = 3
 """The cells of shadowed pixels are so many levels coarser; the kernel's SPARSER."""
-F8 = NDArray[np.float64]
 CHUNKS = 64
 """Work-items that share the frame's pixels."""
+PARTS = 64
+"""So many parts of the frame are shared out among the host's cores."""
 
 
 @node(
-    tolerance=Flips(1e-3, 1e-6, 1e-6, why="ties between more neighbours than are compared"),
+    tolerance=Flips(
+        1e-3, 1e-6, 1e-6, why="a device fuses multiply and add, which tells ties apart"
+    ),
     sizes={"K": SizeLimit(3, 8, "the tables are for 3 to 8 LEDs")},
 )
 def lut_nearest(
@@ -75,102 +64,54 @@ def lut_nearest(
     ndarray
         Slope 2 x H x W; zero where the table needed is empty.
     """
+    # numba takes half a second to import, which a look-up on a device need not wait for.
+    from tactograph.nodes.slope._packet_search import find_cells, search_cells
+
     count, height, width = light.shape
-    lights = np.nan_to_num(light.reshape(count, -1), posinf=MOST_LIGHT, neginf=-MOST_LIGHT)
-    table = _tables(lights, shadow.ravel())
-    slope = np.zeros((2, height * width), np.float32)
-    for number, tree in enumerate(index.trees):
-        pixels = np.flatnonzero(table == number)
-        if len(pixels) == 0 or index.tables[number, 0] == 0:
-            continue
-        query = lights[:, pixels].T.copy()
-        if number:
-            query[:, number - 1] = 0
-        first = int(index.tables[number, 3])
-        slope[:, pixels] = _mean_slope(tree, query, index.slopes[first:], neighbours)
+    size = height * width
+    lights, shadows = np.ascontiguousarray(light).reshape(count, size), shadow.reshape(size)
+    levels, cells = _cells(count, size)
+    medians = _medians(lights, levels)
+    table = tuple(array.ravel() for array in index[:-1]) + index[-1:]
+    cell, slope = np.empty(size, np.uint16), np.zeros((2, size), np.float32)
+    with ThreadPoolExecutor(cores()) as pool:
+
+        def share(work: Callable[..., None], all_: int, *arguments: Any) -> None:
+            at = np.linspace(0, all_, PARTS + 1).astype(int)
+            list(pool.map(lambda part: work(*part, *arguments), pairwise(at)))
+
+        share(find_cells, size, lights, shadows, medians, levels, cell)
+        pixels = np.argsort(cell, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=cells))])
+        share(search_cells, cells, lights, pixels, starts, levels, table, neighbours, slope)
     return slope.reshape(2, height, width)
 
 
-def _tables(lights: F4, shadow: NDArray[np.uint8]) -> NDArray[np.intp]:
-    """0 for lit pixels, else the number of the darkest LED among the shadowed ones."""
-    bits = (shadow[None, :] >> np.arange(len(lights), dtype=np.uint8)[:, None]) & 1
-    darkest = np.argmin(np.where(bits > 0, lights, np.inf), axis=0)
-    return np.where(bits.any(axis=0), darkest + 1, 0)
+def _cells(lights: int, size: int) -> tuple[int, int]:
+    """The levels of medians by which pixels are sorted, and the number of cells between them."""
+    levels = min(max((size // PIECE).bit_length() - 1, 0), MOST_LEVELS)
+    return levels, (1 << levels) + (lights << max(levels - SPARSER, 0))
 
 
-class _Search(NamedTuple):
-    """A tree of float32 places along the table's principal axes.
-
-    Boxes along those axes are thin, and FLANN's tree knows its boxes: the way to the nearest is
-    an eighth of that in SciPy's tree of light.  It is exact up to rounding, which `_settled` mends.
-    """
-
-    tree: Any
-    axes: F8
-    centre: F8
-    places: F4
-    largest: float
-
-    def nearest(self, query: F4, asked: int) -> tuple[F8, NDArray[np.intp], F8]:
-        """The distances of the nearest entries, their numbers, and the rounding of a distance."""
-        places = ((query - self.centre) @ self.axes).astype(np.float32)
-
-        def search(part: F4) -> tuple[NDArray[np.intp], F4]:
-            found, squares = self.tree.knnSearch(part, asked, params=UNLIMITED)
-            return found, squares
-
-        with ThreadPoolExecutor(cores()) as pool:
-            parts = list(pool.map(search, np.array_split(places, min(PARTS, len(places)))))
-        found, squares = (np.concatenate(part) for part in zip(*parts, strict=True))
-        rounding = ROUNDING * np.maximum(np.abs(places).max(axis=1), self.largest)
-        return np.sqrt(squares.astype(np.float64)), found.astype(np.intp), rounding
-
-
-@lru_cache(maxsize=9)
-def _search(tree: cKDTree) -> _Search:
-    """Made once for each of the tables, of which there are at most nine."""
-    points: F8 = np.asarray(tree.data)
-    centre = points.mean(axis=0)
-    axes = np.linalg.eigh((points - centre).T @ (points - centre))[1]
-    places = ((points - centre) @ axes).astype(np.float32)
-    built = cv2.flann.Index(places, {"algorithm": SINGLE_TREE, "leaf_max_size": LEAF})
-    return _Search(built, axes, centre, places, float(np.abs(places).max()))
-
-
-def _mean_slope(tree: cKDTree, query: F4, slopes: F4, neighbours: int) -> F4:
-    asked = min(neighbours + 1, len(tree.data))
-    distance, found, rounding = _search(tree).nearest(query, asked)
-    nearest = found[:, :neighbours]
-    # In float32 the next one may be as near, or nearer: settled where it is this close.
-    unsure = ALIKE * distance[:, 1:] + rounding[:, None]
-    close = np.flatnonzero((np.diff(distance, axis=1) <= unsure).any(axis=1))
-    if len(close):
-        nearest[close] = _settled(tree, query[close], neighbours)
-    total = np.zeros((2, len(query)), np.float32)
-    for position in nearest.T:
-        total += slopes[position].T
-    return total / np.float32(nearest.shape[1])
-
-
-def _settled(tree: cKDTree, query: F4, neighbours: int) -> NDArray[np.intp]:
-    """The nearest by their distances in float32; of equals the first in the table."""
-    asked = min(neighbours + SPARE, len(tree.data))
-    _, found = tree.query(query, k=np.arange(1, asked + 1), workers=cores())
-    entries: NDArray[Any] = tree.data[found].astype(np.float32)
-    squares = np.zeros(found.shape, np.float32)
-    for k in range(query.shape[1]):
-        away = entries[..., k] - query[:, k, None]
-        squares += away * away
-    order = np.lexsort((found, squares), axis=1)[:, :neighbours]
-    settled: NDArray[np.intp] = np.take_along_axis(found, order, axis=1)
-    return settled
+def _medians(lights: F4, levels: int) -> F4:
+    """Where the cells part: a sample halved again and again, by one LED after the other."""
+    count, size = lights.shape
+    samples = np.nan_to_num(lights[:, np.arange(SAMPLES << levels) * size // (SAMPLES << levels)])
+    medians = np.zeros(1 << levels, np.float32)
+    for level in range(levels):
+        parts = samples.reshape(count, 1 << level, -1)
+        led, middle = level % count, parts.shape[2] // 2
+        order = np.argpartition(parts[led], middle, axis=1)
+        samples = np.take_along_axis(parts, order[None], axis=2)
+        medians[1 << level : 2 << level] = samples[led, :, middle]
+    return medians
 
 
 @lut_nearest.opencl()
 def _launch(run: Launch) -> None:
     """A pixel per work-item, or the frame sorted by light and searched in packets of lanes."""
     height, width = run.sizes["H"], run.sizes["W"]
-    arrays = [run.inputs[name] for name, port in lut_nearest.inputs.items() if port.kind == "array"]
+    arrays = [run.inputs[name] for name in lut_nearest.inputs]
     neighbours = run.settings["neighbours"]
     constants = {"LIGHTS": run.sizes["K"], "NEIGHBOURS": neighbours}
     if run.lanes == 1 or neighbours > 1:
@@ -184,8 +125,7 @@ def _launch(run: Launch) -> None:
 def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) -> None:
     light, shadow, *index = arrays
     lights, size = run.sizes["K"], run.sizes["H"] * run.sizes["W"]
-    levels = min(max((size // PIXELS_IN_CELL).bit_length() - 1, 0), MOST_LEVELS)
-    cells = (1 << levels) + (lights << max(levels - SPARSER, 0))
+    levels, cells = _cells(lights, size)
 
     def launch(kernel: str, items: int, *arguments: Any) -> None:
         run.kernel(kernel, (items,), *arguments, local=(1,), constants=constants)

@@ -9,6 +9,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
+from tactograph.nodes.light._cache_blocks import in_blocks
 from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
 
 
@@ -53,12 +54,19 @@ def refine_taylor(
         holds only near G_0; on steep sides, where light hardly depends on slope, noise
         would be blown up without it.
     """
-    p, q = slope.copy()
-    lit = shadow == 0
-    for _ in range(steps):
-        dp, dq = _step(light, p, q, reflectance, np.float32(limit))
-        p, q = np.where(lit, p + dp, p), np.where(lit, q + dq, q)
-    return np.asarray(np.stack([p, q]), np.float32)
+    lights, coarse = light.reshape(len(light), -1), slope.reshape(2, -1)
+    lit, refined = shadow.ravel() == 0, np.empty((2, shadow.size), np.float32)
+
+    def refine(part: slice) -> None:
+        refined[:, part] = coarse[:, part]
+        p, q = refined[:, part]
+        for _ in range(steps):
+            dp, dq = _step(lights[:, part], p, q, reflectance, np.float32(limit))
+            np.add(p, dp, out=p, where=lit[part])
+            np.add(q, dq, out=q, where=lit[part])
+
+    in_blocks(refine, shadow.size)
+    return refined.reshape(slope.shape)
 
 
 def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:

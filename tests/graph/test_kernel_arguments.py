@@ -77,6 +77,22 @@ def test_what_a_kernel_cannot_take_is_refused(
         fill.converted(arguments)
 
 
+def test_a_twin_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: Kernel) -> None:
+    """However often it is launched, and whatever the kernel itself is launched with meanwhile."""
+    out = device.upload(np.zeros(3, np.float32))
+    first, second = (
+        fill.twin(index).bind(device.queue, (1,), (1,), fill.converted([out, index + 1, index, 0]))
+        for index in range(2)
+    )
+    for launch in (first, second, first):
+        fill.enqueue(device.queue, (1,), (1,), fill.converted([out, 7, 2, 0]))
+        launch()
+        assert device.download(out)[2] == 7
+    assert device.download(out).tolist() == [1, 2, 7]
+    assert fill.twin(0) is fill.twin(0)
+    assert fill.twin(0) is not fill.twin(1)
+
+
 def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: Kernel) -> None:
     with pytest.raises(TypeError, match=r"takes 4 arguments \(out, value, index, key\), not 1"):
         fill.converted([1])

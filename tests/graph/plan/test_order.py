@@ -106,3 +106,12 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
 def test_what_is_made_once_is_never_let_go(toys: list[str], write: Write, device: OpenCL) -> None:
     released = {v for step in planned(write(STREAM), device).steps for v in step.release}
     assert not [value for value in released if value.node == "cal"]
+
+
+def test_what_waits_for_sizes_of_the_data_comes_after_what_the_host_has_to_do(
+    device: OpenCL,
+) -> None:
+    """It would keep the host from it, and the device is idle once the sizes are there."""
+    steps = [step.name for step in planned("precise", device).steps]
+    places = [steps.index(name) for name in ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")]
+    assert places == sorted(places)
