@@ -150,7 +150,9 @@ def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q
         p[c], q[c] = ZERO, ZERO
     for k in range(len(error.moved)):
         right, down, up = error.moved[k]
-        by_right, by_down, by_up = response.by_place[k, :, row]
+        # Each by itself: of a slice, numba does not know that its rows have no gaps.
+        by_right, by_down = response.by_place[k, 0, row], response.by_place[k, 1, row]
+        by_up = response.by_place[k, 2, row]
         for c in range(width):
             change[c] = right * by_right[c] + down * by_down[c] + up * by_up[c]
         if film.bounced.size:

@@ -19,8 +19,7 @@ from tactograph.nodes import (
     PixelSize,
     Slope,
 )
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import expected_light, places, vectors_at
+from tactograph.nodes.light._near_light import expected_light, light_vectors
 
 FAINTEST = np.float32(0.02)
 """Light that is expected at least."""
@@ -89,29 +88,24 @@ def shadow_confidence(
     ndarray
         H x W, 0 to 1.
     """
+    vectors = light_vectors(lights, height, pixel)
+    expected = np.maximum(expected_light(vectors, slope), FAINTEST)
+    share = np.clip(light / expected, 0, 1) - HALF
+    square, doubt = expected * expected, np.float32(noisy) * sigma
+    share *= square / (square + doubt * doubt)
     edge, near = _edges(shadow, 1), _edges(shadow, 2)
     differs = shadow ^ seen
-    x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     sure_of_all = np.ones(shadow.shape, np.float32)
-
-    def judge(rows: slice) -> None:
-        vectors = vectors_at(lights, x[None, :], y[rows, None], height[rows])
-        expected = np.maximum(expected_light(vectors, slope[:, rows]), FAINTEST)
-        share = np.clip(light[:, rows] / expected, 0, 1) - HALF
-        square, doubt = expected * expected, np.float32(noisy) * sigma[:, rows]
-        share *= square / (square + doubt * doubt)
-        for k, towards_lit in enumerate(share):
-            favour = np.where(shadow[rows] >> k & 1, -towards_lit, towards_lit)
-            other = differs[rows] >> k & 1 > 0
-            odds = np.float32(sure) + favour * np.where(
-                other, np.float32(by_light_contradicted), np.float32(by_light)
-            )
-            lost = np.where(near[rows] >> k & 1, np.float32(near_edge), np.float32(0))
-            odds -= np.where(edge[rows] >> k & 1, np.float32(at_edge), lost)
-            sure_of_all[rows] *= ONE / (ONE + np.exp(-odds))
-
-    in_blocks(judge, *shadow.shape)
-    return sure_of_all
+    for k, towards_lit in enumerate(share):
+        favour = np.where(shadow >> k & 1, -towards_lit, towards_lit)
+        other = differs >> k & 1 > 0
+        odds = np.float32(sure) + favour * np.where(
+            other, np.float32(by_light_contradicted), np.float32(by_light)
+        )
+        lost = np.where(near >> k & 1, np.float32(near_edge), np.float32(0))
+        odds -= np.where(edge >> k & 1, np.float32(at_edge), lost)
+        sure_of_all *= ONE / (ONE + np.exp(-odds))
+    return np.asarray(sure_of_all, np.float32)
 
 
 shadow_confidence.opencl(grid="H W", lanes="rows")
