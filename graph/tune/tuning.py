@@ -104,6 +104,7 @@ class Tuning:
         self._runners = [Runner(given, self._cache, backend, device) for _ in range(2)]
         self._files = files_of(self.base, {}) | {graph_file(source)}
         self._stamp: Stamp = stamp(self._files)
+        self._unreadable = ""
         self._changed = threading.Condition()
         self._ended = False
         self._last: Asked | None = None
@@ -244,8 +245,10 @@ class Tuning:
             base = read_graph(self.source)
             self._check(base)
         except TactographError as error:
-            self._publish(replace(self.shown, error=" ".join(str(error).split())))
+            self._unreadable = " ".join(str(error).split())
+            self._publish(self.shown)
             return True
+        self._unreadable = ""
         with self._changed:
             self.base = base
             self._files = files_of(base, {}) | {graph_file(self.source)}
@@ -376,7 +379,9 @@ class Tuning:
         return {port: pipeline.inspect(f"{node}.{port}") for port in ports}
 
     def _publish(self, shown: Shown) -> None:
-        self.shown = replace(shown, number=self.shown.number + 1)
+        """Show it; a file that cannot be read is told whatever ends meanwhile."""
+        error = self._unreadable or shown.error
+        self.shown = replace(shown, number=self.shown.number + 1, error=error)
 
 
 def _anywhere(graph: Graph) -> Graph:

@@ -232,6 +232,8 @@ def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(
     assert "graph.yaml:8:" in tuning.shown.error
     assert "did you mean 'bright'" in tuning.shown.error
     assert tuning.shown.result is good.result
+    tuning.set("high", "above", 6.0)
+    assert "graph.yaml:8:" in tuning.settled().error, "a result that ends later hides no mistake"
     file.write_text(GRAPH.replace("{at: 99}", "{at: 98}"))
     os.utime(file, (later + 5, later + 5))
     assert tuning.reload()
