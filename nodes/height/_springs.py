@@ -204,6 +204,8 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
 
 def stable_order(keys: Pixels) -> Pixels:
     """The stable `np.argsort`, by the fast sort of numbers of which no two are alike."""
+    if keys.size and int(keys.max()) >= (2**63 - keys.size) // keys.size:
+        return np.argsort(keys, kind="stable")  # numbered, they would not fit
     numbered = keys.astype(np.int64) * keys.size + np.arange(keys.size)
     numbered.sort()
     return numbered % max(keys.size, 1)

@@ -14,7 +14,7 @@ from tactograph.nodes.height._springs import Ties, join_ends, stable_order
 ROWS, COLUMNS = 40, 50
 
 
-@given(st.lists(st.integers(0, 5), max_size=40))
+@given(st.lists(st.integers(0, 5) | st.integers(2**57, 2**62), max_size=40))
 def test_what_is_alike_keeps_its_order(keys: list[int]) -> None:
     numbers = np.array(keys, np.int64)
     assert stable_order(numbers).tolist() == np.argsort(numbers, kind="stable").tolist()
