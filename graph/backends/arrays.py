@@ -7,13 +7,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactograph.graph.backends.buffer_pool import Memory
+
 
 class DeviceArray(NamedTuple):
     """A buffer on the device with the shape and type of the array in it."""
 
-    buffer: Any
+    memory: Memory
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+
+    @property
+    def buffer(self) -> Any:
+        """What kernels and copies take; it is this array's as long as that is held."""
+        return self.memory.buffer
 
     @property
     def nbytes(self) -> int:

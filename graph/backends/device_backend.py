@@ -36,7 +36,7 @@ class PreparedNode(Protocol):
     def sizes(self) -> Mapping[str, int]: ...
 
     @property
-    def shapes(self) -> Mapping[str, tuple[int, ...]] | None:
+    def shapes(self) -> dict[str, tuple[int, ...]] | None:
         """The outputs' shapes; None where only the data tell one of them."""
         ...
 

@@ -23,6 +23,7 @@ from tactograph.graph.backends.arrays import (
     in_lanes,
     local_size,
 )
+from tactograph.graph.backends.buffer_pool import BufferPool
 from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel import Kernel
@@ -70,7 +71,7 @@ class Queue:
         self.context = context_of(device.handle)
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
-        self.pool = pyopencl.tools.MemoryPool(pyopencl.tools.ImmediateAllocator(self.queue))
+        self.pool = BufferPool(pyopencl.tools.ImmediateAllocator(self.queue), cl.MemoryError)
         self.poison: int | None = None
         self._fractions: dict[int, Kernel] = {}
         self.options = ["-cl-std=CL1.2"]
@@ -88,11 +89,11 @@ class Queue:
 
     def take(self, nbytes: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
         """`empty`, with the result of `bytes_for` at hand."""
-        buffer: Any = self.pool.allocate(nbytes)
+        memory = self.pool.take(nbytes)
         if self.poison is not None:
             # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
-            cl.enqueue_copy(self.queue, buffer, np.full(nbytes, self.poison, np.uint8))
-        return DeviceArray(buffer, shape, dtype)
+            cl.enqueue_copy(self.queue, memory.buffer, np.full(nbytes, self.poison, np.uint8))
+        return DeviceArray(memory, shape, dtype)
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to the device."""
@@ -149,7 +150,7 @@ class Queue:
             return self.empty(array.shape, array.dtype)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
         buffer = cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
-        return DeviceArray(buffer, array.shape, array.dtype)
+        return DeviceArray(self.pool.own(buffer), array.shape, array.dtype)
 
     def download(self, source: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host."""
@@ -201,5 +202,5 @@ class Queue:
 
     @property
     def buffers(self) -> int:
-        """How many buffers were ever allocated: the pool hands back none."""
-        return int(self.pool.active_blocks + self.pool.held_blocks)
+        """How many buffers the pool has: it hands back none but for lack of memory."""
+        return self.pool.count

@@ -56,11 +56,15 @@ class Kernel:
                 return f"{name}: argument {number} is '{taken}', not {in_words(value)}"
         raise AssertionError(name)
 
+    def copy(self) -> Kernel:
+        """The same kernel, which keeps arguments of its own."""
+        again = cl.Kernel(self._kernel.program, self._kernel.function_name)
+        return Kernel(again, self._signature)
+
     def twin(self, number: int) -> Kernel:
-        """The same kernel, which keeps arguments of its own; made when first asked for."""
+        """A copy, made when its number is first asked for."""
         while len(self._twins) <= number:
-            again = cl.Kernel(self._kernel.program, self._kernel.function_name)
-            self._twins.append(Kernel(again, self._signature))
+            self._twins.append(self.copy())
         return self._twins[number]
 
     def enqueue(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -20,14 +20,27 @@ from tactograph.graph.backends.arrays import (
 )
 from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
+from tactograph.graph.backends.kernel import Kernel
 
-__all__ = ["DeviceArray", "Launch", "as_array", "global_size", "local_size"]
+__all__ = ["DeviceArray", "Launch", "global_size", "local_size"]
 
 T = TypeVar("T")
 
 
+class Record:
+    """What a launch enqueued, and the scratch buffers that it took."""
+
+    def __init__(self) -> None:
+        self.kernels: list[Callable[[], cl.Event]] = []
+        self.scratch: list[DeviceArray] = []
+
+
 class Launch:
-    """One launch of a node that needs more than one kernel, or a library."""
+    """One launch of a node that needs more than one kernel, or a library.
+
+    `repeats` is whether all that it did was to enqueue kernels, which can be enqueued again;
+    they are written into `record` then.
+    """
 
     def __init__(
         self,
@@ -37,9 +50,12 @@ class Launch:
         outputs: Mapping[str, DeviceArray],
         settings: Mapping[str, Any],
         sizes: Mapping[str, int],
+        record: Record | None = None,
     ) -> None:
         self._device = queue
         self._compiled = compiled
+        self._record = record
+        self.repeats = True
         self.inputs = inputs
         self.outputs = dict(outputs)
         self.settings = settings
@@ -61,7 +77,8 @@ class Launch:
 
     def mark(self) -> None:
         """End the timing here: for a library's kernels, which leave no event."""
-        self._events.append(cl.enqueue_marker(self.queue))
+        self.repeats = False
+        self._events.append(cl.enqueue_marker(self._device.queue))
 
     @property
     def lanes(self) -> int:
@@ -83,6 +100,8 @@ class Launch:
 
     @property
     def queue(self) -> cl.CommandQueue:
+        """For what is enqueued by other means; it is not known here, and not repeated."""
+        self.repeats = False
         return self._device.queue
 
     def kernel(
@@ -112,12 +131,29 @@ class Launch:
         """
         local = local or local_size(len(grid))
         kernel = self._compiled.kernels_with(constants or {})[name]
-        there = self.queue, global_size(grid, local), local, kernel.converted(arguments)
-        if self._captured is None:
-            self._events.append(kernel.enqueue(*there))
-        else:
-            self._captured.append(kernel.twin(self._twins[name]).bind(*there))
+        work_items, converted = global_size(grid, local), kernel.converted(arguments)
+        if self._captured is not None:
+            bound = kernel.twin(self._twins[name])
+            self._captured.append(bound.bind(self._device.queue, work_items, local, converted))
             self._twins[name] += 1
+        else:
+            self.enqueue(kernel, work_items, local, converted)
+
+    def enqueue(
+        self,
+        kernel: Kernel,
+        work_items: tuple[int, ...],
+        local: tuple[int, ...],
+        arguments: Sequence[Any],
+    ) -> None:
+        """Enqueue a kernel, all of its launch worked out; see `Kernel.enqueue`."""
+        queue = self._device.queue
+        if self._record is None:
+            self._events.append(kernel.enqueue(queue, work_items, local, arguments))
+            return
+        bound = kernel.copy().bind(queue, work_items, local, arguments)
+        self._record.kernels.append(bound)
+        self._events.append(bound())
 
     def capture(self, launches: Callable[[], None]) -> Callable[[], None]:
         """Return what enqueues the kernels of `launches` as often as it is called.
@@ -125,6 +161,7 @@ class Launch:
         Their arguments are set now and once: enqueuing takes a fifth of the time.  One sequence
         is captured at a time; the one before must not be enqueued any more.
         """
+        self.repeats = False
         self._captured, self._twins = [], Counter()
         try:
             launches()
@@ -135,10 +172,14 @@ class Launch:
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
         """A buffer for this launch alone, from the pool."""
-        return self._device.empty(shape, np.dtype(dtype))
+        taken = self._device.empty(shape, np.dtype(dtype))
+        if self._record is not None:
+            self._record.scratch.append(taken)
+        return taken
 
     def upload(self, array: Any) -> DeviceArray:
         """Copy a host array to the device, to stay there: for constants, inside `keep`."""
+        self.repeats = False
         return self._device.constant(array)
 
     def put(self, array: NDArray[Any]) -> DeviceArray:
@@ -146,10 +187,12 @@ class Launch:
 
         Not one of the pool's, which the queue may still be using: that would have to be waited for.
         """
+        self.repeats = False
         return self._device.constant(array)
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host: for what decides the next launch."""
+        self.repeats = False
         return self._device.download(array)
 
     def begin_download(self, array: DeviceArray) -> Callable[[], NDArray[Any]]:
@@ -157,6 +200,7 @@ class Launch:
 
         What is enqueued meanwhile keeps the device busy.
         """
+        self.repeats = False
         target, (_, copied) = self._device.start_download(array)
 
         def arrived() -> NDArray[Any]:
@@ -165,8 +209,21 @@ class Launch:
 
         return arrived
 
+    def as_array(self, found: DeviceArray) -> pyopencl.array.Array:
+        """Look at a device array as pyopencl's own array class, for a library that takes it.
+
+        What that enqueues is not known here, and not repeated.
+        """
+        self.repeats = False
+        array: Any = pyopencl.array.Array(
+            self._device.queue, found.shape, found.dtype, data=found.buffer
+        )
+        array.memory = found.memory  # which stays on loan as long as the array is held
+        return array  # type: ignore[no-any-return]
+
     def found(self, symbol: str, size: int) -> None:
         """Set a size that only the data determine, and make the outputs that have it."""
+        self.repeats = False
         node = self._compiled.node
         self.sizes[symbol] = size
         for name, port in node.outputs.items():
@@ -178,11 +235,9 @@ class Launch:
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made for `key`, made once for this node on this device."""
         if key not in self._compiled.kept:
+            # Repeated without what was done here, unless that was recorded.
+            repeats = self.repeats and self._record is None
             self._compiled.kept[key] = make()
+            self.repeats = repeats
         found: T = self._compiled.kept[key]
         return found
-
-
-def as_array(queue: cl.CommandQueue, found: DeviceArray) -> pyopencl.array.Array:
-    """Look at a device array as pyopencl's own array class, which libraries take."""
-    return pyopencl.array.Array(queue, found.shape, found.dtype, data=found.buffer)

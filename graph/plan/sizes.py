@@ -36,7 +36,8 @@ class Sized:
     """The sizes around one node, which hold for every item that finds the same `before`.
 
     They are compared by identity: what is known behind a node is the same object from item
-    to item for as long as the node's outputs keep their shapes.
+    to item for as long as the node's outputs keep their shapes.  `doubtful` is set when the
+    node's settings have changed, from which sizes may follow.
     """
 
     before: Known
@@ -44,6 +45,7 @@ class Sized:
     sizes: dict[str, int]
     shapes: Shapes | None = None
     after: Known = field(default_factory=dict)
+    doubtful: bool = False
 
 
 @dataclass
@@ -62,10 +64,13 @@ class SizeClasses:
         InputError
             If a size that follows from others clashes with one that is known.
         """
-        if last is not None and last.before is known:
+        if last is not None and last.before is known and not last.doubtful:
             return last
         derived = dict(known)
         self.derive(derived, task)
+        if last is not None and last.before is known and last.derived == derived:
+            last.doubtful = False
+            return last
         return Sized(known, derived, self.sizes_of(task, derived))
 
     def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
@@ -76,7 +81,7 @@ class SizeClasses:
         InputError
             See `bind`.
         """
-        if sized.shapes != shapes:
+        if sized.shapes is not shapes and sized.shapes != shapes:
             after = dict(sized.derived)
             for port, shape in shapes.items():
                 self.bind(after, task, port, shape)

@@ -150,7 +150,7 @@ class DeviceValues:
             if value.port in outputs:
                 self._values[value] = outputs[value.port]
         if launch.shapes is not None:
-            return dict(launch.shapes)
+            return launch.shapes
         return {name: array.shape for name, array in outputs.items()}
 
     def finish(self) -> dict[str, float]:

@@ -160,7 +160,8 @@ class Items:
     def settings_changed(self, nodes: Iterable[str]) -> None:
         """Work out sizes and launches of nodes anew: they may follow from settings."""
         for name in nodes:
-            self._sized.pop(name, None)
+            if name in self._sized:
+                self._sized[name].doubtful = True
             if self._device is not None:
                 self._device.drop_launch(name)
             if self._incremental is not None:

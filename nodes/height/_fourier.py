@@ -6,7 +6,7 @@ import importlib.util
 
 import numpy as np
 
-from tactograph.graph.backends.launch import DeviceArray, Launch, as_array
+from tactograph.graph.backends.launch import DeviceArray, Launch
 
 
 def missing_vkfft() -> str | None:
@@ -22,23 +22,21 @@ class _Vkfft:
     def __init__(self, run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> None:
         from pyvkfft.opencl import VkFFTApp
 
-        # Not the launch itself, which holds the buffers of its item.
-        self._queue = run.queue
         self._app = VkFFTApp(shape, dtype, queue=run.queue, ndim=2, dct=dct, norm=1, inplace=True)
 
-    def forward(self, found: DeviceArray) -> None:
-        self._app.fft(as_array(self._queue, found))
+    def forward(self, run: Launch, found: DeviceArray) -> None:
+        self._app.fft(run.as_array(found))
 
-    def inverse(self, found: DeviceArray) -> None:
-        self._app.ifft(as_array(self._queue, found))
+    def inverse(self, run: Launch, found: DeviceArray) -> None:
+        self._app.ifft(run.as_array(found))
 
 
 class _OnePixel:
     """VkFFT refuses to transform nothing; one pixel is its own spectrum."""
 
-    def forward(self, found: DeviceArray) -> None: ...
+    def forward(self, run: Launch, found: DeviceArray) -> None: ...
 
-    def inverse(self, found: DeviceArray) -> None: ...
+    def inverse(self, run: Launch, found: DeviceArray) -> None: ...
 
 
 Transform = _Vkfft | _OnePixel

@@ -103,9 +103,9 @@ def _launch(run: Launch) -> None:
     inverse = run.keep(("inverse", shape), lambda: run.upload(inverse_laplacian(shape)))
     cosine = cosine_transform(run, shape)
     run.kernel("divergence", shape, run.inputs["slope"], out, height, width)
-    cosine.forward(out)
+    cosine.forward(run, out)
     run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))
-    cosine.inverse(out)
+    cosine.inverse(run, out)
     run.mark()
 
 

@@ -132,10 +132,10 @@ def _launch_periodic(run: Launch) -> None:
     both = run.scratch(shape, np.complex64)
     fourier = fourier_transform(run, shape)
     run.kernel("pack", shape, run.inputs["slope"], both, height, width)
-    fourier.forward(both)
+    fourier.forward(run, both)
     spectrum = run.scratch(shape, np.complex64)
     run.kernel("combine", shape, both, v, u, spectrum, height, width)
-    fourier.inverse(spectrum)
+    fourier.inverse(run, spectrum)
     out = run.outputs["integrate_frankot_chellappa"]
     run.kernel("real_part", shape, spectrum, out, height, width, float(run.inputs["pixel"]))
 
@@ -146,12 +146,12 @@ def _launch_mirrored(run: Launch) -> None:
     cosine = cosine_transform(run, shape)
     p, q = run.scratch(shape), run.scratch(shape)
     run.kernel("alternate", shape, run.inputs["slope"], p, q, height, width)
-    cosine.forward(p)
-    cosine.forward(q)
+    cosine.forward(run, p)
+    cosine.forward(run, q)
     out = run.outputs["integrate_frankot_chellappa"]
     pixel = float(run.inputs["pixel"])
     run.kernel("combine_mirrored", shape, p, q, v, u, out, height, width, pixel)
-    cosine.inverse(out)
+    cosine.inverse(run, out)
     run.mark()
 
 

@@ -1,0 +1,86 @@
+"""Buffers are lent, taken back, and lent in the same order again."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactograph.graph.backends.buffer_pool import BufferPool
+
+
+class ExhaustedError(Exception):
+    """The device has no more memory."""
+
+
+@pytest.fixture
+def pool() -> BufferPool:
+    return BufferPool(bytearray, ExhaustedError)
+
+
+def test_a_buffer_comes_back_when_nobody_holds_it(pool: BufferPool) -> None:
+    first = pool.take(100)
+    number = first.number
+    del first
+    assert pool.take(100).number == number
+    assert pool.count == 1
+
+
+def test_what_is_held_is_not_lent_again(pool: BufferPool) -> None:
+    first, second = pool.take(100), pool.take(100)
+    assert first.buffer is not second.buffer
+    assert first.number != second.number
+
+
+@given(st.lists(st.tuples(st.sampled_from([64, 100, 5000]), st.integers(0, 5)), max_size=20))
+def test_the_same_steps_get_the_same_buffers_however_they_are_returned(
+    steps: list[tuple[int, int]],
+) -> None:
+    """Each step takes a buffer and returns it some steps later; so do all items of a stream."""
+    pool = BufferPool(bytearray, ExhaustedError)
+
+    def item() -> list[int]:
+        held: dict[int, object] = {}
+        taken = []
+        for at, (nbytes, stays) in enumerate(steps):
+            memory = pool.take(nbytes)
+            taken.append(memory.number)
+            held[at + stays] = (held.get(at + stays), memory)
+            held.pop(at, None)
+        return taken
+
+    assert item() == item() == item()
+
+
+@given(st.integers(1, 2**40))
+def test_a_buffer_is_large_enough_and_at_most_a_sixteenth_larger(nbytes: int) -> None:
+    asked: list[int] = []
+    BufferPool(lambda size: asked.append(size), ExhaustedError).take(nbytes)
+    assert nbytes <= asked[0] <= max(nbytes * 17 / 16, nbytes + 1)
+
+
+def test_a_full_device_gets_back_what_is_free() -> None:
+    made: list[int] = []
+
+    def allocate(nbytes: int) -> bytearray:
+        if pool.nbytes + nbytes > 300:
+            raise ExhaustedError
+        made.append(nbytes)
+        return bytearray(nbytes)
+
+    pool = BufferPool(allocate, ExhaustedError)
+    pool.take(128)
+    large = pool.take(256)
+    assert made == [128, 256]
+    assert (pool.count, pool.nbytes) == (1, 256)
+    with pytest.raises(ExhaustedError):
+        pool.take(64)
+    assert len(large.buffer) == 256
+
+
+def test_a_buffer_of_ones_own_has_a_number_of_its_own_and_stays_ones_own(pool: BufferPool) -> None:
+    mine = pool.own(bytearray(100))
+    numbers = {mine.number, pool.take(100).number}
+    del mine
+    assert len(numbers) == 2
+    assert pool.count == 1

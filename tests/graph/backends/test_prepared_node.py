@@ -1,0 +1,110 @@
+"""A launch function is asked anew only where it might do something else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph.backends.launch import Launch
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.nodes.height.rest_at_border import rest_at_border
+
+SIZES = {"H": 24, "W": 32}
+SETTINGS = {"width_px": 2}
+HEIGHT = np.random.default_rng(3).normal(size=(24, 32)).astype(np.float32)
+
+
+class Counted:
+    """A launch function and how often it was asked."""
+
+    def __init__(self, launch: Callable[[Launch], None]) -> None:
+        self.launch, self.times = launch, 0
+
+    def __call__(self, run: Launch) -> None:
+        self.times += 1
+        self.launch(run)
+
+
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
+    launch = rest_at_border.kernels.launch
+    assert launch is not None
+    found = Counted(launch)
+    kernels = replace(rest_at_border.kernels, launch=found)
+    monkeypatch.setitem(rest_at_border.implementations, "opencl", kernels)
+    return found
+
+
+def test_a_launch_with_the_same_buffers_is_enqueued_again(device: OpenCL, counted: Counted) -> None:
+    prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
+    height = device.upload(HEIGHT)
+    found = [device.download(prepared.launch({"height": height})[0]["rest_at_border"])]
+    for _ in range(5):
+        found.append(device.download(prepared.launch({"height": height})[0]["rest_at_border"]))
+    assert counted.times == 2, "the second is taken down"
+    assert all(np.array_equal(each, found[0]) for each in found)
+
+
+def test_other_buffers_are_taken_in_turns(device: OpenCL, counted: Counted) -> None:
+    """As those of what an item recalls of the item before."""
+    prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
+    heights = [device.upload(HEIGHT + n) for n in range(2)]
+    for _ in range(5):
+        for height in heights:
+            made = prepared.launch({"height": height})[0]["rest_at_border"]
+            np.testing.assert_allclose(device.download(made), rest_at_border(HEIGHT), atol=1e-6)
+    assert counted.times == 4
+
+
+def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> None:
+    prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
+    for _ in range(12):
+        prepared.launch({"height": device.constant(HEIGHT)})
+    assert counted.times == 12
+    assert len(prepared._known) <= 5
+
+
+@pytest.mark.parametrize(
+    "also",
+    [
+        lambda run: run.download(run.inputs["height"]),
+        lambda run: run.begin_download(run.inputs["height"])(),
+        lambda run: run.put(np.zeros(3, np.float32)),
+        lambda run: run.as_array(run.inputs["height"]),
+        lambda run: run.queue,
+        lambda run: run.mark(),
+        lambda run: run.capture(lambda: None),
+    ],
+    ids=["download", "begin_download", "put", "as_array", "queue", "mark", "capture"],
+)
+def test_what_may_do_something_else_is_asked_every_time(
+    device: OpenCL, counted: Counted, also: Callable[[Launch], Any]
+) -> None:
+    launch = counted.launch
+    counted.launch = lambda run: (launch(run), also(run))[0]
+    prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
+    height = device.upload(HEIGHT)
+    for _ in range(5):
+        prepared.launch({"height": height})
+    assert counted.times == 5
+
+
+def test_what_is_made_once_does_not_keep_a_launch_from_being_repeated(
+    device: OpenCL, counted: Counted
+) -> None:
+    launch = counted.launch
+
+    def keeping(run: Launch) -> None:
+        run.keep("test_prepared_node", lambda: run.upload(np.zeros(3, np.float32)))
+        launch(run)
+
+    counted.launch = keeping
+    prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
+    height = device.upload(HEIGHT)
+    for _ in range(5):
+        prepared.launch({"height": height})
+    assert counted.times == 2
