@@ -100,6 +100,7 @@ class Store:
 
     def __init__(self, group: zarr.Group) -> None:
         self._group = group
+        self._open: dict[str, zarr.Array[Any]] = {}
         try:
             about: Any = group.attrs["tactograph"]
             job = about["job"]
@@ -190,7 +191,7 @@ class Store:
         """The types of the maps in the store."""
         found = {}
         for name in self.job.maps:
-            array = self._array(name)
+            array = self._reaching(name, 0)
             dims: Any = array.attrs["dims"]
             unit = str(array.attrs["unit"])
             found[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
@@ -268,7 +269,7 @@ class Store:
 
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
         """Put values among those of the chunk that are there, and write the chunk at once."""
-        array = self._array(name)
+        array = self._reaching(name, here.stop)
         if len(values) == here.stop - here.start:
             # Nothing of the chunk that is there stays.
             array[here] = np.array([values[n] for n in range(here.start, here.stop)], array.dtype)
@@ -280,7 +281,7 @@ class Store:
 
     def _read(self, name: str, here: slice) -> NDArray[Any]:
         """Part of an array; what of it cannot be decoded is as if never written."""
-        array = self._array(name)
+        array = self._reaching(name, here.stop)
         try:
             return np.asarray(array[here])
         except _undecodable():
@@ -314,7 +315,15 @@ class Store:
         array = self._group.get(name)
         if not isinstance(array, zarr.Array):
             raise self._damage(f"'{name}' is missing")
+        self._open[name] = array
         return array
+
+    def _reaching(self, name: str, stop: int | None) -> zarr.Array[Any]:
+        """An array as it was opened last, which takes a millisecond, if it went so far then."""
+        known = self._open.get(name)
+        if known is None or stop is None or known.shape[0] < stop:
+            return self._array(name)
+        return known
 
 
 def _undecodable() -> tuple[type[Exception], ...]:

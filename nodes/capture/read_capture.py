@@ -253,9 +253,9 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
             raise ValueError
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
-    candidates = (folder / f"{stem}{suffix}" for suffix in SUFFIXES)
-    likely = (file for file in candidates if listed is None or file.name.lower() in listed)
-    there = [file for file in likely if file.is_file()]
+    name = stem.rpartition("/")[2].lower()
+    likely = (s for s in SUFFIXES if listed is None or f"{name}{s}" in listed)
+    there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
     if len(there) > 1:
         names = " and ".join(file.name for file in there)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import csv
-import errno
 import multiprocessing
 import os
 import re
+import resource
 import shutil
 import signal
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import fsspec
@@ -517,19 +518,31 @@ def test_captures_survive_the_death_of_processes(
         np.testing.assert_array_equal(lit(store, number), expected(capture))
 
 
+@pytest.mark.parametrize("fails_at", ["a map", "a word"])
 def test_a_full_disk_is_told_and_the_batch_goes_on_once_there_is_room(
     graph: str, over: str, captures: list[Path], tmp_path: Path, tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, fails_at: str,
 ) -> None:  # fmt: skip
-    def full(self: Store, *_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
+    """A limit for files stands in for the disk, which both fail in the system's own way."""
+    merge = Store._merge
+
+    def limited(self: Store, name: str, *rest: Any) -> None:
+        is_map = name in self.job.maps
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        if is_map == (fails_at == "a map"):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (8, hard))
+        try:
+            merge(self, name, *rest)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
     command = ("batch", graph, "--over", over, "--out", str(tmp_path / "out.zarr"))
-    merge = Store._merge
-    monkeypatch.setattr(Store, "_merge", full)
+    monkeypatch.setattr(Store, "_merge", limited)
     outcome = tactograph(*command)
     assert outcome.code == 2
-    assert "out.zarr: cannot be written: No space left on device; once" in outcome.err
+    assert "out.zarr: cannot be written: File too large" in outcome.err
+    assert "once that is mended the same command goes on" in outcome.err
+    assert not (opened(tmp_path / "out.zarr").statuses == DONE).any()
     monkeypatch.setattr(Store, "_merge", merge)
     assert tactograph(*command).code == 0
     assert opened(tmp_path / "out.zarr").statuses.tolist() == [DONE] * len(captures)
