@@ -59,7 +59,8 @@ def main() -> None:
     make_captures(given.out, given.captures)
     found: dict[str, Any] = {"captures": given.captures}
     studies: dict[str, Callable[[], dict[str, Any]]] = {
-        "one process": lambda: alone(given.out),
+        "one process": lambda: alone(given.out, "alone.zarr", "--workers", "1"),
+        "as many as make up for their start": lambda: alone(given.out, "default.zarr"),
         "Dask, 1 worker": lambda: cluster(given.out, 1),
         "Dask, 2 workers": lambda: cluster(given.out, 2),
         "Dask, 2 workers, with kills": lambda: killed(given.out, given.kill_every),
@@ -100,11 +101,11 @@ def make_captures(out: Path, count: int) -> None:
             cv2.imwrite(str(place / f"led{k}.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
 
 
-def alone(out: Path) -> dict[str, Any]:
-    """The reference: this machine, one process."""
+def alone(out: Path, name: str, *options: str) -> dict[str, Any]:
+    """This machine without a cluster; one process is the reference."""
     start = time.perf_counter()
-    tactograph(*batch(out, "alone.zarr"))
-    return timed(out, "alone.zarr", start)
+    tactograph(*batch(out, name), *options)
+    return {**timed(out, name, start), **compared(out, name)}
 
 
 def cluster(out: Path, workers: int) -> dict[str, Any]:
@@ -254,10 +255,6 @@ class Machines:
             cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
         )  # fmt: skip
-
-
-def _transitions(dask_scheduler: Any) -> int:
-    return int(dask_scheduler.transition_counter)
 
 
 def batch(out: Path, name: str) -> list[str]:

@@ -9,12 +9,27 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 
+from tactograph.graph.backends.devices import choose_device
+from tactograph.graph.batch.store import Job
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
-from tactograph.graph.run.cores import shared_among
+from tactograph.graph.run.cores import cores, shared_among
 
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
+FEWEST = 256
+"""Captures that make up for the start of a process, which takes seconds."""
 DIED = f"its process died {TRIES + 1} times; run this capture alone to see why"
+
+
+def worth_starting(job: Job, captures: int) -> int:
+    """How many processes do so many captures soonest.
+
+    One for each core: each does more by itself than with a share of all.  A GPU has one.
+    """
+    device = choose_device(job.device)[0] if job.computes_on else None
+    if device is not None and device.kind != "CPU":
+        return 1
+    return max(1, min(cores(), captures // FEWEST))
 
 
 class Processes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
+from tactograph.graph.batch.worker import Chunk, Tally, do_chunks
 
 
 class Serial:
@@ -14,4 +14,4 @@ class Serial:
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield how each went."""
-        return map(do_chunk, chunks)
+        return do_chunks(chunks)

@@ -6,8 +6,8 @@ import platform
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -51,40 +51,83 @@ class Tally:
 
 
 def do_chunk(chunk: Chunk) -> Tally:
-    """Reconstruct the captures of a chunk and write them into the store.
+    """Do a chunk by itself; see `do_chunks`."""
+    (tally,) = do_chunks([chunk])
+    return tally
 
-    What another worker has done in the meantime is not done again.  A capture that fails is
-    written down with its reason.
+
+def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
+    """Reconstruct the captures of chunks and write them into their store, chunk by chunk.
+
+    While a capture is computed the next one is read, and the chunk before is written.  What
+    another worker has done in the meantime is not done again.  A capture that fails is written
+    down with its reason.
+
+    Yields
+    ------
+    How each chunk went, once it is written.
 
     Raises
     ------
     InputError
         If the store has gone, or its graph cannot be opened here.
     """
-    store, pipeline = _opened(chunk.out, chunk.stamp)
+    with ThreadPoolExecutor(1, "read") as reader, ThreadPoolExecutor(1, "write") as writer:
+        written: Future[Tally] | None = None
+        entries: dict[int, Entry] = {}
+        for ready in _read_ahead(chunks, reader):
+            # Opened again if a device failed: it may not recover otherwise.
+            store, pipeline = _opened(ready.chunk.out, ready.chunk.stamp)
+            if ready.number is not None:
+                with ready.kept:
+                    entries[ready.number] = _attempt(pipeline, ready, store.map_types())
+            if ready.is_last:
+                if written is not None:
+                    yield written.result()
+                fallbacks = tuple(pipeline.plan.brief_fallbacks)
+                written = writer.submit(_write, store, ready.chunk, entries, fallbacks)
+                entries = {}
+        if written is not None:
+            yield written.result()
+
+
+def _read_ahead(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Ready]:
+    """Every capture that is still to do, the next one being read already."""
+    coming: Future[_Ready] | None = None
+    for chunk in chunks:
+        for number, place, is_last in _still_open(chunk):
+            store, pipeline = _opened(chunk.out, chunk.stamp)
+            following = reader.submit(_read, pipeline, store.job, chunk, number, place, is_last)
+            if coming is not None:
+                yield coming.result()
+            coming = following
+    if coming is not None:
+        yield coming.result()
+
+
+def _still_open(chunk: Chunk) -> Iterator[tuple[int | None, str, bool]]:
+    """Number and place of captures that are not done, and whether one is the last.
+
+    A chunk of which all is done has one that is none.
+    """
+    store, _ = _opened(chunk.out, chunk.stamp)
     first, last = chunk.captures[0][0], chunk.captures[-1][0]
     statuses = store.statuses_of(slice(first, last + 1))
-    open_ones = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
-    types = store.map_types()
-    entries: dict[int, Entry] = {}
-    with ThreadPoolExecutor(1, "read ahead") as reader:
-        read = [partial(_read, pipeline, store.job, place) for _, place in open_ones]
-        coming = reader.submit(read[0]) if read else None
-        for at, (number, place) in enumerate(open_ones):
-            assert coming is not None
-            ready = coming.result()
-            if at + 1 < len(read):
-                coming = reader.submit(read[at + 1])
-            # Opened again if a device failed: it may not recover otherwise.
-            _, pipeline = _opened(chunk.out, chunk.stamp)
-            with ready.kept:
-                entries[number] = _attempt(pipeline, place, types, ready)
+    found = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
+    for at, (number, place) in enumerate(found, start=1):
+        yield number, place, at == len(found)
+    if not found:
+        yield None, "", True
+
+
+def _write(
+    store: Store, chunk: Chunk, entries: dict[int, Entry], fallbacks: tuple[str, ...]
+) -> Tally:
     if entries:
         store.write(entries)
     reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
-    done = len(chunk.captures) - len(reasons)
     reason = reasons[0] if reasons else ""
-    return Tally(done, len(reasons), reason, tuple(pipeline.plan.brief_fallbacks))
+    return Tally(len(chunk.captures) - len(reasons), len(reasons), reason, fallbacks)
 
 
 def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, MapType]:
@@ -99,8 +142,9 @@ def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, M
     reason = ""
     for place in captures:
         try:
-            with (ready := _read(pipeline, store.job, place)).kept:
-                result = _run(pipeline, place, ready)
+            chunk = Chunk(out, stamp, ())
+            with (ready := _read(pipeline, store.job, chunk, None, place, True)).kept:
+                result = _run(pipeline, ready)
         except TactographError as error:
             reason = str(error)
             continue
@@ -170,14 +214,23 @@ class _Ready(NamedTuple):
     What is `kept` for it is given back when its block ends.
     """
 
+    chunk: Chunk
+    number: int | None
+    place: str
+    is_last: bool
     kept: ExitStack
     aims: dict[str, Any]
     stream: SourceStream | None
     error: TactographError | MemoryError | None
 
 
-def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
+def _read(
+    pipeline: Pipeline, job: Job, chunk: Chunk, number: int | None, place: str, is_last: bool
+) -> _Ready:
     """Fetch and read a capture, in whichever thread, while the one before it is computed."""
+    ready = partial(_Ready, chunk, number, place, is_last)
+    if not place:
+        return ready(ExitStack(), {}, None, None)
     with ExitStack() as kept:
         try:
             folder = kept.enter_context(at_hand(place))
@@ -188,14 +241,14 @@ def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
             if stream is not None:
                 stream.read_ahead()
         except (TactographError, MemoryError) as error:
-            return _Ready(ExitStack(), {}, None, error)
-        return _Ready(kept.pop_all(), aims, stream, None)
+            return ready(ExitStack(), {}, None, error)
+        return ready(kept.pop_all(), aims, stream, None)
 
 
-def _attempt(pipeline: Pipeline, place: str, types: dict[str, MapType], ready: _Ready) -> Entry:
-    start = time.perf_counter()
+def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> Entry:
+    start, place = time.perf_counter(), ready.place
     try:
-        result = _run(pipeline, place, ready)
+        result = _run(pipeline, ready)
         maps = {name: result[name] for name in types}
         for name, array in maps.items():
             if array.shape != types[name].shape:
@@ -220,15 +273,15 @@ def _attempt(pipeline: Pipeline, place: str, types: dict[str, MapType], ready: _
     return Entry(DONE, "", figures, result.warnings, spent, maps)
 
 
-def _run(pipeline: Pipeline, place: str, ready: _Ready) -> Result:
+def _run(pipeline: Pipeline, ready: _Ready) -> Result:
     if ready.error is not None:
         raise ready.error
     pipeline.aim(**ready.aims)
     results = list(pipeline.items(stream=ready.stream))
     if len(results) != 1:
         raise InputError(
-            f"{place}: holds {len(results)} captures; let --over match each of them, "
-            f"as in --over '{place}/*'"
+            f"{ready.place}: holds {len(results)} captures; let --over match each of them, "
+            f"as in --over '{ready.place}/*'"
         )
     return results[0]
 

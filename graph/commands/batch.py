@@ -15,7 +15,7 @@ from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
-    from tactograph.graph.batch.store import Store
+    from tactograph.graph.batch.store import Job, Store
     from tactograph.graph.batch.worker import Tally
 
 EVERY = 10.0
@@ -39,8 +39,10 @@ EVERY = 10.0
     "--chunk", type=click.IntRange(1, 4096), default=16, show_default=True,
     help="Captures that are done and written together.",
 )  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), default=1, show_default=True,
-              help="Processes on this machine.")  # fmt: skip
+@click.option(
+    "--workers", type=click.IntRange(1),
+    help="Processes on this machine.  [default: as many as make up for their start]",
+)  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://host:port.")
 @click.option("--scheduler-file", metavar="FILE", help="The file a Dask scheduler wrote.")
 @click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
@@ -53,7 +55,7 @@ def command(
     param: str,
     maps: str | None,
     chunk: int,
-    workers: int,
+    workers: int | None,
     scheduler: str | None,
     scheduler_file: str | None,
     retry_failed: bool,
@@ -89,7 +91,7 @@ def command(
         strict=options.strict,
     )
     captures = find_captures(over)
-    who = _workers(workers, scheduler, scheduler_file)
+    who = _cluster(workers, scheduler, scheduler_file)
     place = store_place(out, job)
     with alone_in(place):
         store = open_batch(out, job, captures)
@@ -99,6 +101,7 @@ def command(
             say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
+        who = who or _processes(workers, job, to_do)
         before = len(store) - to_do
         say(f"{len(store)} captures, {before} of them finished before; {who.name}")
         _show(_with_fallbacks(run_batch(place, store, chunks, who)), to_do)
@@ -107,22 +110,26 @@ def command(
         raise SystemExit(1)
 
 
-def _workers(number: int, scheduler: str | None, scheduler_file: str | None) -> Workers:
+def _cluster(
+    number: int | None, scheduler: str | None, scheduler_file: str | None
+) -> Workers | None:
     from tactograph.graph.errors import InputError
 
-    if scheduler or scheduler_file:
-        if number > 1 or (scheduler and scheduler_file):
-            raise InputError("say one of --workers, --scheduler and --scheduler-file")
-        from tactograph.graph.batch.cluster import Cluster
+    if not scheduler and not scheduler_file:
+        return None
+    if number is not None or (scheduler and scheduler_file):
+        raise InputError("say one of --workers, --scheduler and --scheduler-file")
+    from tactograph.graph.batch.cluster import Cluster
 
-        return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
-    if number > 1:
-        from tactograph.graph.batch.processes import Processes
+    return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
 
-        return Processes(number)
+
+def _processes(number: int | None, job: Job, to_do: int) -> Workers:
+    from tactograph.graph.batch.processes import Processes, worth_starting
     from tactograph.graph.batch.serial import Serial
 
-    return Serial()
+    number = number or worth_starting(job, to_do)
+    return Processes(number) if number > 1 else Serial()
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:

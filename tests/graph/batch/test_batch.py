@@ -32,7 +32,7 @@ from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, FAILED, PENDING, Job, Store, open_store
+from tactograph.graph.batch.store import DONE, FAILED, PENDING, Entry, Store, open_store
 from tactograph.graph.batch.store_lock import alone_in
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
 from tactograph.graph.files.read_graph import read_graph
@@ -212,7 +212,7 @@ def test_what_is_finished_is_not_done_again(
     monkeypatch.setattr(
         worker,
         "_attempt",
-        lambda p, place, *more: (ran.append(place), attempt(p, place, *more))[1],
+        lambda p, ready, *more: (ran.append(ready.place), attempt(p, ready, *more))[1],
     )
     batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert [Path(place).name for place in ran] == ["capture_99"]
@@ -244,25 +244,54 @@ def test_the_next_capture_is_read_while_one_is_computed(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Each capture waits, before it is computed, until the one behind it has been read."""
+    """Each capture waits, before it is computed, until the one behind it has been read.
+
+    So does the last of a chunk for the first of the next.
+    """
     read = {place.name: threading.Event() for place in captures}
     begin, attempt = worker._read, worker._attempt
 
-    def note(pipeline: Pipeline, job: Job, place: str) -> object:
-        ready = begin(pipeline, job, place)
-        read[Path(place).name].set()
+    def note(*about: Any) -> object:
+        ready = begin(*about)
+        read[Path(ready.place).name].set()
         return ready
 
-    def wait(pipeline: Pipeline, place: str, *more: object) -> object:
+    def wait(pipeline: Pipeline, ready: Any, *more: Any) -> object:
         names = list(read)
-        behind = names.index(Path(place).name) + 1
-        same_chunk = behind % 3 and behind < len(names)
-        assert not same_chunk or read[names[behind]].wait(60)
-        return attempt(pipeline, place, *more)
+        behind = names.index(Path(ready.place).name) + 1
+        assert behind == len(names) or read[names[behind]].wait(60)
+        return attempt(pipeline, ready, *more)
 
     monkeypatch.setattr(worker, "_read", note)
     monkeypatch.setattr(worker, "_attempt", wait)
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr")[0] == 0
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--chunk", "3")[0] == 0
+
+
+def test_a_chunk_is_written_while_the_next_is_computed(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each chunk but the last waits, before it is written, for a capture of the next."""
+    begun = {place.name: threading.Event() for place in captures}
+    write, attempt = Store.write, worker._attempt
+
+    def note(pipeline: Pipeline, ready: Any, *more: Any) -> Any:
+        begun[Path(ready.place).name].set()
+        return attempt(pipeline, ready, *more)
+
+    def wait(self: Store, entries: dict[int, Entry]) -> None:
+        behind = max(entries) + 1
+        assert behind == len(captures) or begun[captures[behind].name].wait(60)
+        write(self, entries)
+
+    monkeypatch.setattr(worker, "_attempt", note)
+    monkeypatch.setattr(Store, "write", wait)
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--chunk", "3")[0] == 0
+    assert opened(tmp_path / "out.zarr").statuses.tolist() == [DONE] * len(captures)
 
 
 def test_failed_captures_are_done_again_only_when_asked(
