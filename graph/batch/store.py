@@ -4,7 +4,7 @@ The arrays' first axis counts the captures.  ``capture`` (its place), ``status``
 ``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went, ``checksum`` what its
 maps and figures have to add up to; every map that the graph puts out (``height``, ``shadow``, …)
 is an array of that name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is
-one shard, so that one worker writes it alone, and one capture can be read without the others.
+one shard, so that one worker writes it alone, and a few captures can be read without the others.
 
 Dimensions have names, so that xarray opens the store: an image's are ``y`` and ``x``, and where
 the graph puts out a pixel size, arrays of these names are its coordinates in mm.
@@ -37,6 +37,8 @@ MOST_CAPTURES = 10**7
 MOST_CHUNK = 4096
 MOST_PIXELS = 2**25
 """More than a batch can have: what a store's own description may make a reader allocate."""
+PIECE = 2**21
+"""Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
 _WORDS = ("capture", "reason", "figures", "warnings")
 
 
@@ -220,7 +222,7 @@ class Store:
             name,
             shape=(len(self), *kind.shape),
             dtype=kind.dtype,
-            chunks=(1, *kind.shape),
+            chunks=(_captures_in_one(kind, self.job.chunk), *kind.shape),
             shards=(self.job.chunk, *kind.shape),
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
@@ -315,8 +317,9 @@ class Store:
         array = self._group.get(name)
         if not isinstance(array, zarr.Array):
             raise self._damage(f"'{name}' is missing")
-        self._open[name] = array
-        return array
+        # To leave out pieces that hold nothing would mean to look for them.
+        self._open[name] = array.with_config({"write_empty_chunks": True})
+        return self._open[name]
 
     def _reaching(self, name: str, stop: int | None) -> zarr.Array[Any]:
         """An array as it was opened last, which takes a millisecond, if it went so far then."""
@@ -324,6 +327,12 @@ class Store:
         if known is None or stop is None or known.shape[0] < stop:
             return self._array(name)
         return known
+
+
+def _captures_in_one(kind: MapType, chunk: int) -> int:
+    """How many maps are compressed as one: as many as fit whole times into a shard."""
+    nbytes = max(1, math.prod(kind.shape) * np.dtype(kind.dtype).itemsize)
+    return max(n for n in range(1, chunk + 1) if chunk % n == 0 and (n == 1 or n * nbytes <= PIECE))
 
 
 def _undecodable() -> tuple[type[Exception], ...]:

@@ -1,0 +1,54 @@
+"""How maps lie in a store: large ones by themselves, small ones some together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+
+from tactograph.graph.batch.map_types import MapType
+from tactograph.graph.batch.store import DONE, Entry, Job, create_store
+
+
+def job(chunk: int) -> Job:
+    return Job("", "", "", {}, {}, "capture", ("height",), chunk)
+
+
+@pytest.mark.parametrize(
+    ("shape", "chunk", "together"),
+    [
+        ((240, 320), 16, 4),
+        ((240, 320), 7, 1),
+        ((480, 640), 16, 1),
+        ((2, 3), 16, 16),
+        ((9, 0), 3, 3),
+    ],
+)
+def test_small_maps_are_compressed_together(
+    tmp_path: Path, shape: tuple[int, int], chunk: int, together: int
+) -> None:
+    place = str(tmp_path / "out.zarr")
+    store = create_store(place, job(chunk))
+    store.add_maps({"height": MapType(shape, "float32", "mm", ("H", "W"))})
+    array = zarr.open_group(place, mode="r")["height"]
+    assert isinstance(array, zarr.Array)
+    assert array.shards == (chunk, *shape)
+    assert array.chunks == (together, *shape)
+
+
+def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
+    """As those that were begun before small maps were put together."""
+    place = str(tmp_path / "out.zarr")
+    store = create_store(place, job(4))
+    store.append(["a", "b", "c", "d", "e"])
+    zarr.open_group(place, mode="r+").create_array(
+        "height", shape=(5, 2, 3), chunks=(1, 2, 3), shards=(4, 2, 3), dtype="float32",
+        fill_value=float("nan"), attributes={"unit": "mm", "dims": ["H", "W"]},
+    )  # fmt: skip
+    maps = [np.full((2, 3), n, np.float32) for n in range(5)]
+    for numbers in ((0, 1, 2, 3), (4,)):
+        store.write({n: Entry(DONE, maps={"height": maps[n]}) for n in numbers})
+    assert [store.map("height", n).tolist() for n in range(5)] == [m.tolist() for m in maps]
+    assert store.damaged() == []
