@@ -23,7 +23,6 @@ def job(chunk: int) -> Job:
         ((240, 320), 7, 1),
         ((480, 640), 16, 1),
         ((2, 3), 16, 16),
-        ((9, 0), 3, 3),
     ],
 )
 def test_small_maps_are_compressed_together(
