@@ -106,9 +106,13 @@ class Queue:
         target = self.empty(array.shape, array.dtype)
         if not array.size:
             return target, self._now()
-        source = np.ascontiguousarray(array)
-        event = cl.enqueue_copy(self.queue, target.buffer, source, is_blocking=False)
+        event = self.send(array, target)
         return target, (event, event)
+
+    def send(self, array: NDArray[Any], to: DeviceArray) -> cl.Event:
+        """Begin to copy a host array, which must not change before the event, to a buffer."""
+        source = np.ascontiguousarray(array)
+        return cl.enqueue_copy(self.queue, to.buffer, source, is_blocking=False)
 
     def start_upload_of_fraction(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
         """Begin to copy unsigned integers, and there make them fractions of full scale.

@@ -61,6 +61,7 @@ class Launch:
         self.settings = settings
         self.sizes = dict(sizes)
         self._events: list[cl.Event] = []
+        self._sent: list[cl.Event] = []
         self._captured: list[Callable[[], cl.Event]] | None = None
         self._twins: Counter[str] = Counter()
 
@@ -189,6 +190,12 @@ class Launch:
         """
         self.repeats = False
         return self._device.constant(array)
+
+    def send(self, array: NDArray[Any], to: DeviceArray) -> None:
+        """Copy a host array to a buffer that is there, behind what was enqueued before."""
+        self.repeats = False
+        # Their events hold the arrays, and would wait for the copy if they were let go of now.
+        self._sent.append(self._device.send(array, to))
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Wait for an array and copy it to the host: for what decides the next launch."""

@@ -120,24 +120,16 @@ class Prepared:
                 events = [enqueue() for enqueue in repeatable.kernels]
                 return outputs, (events[0], events[-1])
             del scratch
+            launch = self._launched(inputs, outputs)
+            return launch.outputs, launch.timer
+        # Not at once: to copy kernels takes longer than to enqueue them a few times.
         record = Record() if key in self._known else None
         launch = self._launched(inputs, outputs, record)
         self._repeats = launch.repeats
-        self._remember(key, record)
-        return launch.outputs, launch.timer
-
-    def _remember(self, key: Hashable, record: Record | None) -> None:
-        """Keep what was recorded, or that it was not yet."""
-        known, self._known[key] = key in self._known, None
-        if record is not None and record.kernels:
-            arrays = record.scratch
-            self._known[key] = Repeatable(
-                tuple(record.kernels),
-                tuple(bytes_for(array.shape, array.dtype) for array in arrays),
-                tuple(array.memory.number for array in arrays),
-            )
-        if not known and len(self._known) > MOST_REMEMBERED:
+        self._known[key] = None if record is None else _repeatable(record)
+        if len(self._known) > MOST_REMEMBERED:
             del self._known[next(iter(self._known))]
+        return launch.outputs, launch.timer
 
     def _launched(
         self,
@@ -177,6 +169,17 @@ class Prepared:
             whole_kernels = self._compiled.kernels_with({"FULL": np.iinfo(dtype).max})
             self._kernels[dtype] = whole_kernels[node.name]
         return self._kernels[dtype]
+
+
+def _repeatable(record: Record) -> Repeatable | None:
+    if not record.kernels:
+        return None
+    arrays = record.scratch
+    return Repeatable(
+        tuple(record.kernels),
+        tuple(bytes_for(array.shape, array.dtype) for array in arrays),
+        tuple(array.memory.number for array in arrays),
+    )
 
 
 def _told(given: DeviceArray | float | None) -> Hashable:

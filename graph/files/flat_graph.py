@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.errors import GraphError, did_you_mean
@@ -139,7 +140,7 @@ class Graph:
         needed = {name: NOT_GIVEN for name, param in self.params.items() if param.required}
         return to_svg(make_plan(anywhere, needed, device=None))
 
-    @property
+    @cached_property
     def hash(self) -> str:
         """SHA-256 (first 16 digits) of what the graph computes: its words for people left out."""
         plain = self.as_dict()

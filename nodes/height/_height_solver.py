@@ -13,13 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, I4, ShadowRises
+from tactograph.nodes import F4, I4, Mask, ShadowRises
 from tactograph.nodes.height._height_system import (
     Window,
     rise_variance,
@@ -77,28 +78,34 @@ class Step(NamedTuple):
 
 
 class Touch(NamedTuple):
-    """The window around what is not at rest, and whether any film is."""
+    """The window around what is not at rest, whether any film is, and the rises by shadows.
+
+    `mask` says which pixels count, if not all do and there are rises.
+    """
 
     window: Window
     any_rest: bool
+    rises: ShadowRises
+    mask: Mask | None
 
 
 @dataclass
 class Stack:
     """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
 
-    `steps` are those of a cycle through them.  `matrix` waits for the last one's matrix, `dense`
-    is its inverse, which the host makes when a cycle asks for it: the device has other work first.
+    `steps` are those of a cycle through them.  `dense` is the inverse of the last one's matrix.
+    The host makes it when a cycle begins, since the device has other work first: until then
+    `matrix` waits for the matrix.
     """
 
     top: Level
     right: DeviceArray
     down: DeviceArray
     inverse: DeviceArray
-    steps: list[Step]
+    steps: tuple[Step, ...]
     steps_there: DeviceArray
+    dense: DeviceArray
     matrix: Callable[[], F4] | None = None
-    dense: DeviceArray | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -139,9 +146,15 @@ def find_touch(run: Launch) -> Touch:
     rows, columns = run.scratch((height,), np.uint8), run.scratch((width,), np.uint8)
     rest, mask = run.inputs["rest"], run.inputs.get("mask")
     run.kernel("find_touch", (height + width,), rest, mask, rows, columns, height, width)
+    # All that the host has to know before the device goes on comes in one go.
+    coming = [run.begin_download(run.inputs[f"rises.{name}"]) for name in ShadowRises._fields]
+    rises_there = run.inputs["rises.top"].shape[0] > 0
+    mask_coming = run.begin_download(mask) if mask is not None and rises_there else None
     in_rows, in_columns = run.download(rows), run.download(columns)
     window = window_around((in_rows & 1) > 0, (in_columns & 1) > 0)
-    return Touch(window, bool((in_rows & 2).any()))
+    mask_here = None if mask_coming is None else mask_coming()
+    rises = ShadowRises(*(arrived() for arrived in coming))
+    return Touch(window, bool((in_rows & 2).any()), rises, mask_here)
 
 
 class HeightSolver:
@@ -152,8 +165,8 @@ class HeightSolver:
     so often of 2 x 2, or as often as there are enough pixels.
     """
 
-    def __init__(self, run: Launch, window: Window, deepest: int = 0) -> None:
-        self._run = run
+    def __init__(self, run: Launch, touch: Touch, deepest: int = 0) -> None:
+        self._run, window = run, touch.window
         rows = window.rows.stop - window.rows.start
         columns = window.columns.stop - window.columns.start
         self.shape = rows, columns
@@ -173,7 +186,7 @@ class HeightSolver:
         halved = self._levels[1 : 1 + self._depth]
         self._shares = [[run.scratch((c.rows, c.columns)) for _ in range(2)] for c in halved]
         self._gather(window)
-        self._tie(window, total)
+        self._tie(touch, total)
         there = [level.there for level in self._levels]
         self._levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
 
@@ -186,9 +199,12 @@ class HeightSolver:
             "clear_gaps", (gaps.size * GAP,), run.put(gaps), gaps.size, right, down, self.ground,
             whole.height, whole.lifted, whole.z,
         )  # fmt: skip
-        steps = list(_steps(len(self._levels), top))
+        steps = _cycle_of(len(self._levels), top)
         steps_there = run.put(np.array(steps, np.int32))
-        return Stack(self._levels[top], right, down, inverse, steps, steps_there)
+        (size,) = self._dense_at.shape
+        # Its rows are padded to whole lanes.
+        dense = run.scratch((size, -(-size // GAP) * GAP))
+        return Stack(self._levels[top], right, down, inverse, steps, steps_there, dense)
 
     def _working(self, size: int, base: int = 0, apart: int = 0) -> _Planes:
         force, height, lifted, kept, direction, moved, z = self._planes(7, size)
@@ -216,14 +232,10 @@ class HeightSolver:
         self._unit = float(stiffest(settings["floor"], pixel))
         self._rise_variance = float(rise_variance(settings["rise_px"], pixel))
 
-    def _tie(self, window: Window, total: int) -> None:
+    def _tie(self, touch: Touch, total: int) -> None:
         """The rises as ties of every level, and where in the planes they are."""
         run = self._run
-        there = {name: run.inputs[f"rises.{name}"] for name in ShadowRises._fields}
-        rises = ShadowRises(**{name: run.download(array) for name, array in there.items()})
-        mask = run.inputs.get("mask")
-        mask_here = None if mask is None or not rises.top.size else run.download(mask)
-        ties, rise = rises_inside(window, rises, run.sizes["W"], mask_here)
+        ties, rise = rises_inside(touch.window, touch.rises, run.sizes["W"], touch.mask)
         self.wants = Wants(*self._steps_wanted, run.put(rise))
         found = _tie_levels(ties, self._levels)
         self._ties, self._all_ties = len(rise), len(found.member_start) - 1
@@ -327,15 +339,14 @@ class HeightSolver:
         run.kernel(
             "dense_matrix", (size, size), *network, self._dense_at, matrix, size, last.stride
         )
-        stack.matrix, stack.dense = run.begin_download(matrix), None
+        stack.matrix = run.begin_download(matrix)
 
-    def _dense(self, stack: Stack) -> DeviceArray:
-        """The inverse of the coarsest level's matrix, rows padded to whole lanes."""
-        if stack.dense is None:
-            assert stack.matrix is not None
+    def _invert(self, stack: Stack) -> None:
+        """Find the inverse of the coarsest level's matrix, if it is another than before."""
+        if stack.matrix is not None:
             inverse = soft_inverse(stack.matrix())
-            stack.dense = self._run.put(np.pad(inverse, ((0, 0), (0, -len(inverse) % GAP))))
-        return stack.dense
+            self._run.send(np.pad(inverse, ((0, 0), (0, -len(inverse) % GAP))), stack.dense)
+            stack.matrix = None
 
     def room(self, stack: Stack, loads: int) -> Wants:
         """Room for what the springs want under so many loads."""
@@ -383,10 +394,10 @@ class HeightSolver:
         enough: DeviceArray,
         number: int = 0,
         to: int = 0,
-    ) -> bool:
+    ) -> Callable[[], bool]:
         """Improve height `to` under load `number` in place, as `conjugate_gradients` does.
 
-        Return whether it moved.
+        Return what waits for whether it moved.
         """
         run, planes, (rows, columns) = self._run, self._whole, stack.shape
         first, _, stride = stack.top.there
@@ -398,7 +409,7 @@ class HeightSolver:
         else:
             moved = self._gradients(stack, steps, enough, number)
         self._give_heights(stack, planes, height, to, 1)
-        return bool(moved()[0, TAKEN] > 0)
+        return lambda: bool(moved()[0, TAKEN] > 0)
 
     def solve_all(
         self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: DeviceArray
@@ -464,6 +475,7 @@ class HeightSolver:
                 *stack.top.there, *planes.place, local=(run.group,),
             )
         )  # fmt: skip
+        self._invert(stack)
         for _ in range(steps + 1):
             step()
         return run.begin_download(gain)
@@ -478,6 +490,7 @@ class HeightSolver:
         """
         run, gain = self._run, self._beginning(1)
         step = run.capture(lambda: self._step(stack, gain, enough, number))
+        self._invert(stack)
         stands: Callable[[], NDArray[Any]] | None = None
         for _ in range(steps + 1):
             before = stands
@@ -554,7 +567,7 @@ class HeightSolver:
 
     def _cycle_there(self, stack: Stack, planes: _Planes) -> tuple[Any, ...]:
         """What the kernels of small levels are told."""
-        (count,), dense = self._dense_at.shape, self._dense(stack)
+        (count,), dense = self._dense_at.shape, stack.dense
         return (
             *self._network(stack), *planes[:4],
             dense, self._dense_at, count, dense.shape[1], self._levels_there, stack.steps_there,
@@ -619,8 +632,13 @@ def _gaps(levels: Sequence[Level]) -> I4:
     return np.concatenate(runs).astype(np.int32)
 
 
+@lru_cache(maxsize=16)
+def _cycle_of(levels: int, top: int) -> tuple[Step, ...]:
+    """The steps of `_springs.cycle`, from level `top` on."""
+    return tuple(_steps(levels, top))
+
+
 def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
-    """The steps of `_springs.cycle`, from level `at` on."""
     if at == levels - 1:
         yield Step(SOLVE, at, twice=False)
         return

@@ -429,17 +429,14 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 def _launch(run: Launch) -> None:
     """The same errors through the same networks; no pixel comes to the host."""
     of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
-    frame = tuple(run.sizes[symbol] for symbol in "KHW")
     touch = find_touch(run)
-    solver = HeightSolver(run, touch.window, DEEPEST)
+    solver = HeightSolver(run, touch, DEEPEST)
     solver.weigh(solver.cut(of["height"]), settings["robust"])
     shape, ties, cells = solver.shape, solver.rises, solver.cells
     coarse = solver.pixels if cells is None else cells
     wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
     wanted = wants if cells is None else solver.room(cells, ERRORS)
-    slopes = run.scratch((ERRORS, 2, *shape))
     moved, total = (run.scratch((1, *shape)) for _ in range(2))
-    misfit, bounced, earlier = (run.inputs.get(n) for n in ("misfit", "bounced", "earlier"))
 
     def clear(plane: DeviceArray) -> None:
         run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
@@ -454,16 +451,8 @@ def _launch(run: Launch) -> None:
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
     drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
-    kinds = run.keep("kinds", lambda: run.upload(_kinds()))
-    light_keys = run.put(np.array([keys.light for keys in drawn], np.uint32))
-    run.kernel(
-        "err_slopes", run.in_row_lanes(*shape), of["light"], of["sigma"], of["height"],
-        of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
-        *frame, *solver.place, pixel, settings["flat_noise"], of["uneven"],
-        kinds, light_keys, misfit, bounced, earlier,
-        # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
-        local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
-    )  # fmt: skip
+    # No sooner, though the host has to tie networks first: the steps find them in the cache.
+    slopes = _launch_slopes(run, solver, drawn)
     # The first come last: what they want of pixels is still there then.
     for number in reversed(range(ERRORS)):
         to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
@@ -502,6 +491,24 @@ def _launch(run: Launch) -> None:
     solver.solve(solver.pixels, wants, moved, settings["steps"], enough)
     add_squares(moved, total, [np.float32(1)])
     _deviate(run, solver, total)
+
+
+def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[_Keys]) -> DeviceArray:
+    """All errors of the slopes inside the window: ERRORS x 2 x rows x columns."""
+    of, settings = run.inputs, run.settings
+    frame = tuple(run.sizes[symbol] for symbol in "KHW")
+    slopes = run.scratch((ERRORS, 2, *solver.shape))
+    kinds = run.keep("kinds", lambda: run.upload(_kinds()))
+    keys = run.put(np.array([each.light for each in drawn], np.uint32))
+    run.kernel(
+        "err_slopes", run.in_row_lanes(*solver.shape), of["light"], of["sigma"], of["height"],
+        of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
+        *frame, *solver.place, float(of["pixel"]), settings["flat_noise"], of["uneven"],
+        kinds, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
+        # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
+        local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
+    )  # fmt: skip
+    return slopes
 
 
 def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:

@@ -147,7 +147,7 @@ def _launch(run: Launch) -> None:
     settings, out = run.settings, run.outputs["integrate_weighted"]
     robust = settings["robust"]
     touch = find_touch(run)
-    solver = HeightSolver(run, touch.window)
+    solver = HeightSolver(run, touch)
     height, warm = solver.cut(run.inputs["start"]), False
     if run.inputs.get("before") is not None:
         known = solver.cut(run.inputs["before"])
@@ -158,7 +158,7 @@ def _launch(run: Launch) -> None:
         solver.weigh(height, scale)
         enough = solver.enough(ENOUGH, solver.energies(solver.pixels, solver.wants))
         moved = solver.solve(solver.pixels, solver.wants, height, settings["steps"], enough)
-        if not moved and scale == scales[-1]:
+        if scale == scales[-1] and not moved():
             break
     run.kernel("place", size, height, out, *size, *solver.place)
     mask = run.inputs.get("mask")
