@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -68,8 +69,6 @@ class Looking(NamedTuple):
     facing: F4
     forwards: F4
     """The normal's parts along the camera's ray and across it, n_e and n_h."""
-    longest: F4
-    """Steps to where the film ends."""
     horizon: F4
     below: F4
     seen: F4
@@ -100,6 +99,8 @@ class Steps(NamedTuple):
     """... and where between them."""
     middle: Numbers
     """The cell half-way to the step before, down and right: N x 2."""
+    longest: F4
+    """How far the film's end is, by cell of the frame: rows x columns, as `length`."""
 
 
 def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterator[Sight]:
@@ -151,7 +152,6 @@ def _looking(
         np.float32(2 / azimuths) * eye[2] / flat,
         facing,
         forwards,
-        _longest(grid, azimuth),
         horizon,
         gathered(horizon, forwards, facing),
         at[2] / nearer,
@@ -183,10 +183,10 @@ def gathered(t: F4, across: F4, facing: F4) -> F4:
     return np.asarray(half * across * (np.arctan(t) + part) + half * facing * t * part)
 
 
-def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
-    """Return how many steps each cell of the frame is from the film's end."""
+def _longest(grid: Grid, azimuth: tuple[float, float]) -> F4:
+    """Return how far each cell of the frame is from the film's end."""
     ways = []
-    for part, count in zip(step, (grid.columns, grid.rows), strict=True):
+    for part, count in zip(azimuth, (grid.columns, grid.rows), strict=True):
         place = np.arange(count, dtype=np.float32)
         last = np.float32(grid.film - 0.5 + (count if part > 0 else 0))
         ways.append((last - place if part > 0 else last + 1 + place) / np.float32(abs(part)))
@@ -194,8 +194,12 @@ def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
     return np.minimum(across, down[:, None])
 
 
+@lru_cache(maxsize=256)
 def _steps(grid: Grid, azimuth: tuple[float, float]) -> Steps:
-    """Return the steps of a way, each as much longer as it may be so far from where it began."""
+    """Return the steps of a way, each as much longer as it may be so far from where it began.
+
+    Kept: films change from touch to touch and from fit to fit, cells and azimuths do not.
+    """
     across, down = azimuth
     rows, columns, ends = [], [], [0, 1]
     while True:
@@ -222,6 +226,7 @@ def _steps(grid: Grid, azimuth: tuple[float, float]) -> Steps:
         # One of dx and dy is whole; along the other one the step ends between two cells.
         np.maximum(dy - below[:, 0], dx - right[:, 0]).astype(np.float32),
         np.rint(np.outer(before + length, (down, across)) / 2).astype(np.intp),
+        _longest(grid, azimuth),
     )
 
 

@@ -51,7 +51,7 @@ def rise(
             one = rises[row + below[0], first + right[0] : last + right[0]]
             other = rises[row + below[1], first + right[1] : last + right[1]]
             seen, steepest = on.seen[row, first:last], on.steepest[row, first:last]
-            longest = on.longest[row, first:last]
+            longest = steps.longest[row, first:last]
             for i in range(one.size):
                 ends = longest[i] < step
                 z = ZERO if ends else one[i] + part * (other[i] - one[i])
