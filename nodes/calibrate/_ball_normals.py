@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted
-from tactograph.nodes.light._film import turned
+from tactograph.nodes.light._film import rest_below, turned
 from tactograph.nodes.light._near_light import F8
 
 STEPS = 4
@@ -32,9 +32,9 @@ def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNorma
     truth, x, y, z = balls.seen(fitted.shifts, film.camera)
     direct = balls.light - balls.thrown(fitted.shifts, film)
     place = x, y, np.maximum(z, film.contact)
-    n = truth
+    n, rest = truth, rest_below(film, *place)
     for _ in range(STEPS):
-        n = turned(film, direct, n, place, uneven)
+        n = turned(film, direct, n, place, uneven, rest)
     return BallNormals(truth, n, direct, place)
 
 

@@ -31,6 +31,7 @@ from tactograph.nodes.light._film import (
     FADE,
     GRAZING,
     USUAL_RIM,
+    at_rest,
     matt_film,
     place_terms,
     predict,
@@ -85,8 +86,13 @@ ALIKE = 0.002
 EMISSION = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
 """m: an LED that faces the middle of the film shines by cos^m from its axis.  Only the flat frame
 is asked: it would tell a wrong distance, while touched film, relative to it, hardly changes."""
-LED = 5
+OF_AN_LED = "x", "y", "nearness", "strength", "emission"
+LED = len(OF_AN_LED)
 """Numbers of an LED."""
+FLAT_ONLY = "strength", "emission"
+"""What the light of touched film, relative to the film at rest, does not change with."""
+AT_REST = "gain", "diffuse", "albedo", "rim"
+"""What the film at rest does not change with."""
 PARTS = {
     "diffuse": ("diffuse", "gain"),
     "lobe": ("base", "roughness", "refraction"),
@@ -237,18 +243,29 @@ class _Equations(NamedTuple):
     right_own: F8
 
 
-def predicted(balls: Balls, fitted: Fitted, led: int | None = None) -> F8:
-    """Return the light of the balls' samples, K x N, or 1 x N of one LED."""
+def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | None = None) -> F8:
+    """Return the light of the balls' samples, K x N, or 1 x N of one LED.
+
+    `rest` is what `_rest_seen` has given for this film, or one that is alike at rest.
+    """
     film, thrown = fitted.film, balls.thrown(fitted.shifts, fitted.film)
     if led is not None:
         one = slice(led, led + 1)
         film = film._replace(
             lights=film.lights[one], diffuse=film.diffuse[one], harmonics=film.harmonics[one]
         )
-        thrown = thrown[one]
+        thrown, rest = thrown[one], None if rest is None else rest[one]
     n, x, y, z = balls.seen(fitted.shifts, film.camera)
-    made = predict(film, n, x, y, _touched(z, film))
+    made = predict(film, n, x, y, _touched(z, film), rest)
     return np.asarray(made + thrown)
+
+
+def _rest_seen(balls: Balls, film: Film) -> F8 | None:
+    """What the film at rest makes of the light where pixels see it.
+
+    None under a camera that is near: where a pixel sees the film then goes with the ball.
+    """
+    return None if film.camera else at_rest(film, balls.u, balls.v)
 
 
 def _touched(z: F8, film: Film) -> F8:
@@ -330,9 +347,9 @@ def other_places(
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     """Return `fitted` with the balls where they lie under a known film."""
     now, scale = fitted, fitted.scale
-    spread = _spread(balls, shift_mm)
+    spread, rest = _spread(balls, shift_mm), _rest_seen(balls, fitted.film)
     for _ in range(10):
-        left, by = _by_shift(balls, now)
+        left, by = _by_shift(balls, now, rest)
         weight = (
             _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
         )
@@ -440,9 +457,33 @@ def _huber(left: F8) -> float:
 
 def _rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame less that of the model, what all LEDs share taken out: K x M."""
-    model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:4]
-    model += now.leds[:, 4:] * np.log(_off_axis(now.film, rest.x, rest.y))
+    return _rest_less(rest, _rest_model(rest, now))
+
+
+def _rest_less(rest: Rest, model: F8) -> F8:
     return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
+
+
+def _rest_model(rest: Rest, now: Fitted, chosen: slice = slice(None)) -> F8:
+    """Logarithm of the light of the film at rest, of the LEDs chosen: K x M."""
+    film, leds = now.film._replace(lights=now.film.lights[chosen]), now.leds[chosen]
+    model = np.log(rest_light(film, rest.x, rest.y)) + leds[:, 3:4]
+    return np.asarray(model + leds[:, 4:] * np.log(_off_axis(film, rest.x, rest.y)))
+
+
+def _by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
+    """Derivatives of `_rest_left` by what is shared: G x K x M."""
+    model, owners = _rest_model(rest, now), _owners(now, names)
+    before, by = _rest_less(rest, model), np.zeros((len(owners), *model.shape))
+    for j, (name, led) in enumerate(owners):
+        if name in AT_REST:
+            continue
+        other, step = _stepped(now, names, j)
+        chosen = slice(None) if led is None else slice(led, led + 1)
+        changed = model.copy()
+        changed[chosen] = _rest_model(rest, other, chosen)
+        by[j] = (_rest_less(rest, changed) - before) / step
+    return by
 
 
 def _off_axis(film: Film, x: F8, y: F8) -> F8:
@@ -508,8 +549,9 @@ def _cost(problem: _Problem, now: Fitted) -> float:
 
 def _equations(problem: _Problem, now: Fitted) -> _Equations:
     balls, rest, names, shift_mm, width_mm, scale, certain = problem
-    left, by_own = _by_shift(balls, now)
-    by = _by_shared(balls, now, names, left + balls.light)
+    seen = _rest_seen(balls, now.film)
+    left, by_own = _by_shift(balls, now, seen)
+    by = _by_shared(balls, now, names, left + balls.light, seen)
     weight = _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
     weight *= problem.each
     spread = _spread(balls, shift_mm)
@@ -520,9 +562,7 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
-        there = _rest_left(rest, now)
-        changed = [_stepped(now, names, j) for j in range(len(by))]
-        by_rest = np.stack([(_rest_left(rest, o) - there) / step for o, step in changed])
+        there, by_rest = _rest_left(rest, now), _by_rest(rest, now, names)
         flat, firm = by_rest.reshape(len(by), -1), (_robust(there / certain) / certain**2).ravel()
         shared += (flat * firm) @ flat.T
         right -= flat @ (firm * there.ravel())
@@ -540,30 +580,40 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     return _Equations(shared, mixed, own, right, right_own)
 
 
-def _by_shift(balls: Balls, now: Fitted) -> tuple[F8, F8]:
-    """What is left of the light, K x N, and its derivatives by the balls' shifts, 3 x K x N."""
-    before, step = predicted(balls, now), 1e-4 * float(balls.radius.min())
-    by = [
-        (predicted(balls, now._replace(shifts=now.shifts + step * axis)) - before) / step
-        for axis in np.eye(3)
-    ]
+def _by_shift(balls: Balls, now: Fitted, rest: F8 | None) -> tuple[F8, F8]:
+    """What is left of the light, K x N, and its derivatives by the balls' shifts, 3 x K x N.
+
+    `rest` as `_rest_seen` gives it.
+    """
+    before, step = predicted(balls, now, rest=rest), 1e-4 * float(balls.radius.min())
+    moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
+    by = [(predicted(balls, other, rest=rest) - before) / step for other in moved]
     return before - balls.light, np.stack(by)
 
 
-def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8) -> F8:
+def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8 | None) -> F8:
     """Derivatives by what is shared, G x K x N; what is one LED's changes its light alone."""
-    count = len(now.leds)
-    owners = [k for k in range(count) for _ in range(LED)]
-    for name in names:
-        owners += list(range(count)) if name == "diffuse" else [-1]
+    owners = _owners(now, names)
     by = np.zeros((len(owners), *before.shape))
-    for j, led in enumerate(owners):
+    for j, (name, led) in enumerate(owners):
+        if name in FLAT_ONLY:
+            continue
         other, step = _stepped(now, names, j)
-        if led < 0:
-            by[j] = (predicted(balls, other) - before) / step
+        known = rest if name in AT_REST else None
+        if led is None:
+            by[j] = (predicted(balls, other, rest=known) - before) / step
         else:
-            by[j, led] = (predicted(balls, other, led)[0] - before[led]) / step
+            by[j, led] = (predicted(balls, other, led, known)[0] - before[led]) / step
     return by
+
+
+def _owners(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
+    """By number what is shared: its name, and the LED that it belongs to, if it does to one."""
+    count = len(now.leds)
+    owners: list[tuple[str, int | None]] = [(name, k) for k in range(count) for name in OF_AN_LED]
+    for name in names:
+        owners += [(name, k) for k in range(count)] if name == "diffuse" else [(name, None)]
+    return owners
 
 
 def _stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:

@@ -23,6 +23,7 @@ the same.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ def is_affine(film: Film) -> bool:
     return film.refraction == 1 and film.camera == 0 and not film.harmonics.any()
 
 
-def predict(film: Film, n: Array, x: Array, y: Array, z: Array) -> Array:
+def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | None = None) -> Array:
     """Return the light relative to the film at rest, equation F1, without bounced light.
 
     Parameters
@@ -98,6 +99,8 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array) -> Array:
         3 x N, unit normals.
     x, y, z
         Of length N in mm, where the film is.
+    rest
+        K x N, as `rest_below` gives it, where it is known.
 
     Returns
     -------
@@ -105,21 +108,26 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array) -> Array:
         K x N.
     """
     touched = touch_gain(film, z)
-    at_rest = 1 - film.camera * z
-    x0, y0 = x / at_rest, y / at_rest
+    if rest is None:
+        rest = rest_below(film, x, y, z)
     shade = None
     if film.harmonics.any():
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
+        x0, y0 = _below(film, x, y, z)
         place = place_terms(x0 / film.reach, y0 / film.reach)
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
-    for k, light in enumerate(film.lights):
+    for k, direct in enumerate(_reflected(film, n, x, y, z)):
         b = film.diffuse[k]
-        direct = _reflected(film, light, n, x, y, z)
-        rest = _reflected(film, light, _level(n), x0, y0, np.zeros_like(z))
-        made[k] = touched * (b + (1 - b) * direct / rest)
+        made[k] = touched * (b + (1 - b) * direct / rest[k])
         if shade is not None:
             made[k] += ((film.harmonics[k] @ place) * shade).sum(0)
     return made
+
+
+def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
+    """Return where the pixels that see such places see the film at rest."""
+    nearer = 1 - film.camera * z
+    return x / nearer, y / nearer
 
 
 def touch_gain(film: Film, z: Array) -> Array:
@@ -133,7 +141,12 @@ def direct_share(film: Film) -> Array:
 
 
 def turned(
-    film: Film, light: Array, n: Array, place: tuple[Array, Array, Array], uneven: float = 0.0
+    film: Film,
+    light: Array,
+    n: Array,
+    place: tuple[Array, Array, Array],
+    uneven: float = 0.0,
+    rest: Array | None = None,
 ) -> Array:
     """Return normals that explain the light better: one Gauss-Newton step.
 
@@ -153,12 +166,16 @@ def turned(
     uneven
         Standard deviation of the film's brightness, as a share, against light of which each LED
         tells with `NOISE`.
+    rest
+        As for `predict`.
     """
     nx, ny, nz = n
     none = np.zeros_like(nx)
-    before = predict(film, n, *place)
+    if rest is None:
+        rest = rest_below(film, *place)
+    before = predict(film, n, *place, rest)
     by_s, by_t = (
-        (predict(film, _unit(n + TURN * np.stack(way)), *place) - before) / TURN
+        (predict(film, _unit(n + TURN * np.stack(way)), *place, rest) - before) / TURN
         for way in ((nz, none, -nx), (none, nz, -ny))
     )
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
@@ -190,15 +207,21 @@ def _unit(n: Array) -> Array:
 
 def rest_light(film: Film, x: Array, y: Array) -> Array:
     """Return the light of the film at rest, K x N, up to a factor for each LED."""
+    found = at_rest(film, x, y)
+    scale = [np.linalg.norm(light) ** 2 for light in film.lights]
+    return np.stack([by * plane for by, plane in zip(scale, found, strict=True)])
+
+
+def rest_below(film: Film, x: Array, y: Array, z: Array) -> Array:
+    """Return e of the film at rest that pixels see which see such places: K x N, as `at_rest`."""
+    return at_rest(film, *_below(film, x, y, z))
+
+
+def at_rest(film: Film, x: Array, y: Array) -> Array:
+    """Return e of the film at rest (equation F2), K x N, up to a factor."""
     level = np.zeros((3, *np.shape(x)), np.asarray(x).dtype)
     level[2] = 1
-    none = np.zeros_like(x)
-    return np.stack(
-        [
-            np.linalg.norm(light) ** 2 * _reflected(film, light, level, x, y, none)
-            for light in film.lights
-        ]
-    )
+    return np.stack(list(_reflected(film, level, x, y, np.zeros_like(x))))
 
 
 def shades(n: Array) -> Array:
@@ -212,34 +235,33 @@ def place_terms(u: Array, v: Array) -> Array:
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
-def _level(n: Array) -> Array:
-    level = np.zeros_like(n)
-    level[2] = 1
-    return level
-
-
-def _reflected(film: Film, light: Array, n: Array, x: Array, y: Array, z: Array) -> Array:
-    """Equation F2, up to a factor."""
-    dx, dy, dz = light[0] - x, light[1] - y, light[2] - z
-    square = dx * dx + dy * dy + dz * dz
-    away = np.sqrt(square)
-    lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
-    if film.refraction == 1:
-        return np.asarray(lit)
-    lx, ly, lz = dx / away, dy / away, dz / away
-    vx, vy, vz = to_pupil(film.camera, x, y, z)
-    hx, hy, hz = lx + vx, ly + vy, lz + vz
-    half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
-    c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
-    c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
-    c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
-    v_h = (vx * hx + vy * hy + vz * hz) * half
+def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[Array]:
+    """Yield equation F2, up to a factor, LED by LED."""
 
     def through(cosine: Array) -> Array:
         return let_in(cosine, film.roughness, film.refraction)
 
-    base = film.base * (through(c_i) * through(c_o)) / np.pi
-    return np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
+    coated = film.refraction != 1
+    if coated:
+        vx, vy, vz = to_pupil(film.camera, x, y, z)
+        c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
+        let_out = through(c_o)
+    for light in film.lights:
+        dx, dy, dz = light[0] - x, light[1] - y, light[2] - z
+        square = dx * dx + dy * dy + dz * dz
+        away = np.sqrt(square)
+        lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
+        if not coated:
+            yield np.asarray(lit)
+            continue
+        lx, ly, lz = dx / away, dy / away, dz / away
+        hx, hy, hz = lx + vx, ly + vy, lz + vz
+        half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
+        c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
+        c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
+        v_h = (vx * hx + vy * hy + vz * hz) * half
+        base = film.base * (through(c_i) * let_out) / np.pi
+        yield np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
 
 
 def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:

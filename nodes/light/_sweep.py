@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +37,8 @@ LONGEST = 8
 LEAST_FACING = np.float32(1e-3)
 """Smallest n_e."""
 
-
-Law = Callable[[NDArray[np.intp], F4, NDArray[np.intp]], F4]
+Numbers = NDArray[np.intp]
+Law = Callable[[Numbers, F4, Numbers], F4]
 """How cells throw light on one another: on N of the frame's cells, by number, in directions, 3 x N,
 from N of all cells; K x N."""
 
@@ -49,12 +50,12 @@ class Sight(NamedTuple):
     """Of the light that arrives, N."""
     direction: F4
     """To the other cell, 3 x N."""
-    here: NDArray[np.intp]
-    there: NDArray[np.intp]
+    here: Numbers
+    there: Numbers
     """Among all cells."""
 
 
-class _Looking(NamedTuple):
+class Looking(NamedTuple):
     """The cells of the frame, as one azimuth sees them; the horizon and F there rise.
 
     Seen by the camera, the film has other heights, but straight lines stay straight: what rises
@@ -63,14 +64,11 @@ class _Looking(NamedTuple):
 
     at: F4
     eye: F4
-    step: tuple[float, float]
-    """In cells; its longer side is 1."""
-    flat: F4
-    """The square of the azimuth's part across the camera's ray."""
+    gain: F4
+    """Of the light that arrives along the azimuth, the share that F counts."""
     facing: F4
-    across: F4
-    longest: F4
-    """Steps to where the film ends."""
+    forwards: F4
+    """The normal's parts along the camera's ray and across it, n_e and n_h."""
     horizon: F4
     below: F4
     seen: F4
@@ -79,58 +77,87 @@ class _Looking(NamedTuple):
     """Of it, where the horizon is: per mm along the longer side of a step."""
 
 
+class Steps(NamedTuple):
+    """The steps along an azimuth, N, as far as any cell of the frame goes."""
+
+    across: np.float32
+    down: np.float32
+    """In cells, of a step; the longer one is 1."""
+    width: np.float32
+    """Of a cell, in mm."""
+    beyond: bool
+    """Whether there is film beyond the frame."""
+    length: Numbers
+    """How many cells each goes along its longer side."""
+    rows: Numbers
+    columns: Numbers
+    """Of the frame, the first that goes so far, and that after the last: N x 2."""
+    below: Numbers
+    right: Numbers
+    """The two cells that a step ends between, N x 2; ..."""
+    part: F4
+    """... and where between them."""
+    middle: Numbers
+    """The cell half-way to the step before, down and right: N x 2."""
+    longest: F4
+    """How far the film's end is, by cell of the frame: rows x columns, as `length`."""
+
+
 def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterator[Sight]:
     """Yield what cells see of one another, azimuth by azimuth.
 
     `camera` is 1 over the height of the pupil that lines up the cells, `refraction` their coat's.
     """
+    from tactograph.nodes.light._sweep_loops import rise
+
     inside = slice(None), *grid.frame
-    at, normal = cells.at[inside], cells.normal[inside]
+    at, normal = cells.at[inside].copy(), cells.normal[inside]
     eye = np.stack(to_pupil(camera, *at))
     azimuths = MATT_AZIMUTHS if refraction == 1 else COATED_AZIMUTHS
     for number in range(azimuths):
         turn = 2 * math.pi * (number + 0.5) / azimuths
-        on = _looking(at, normal, eye, (math.cos(turn), math.sin(turn)), grid, camera)
-        risen = list(_risen(on, cells.at[2], grid, camera))
-        if risen:
-            share, direction, here, there = (
-                np.concatenate(part, axis=-1) for part in zip(*risen, strict=True)
-            )
-            gain = np.float32(2 / azimuths) * eye[2].ravel()[here] / on.flat.ravel()[here]
-            yield Sight(gain * share, direction, here, there)
+        on, steps = _looking(at, normal, eye, turn, azimuths, grid, camera)
+        most = int(np.prod(np.diff(steps.rows) * np.diff(steps.columns), axis=1).sum())
+        # Room for every cell at every step, but hardly any of it is touched.
+        share, direction = np.empty(most, np.float32), np.empty((3, most), np.float32)
+        here, there = np.empty(most, np.intp), np.empty(most, np.intp)
+        given = on, steps, cells.at[2], grid.rim, np.float32(camera)
+        end = rise(*given, share, direction, here, there)
+        if end:
+            parts = share[:end].copy(), direction[:, :end].copy()
+            yield Sight(*parts, here[:end].copy(), there[:end].copy())
 
 
 def _looking(
-    at: F4, normal: F4, eye: F4, azimuth: tuple[float, float], grid: Grid, camera: float
-) -> _Looking:
+    at: F4, normal: F4, eye: F4, turn: float, azimuths: int, grid: Grid, camera: float
+) -> tuple[Looking, Steps]:
     """Return what the cells of the frame see before anything rises: their own tangents."""
-    x, y = azimuth
+    x, y = math.cos(turn), math.sin(turn)
     facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
     along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
-    flat = 1 - along * along
+    flat = 1 - along * along  # the square of the azimuth's part across the camera's ray
     forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
-    across = forwards / np.sqrt(flat)
-    horizon = -across / facing
+    forwards = forwards / np.sqrt(flat)
+    horizon = -forwards / facing
     longer = max(abs(x), abs(y))
-    step = x / longer, y / longer
     # The image of the tangent.
     nearer = 1 - np.float32(camera) * at[2]
     away = np.float32(camera * x) * at[0] + np.float32(camera * y) * at[1]
     widens = nearer * flat - away * along * eye[2]
     steepest = np.float32(1 / longer) * eye[2] / widens * (horizon * np.sqrt(flat) - along)
-    return _Looking(
+    azimuth = x / longer, y / longer
+    on = Looking(
         at,
         eye,
-        step,
-        flat,
+        np.float32(2 / azimuths) * eye[2] / flat,
         facing,
-        across,
-        _longest(grid, step),
+        forwards,
         horizon,
-        gathered(horizon, across, facing),
+        gathered(horizon, forwards, facing),
         at[2] / nearer,
         steepest,
     )
+    return on, _steps(grid, azimuth)
 
 
 def arriving(seen: Iterable[Sight], law: Law, lights: int, grid: Grid) -> F4:
@@ -156,10 +183,10 @@ def gathered(t: F4, across: F4, facing: F4) -> F4:
     return np.asarray(half * across * (np.arctan(t) + part) + half * facing * t * part)
 
 
-def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
-    """Return how many steps each cell of the frame is from the film's end."""
+def _longest(grid: Grid, azimuth: tuple[float, float]) -> F4:
+    """Return how far each cell of the frame is from the film's end."""
     ways = []
-    for part, count in zip(step, (grid.columns, grid.rows), strict=True):
+    for part, count in zip(azimuth, (grid.columns, grid.rows), strict=True):
         place = np.arange(count, dtype=np.float32)
         last = np.float32(grid.film - 0.5 + (count if part > 0 else 0))
         ways.append((last - place if part > 0 else last + 1 + place) / np.float32(abs(part)))
@@ -167,85 +194,43 @@ def _longest(grid: Grid, step: tuple[float, ...]) -> F4:
     return np.minimum(across, down[:, None])
 
 
-def _risen(
-    on: _Looking, rises: F4, grid: Grid, camera: float
-) -> Iterator[tuple[F4, F4, NDArray[np.intp], NDArray[np.intp]]]:
-    """Yield, step by step, what has risen over the horizon.
+@lru_cache(maxsize=256)
+def _steps(grid: Grid, azimuth: tuple[float, float]) -> Steps:
+    """Return the steps of a way, each as much longer as it may be so far from where it began.
 
-    Its share of F, the direction of its middle, the numbers of the frame's cells that see it, and
-    of the cells half-way to the step before.
+    Kept: films change from touch to touch and from fit to fit, cells and azimuths do not.
     """
-    by, (across, down) = np.float32(camera), on.step
-    last, step = 0, 1
+    across, down = azimuth
+    rows, columns, ends = [], [], [0, 1]
     while True:
-        rows = _reaching(down * last, grid.rows, grid.film)
-        columns = _reaching(across * last, grid.columns, grid.film)
-        if not rows or not columns:
-            return
-        here = slice(rows.start, rows.stop), slice(columns.start, columns.stop)
-        longest = on.longest[here]
-        ends = longest < step
-        far = np.minimum(longest, np.float32(step)) * np.float32(grid.width)
-        z = np.where(ends, 0, _between(rises, here, across * step, down * step, grid.rim))
-        seen = z / (1 - by * z) if camera else z
-        higher = seen - on.seen[here] > on.steepest[here] * far
-        row, column = np.nonzero(higher if grid.film else higher & ~ends)
-        if len(row):
-            chosen = row + rows.start, column + columns.start
-            below, right = (grid.rim + round(part * (last + step) / 2) for part in (down, across))
-            there = (chosen[0] + below) * grid.whole[1] + chosen[1] + right
-            met = far[row, column], z[row, column]
-            on.steepest[chosen] = (seen[row, column] - on.seen[chosen]) / met[0]
-            seeing = chosen[0] * grid.columns + chosen[1]
-            yield *_share(on, met, chosen, by), seeing, there
-        last, step = step, step + min(max(1, step // GROWTH), LONGEST)
-
-
-def _share(
-    on: _Looking,
-    met: tuple[F4, F4],
-    chosen: tuple[NDArray[np.intp], ...],
-    by: np.float32,
-) -> tuple[F4, F4]:
-    """Raise the horizon of those `chosen`; return their shares of F and directions, 3 x N.
-
-    `met` is how far along the longer side of a step, in mm, film of what height rises.
-    """
-    (rows, columns), (far, z), (across, down) = chosen, met, on.step
-    (px, py, pz), eye = on.at[:, rows, columns], on.eye[:, rows, columns]
-    # From where the camera's ray of P meets the film at rest.
-    whole, nearer = 1 - by * pz, 1 - by * z
-    x = (px / whole + np.float32(across) * far) * nearer - px
-    y = (py / whole + np.float32(down) * far) * nearer - py
-    z = z - pz
-    up = x * eye[0] + y * eye[1] + z * eye[2]
-    aside = np.sqrt(x * x + y * y + z * z - up * up)
-    level = (np.stack([x, y, z]) - up * eye) / aside
-    t: F4 = np.asarray(up / aside, np.float32)
-    half = (t + on.horizon[chosen]) / 2
-    higher = gathered(t, on.across[chosen], on.facing[chosen])
-    share = higher - on.below[chosen]
-    on.horizon[chosen], on.below[chosen] = t, higher
-    return share, np.asarray((level + half * eye) / np.sqrt(1 + half * half), np.float32)
+        row = _reaching(down * ends[-2], grid.rows, grid.film)
+        column = _reaching(across * ends[-2], grid.columns, grid.film)
+        if not row or not column:
+            break
+        rows.append((row.start, row.stop))
+        columns.append((column.start, column.stop))
+        ends.append(ends[-1] + min(max(1, ends[-1] // GROWTH), LONGEST))
+    before, length = np.array(ends[:-2]), np.array(ends[1:-1])
+    dy, dx = down * length, across * length
+    below, right = (np.stack([np.floor(d), np.ceil(d)], axis=1) for d in (dy, dx))
+    return Steps(
+        np.float32(across),
+        np.float32(down),
+        np.float32(grid.width),
+        grid.film > 0,
+        length.astype(np.intp),
+        np.array(rows, np.intp),
+        np.array(columns, np.intp),
+        below.astype(np.intp),
+        right.astype(np.intp),
+        # One of dx and dy is whole; along the other one the step ends between two cells.
+        np.maximum(dy - below[:, 0], dx - right[:, 0]).astype(np.float32),
+        np.rint(np.outer(before + length, (down, across)) / 2).astype(np.intp),
+        _longest(grid, azimuth),
+    )
 
 
 def _reaching(far: float, count: int, film: float) -> range:
     """Return which cells of an axis lie on the film if they go so far."""
     first = max(0, math.ceil(-0.5 - film - far))
     return range(first, min(count, math.floor(count - 0.5 + film - far) + 1))
-
-
-def _between(rises: F4, here: tuple[slice, slice], dx: float, dy: float, rim: int) -> F4:
-    """Return `rises`, which has `rim` cells more on all sides, so far from what lies `here`.
-
-    One of dx and dy is whole; along the other one it lies between two cells.
-    """
-    below, right = math.floor(dy), math.floor(dx)
-    one, other = (
-        rises[tuple(slice(s.start + rim + d, s.stop + rim + d) for s, d in pairs)]
-        for pairs in (
-            zip(here, (below, right), strict=True),
-            zip(here, (math.ceil(dy), math.ceil(dx)), strict=True),
-        )
-    )
-    return one + np.float32(max(dy - below, dx - right)) * (other - one)

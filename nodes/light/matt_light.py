@@ -10,7 +10,14 @@ from annotated_types import Interval
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._film import direct_share, is_affine, predict, touch_gain, turned
+from tactograph.nodes.light._film import (
+    direct_share,
+    is_affine,
+    predict,
+    rest_below,
+    touch_gain,
+    turned,
+)
 from tactograph.nodes.light._near_light import places, vectors_at
 
 if TYPE_CHECKING:
@@ -144,10 +151,10 @@ def _by_normal(
     nearer = 1 - np.float32(film.camera) * z
     x, y = u * nearer, v * nearer
     vectors = vectors_at(film.lights, u, v, seen)
-    n = _normal(slope)
+    n, rest = _normal(slope), rest_below(film, x, y, z)
     for _ in range(steps):
-        n = turned(film, light, n, (x, y, z))
-    left = light - predict(film, n, x, y, z)
+        n = turned(film, light, n, (x, y, z), rest=rest)
+    left = light - predict(film, n, x, y, z, rest)
     matt = np.einsum("kcn,cn->kn", vectors, n)
     return np.asarray(left * scale + np.maximum(matt, 0), np.float32)
 

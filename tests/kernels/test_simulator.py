@@ -44,6 +44,7 @@ def check(name, lanes, shape, before, after):
         return smaller.replace(before, after) if before else smaller
 
     compiled_node.kernel_source = source
+    _radiosity.MARGIN = 3 + lanes  # so few steps go no farther, and reads beyond are noticed
     device, node = opencl.OpenCL(simulator, lanes=lanes), find_node(name)
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
     small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]

@@ -59,7 +59,8 @@ def test_a_coat_reflects_no_more_than_it_receives(slant: float) -> None:
         cross = np.array([[0, 0, y], [0, 0, -x], [-y, x, 0]])
         turning = np.eye(3) - s * cross + (1 - c) * cross @ cross
         n = turning @ np.array([0.0, 0.0, 1.0])
-        reflected = _reflected(film, far * (turning @ light), n[:, None], at, at, at)
+        film = film._replace(lights=far * (turning @ light)[None])
+        (reflected,) = _reflected(film, n[:, None], at, at, at)
         total += float(reflected[0]) * far**2 / np.cos(angle) * c * 2 * np.pi / cosine.size
     assert 0.5 < total < 1
 
