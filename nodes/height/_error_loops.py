@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tactograph.nodes import F4, U1
+from tactograph.nodes._compiled import compiled, inlined
 
 if TYPE_CHECKING:
     from tactograph.nodes.height._slope_errors import Error, Film, Response, Turns
@@ -29,7 +29,7 @@ FLAT = np.float32(0.3)
 that the touch throws on it."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def respond(
     first: int,
     last: int,
@@ -116,7 +116,7 @@ def respond(
             across[c] = np.sqrt(max(qq[c] - along[c] * along[c], ZERO))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def err(
     film: Film, response: Response, error: Error, turns: Turns, pixel: np.float32, steps: Turns
 ) -> None:
@@ -141,7 +141,7 @@ def err(
         before, q = q, before
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q: F4) -> None:
     """The error of the slopes in a row that those of the lights make."""
     rows, width = film.height.shape
@@ -178,7 +178,7 @@ def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q
         p[c], q[c] = _bounded(p[c]), _bounded(q[c])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lean(film: Film, error: Error, row: int, p: F4, q: F4) -> None:
     """Add to the slopes of a row those by which normals lean that the model gets wrong."""
     slope_p, slope_q = film.slope[0, row], film.slope[1, row]
@@ -196,12 +196,12 @@ def _lean(film: Film, error: Error, row: int, p: F4, q: F4) -> None:
         q[c] = _bounded(q[c] + lean * error.down + along * b)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _bounded(slope: np.float32) -> np.float32:
     return min(max(slope, -STEEPEST), STEEPEST)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _draw(number: np.uint32) -> np.float32:
     """+1 or -1 by a hash, as `drawn` does for whole planes."""
     x = np.uint32((number ^ (number >> np.uint32(16))) * np.uint32(0x7FEB352D))

@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tactograph.nodes import F4
+from tactograph.nodes._compiled import compiled
 
 if TYPE_CHECKING:
     from tactograph.nodes.height._springs import Grids, LevelTies, Pixels
@@ -30,7 +30,7 @@ RESTRICT, SOLVE, REDO, ADD, LIFT = range(5)
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def coarsen(grids: Grids) -> None:
     """Enter the networks of 2 x 2 pixels joined rigidly, level after level; ties excepted."""
     for level in range(len(grids.places) - 1):
@@ -44,7 +44,7 @@ def coarsen(grids: Grids) -> None:
                 _add_pairs(grids.down, at, columns, to)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_pairs(plane: F4, at: int, width: int, to: int) -> None:
     """Add each two pixels of a row to a block; the first pixel is `at`, the first block `to`."""
     one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
@@ -55,7 +55,7 @@ def _add_pairs(plane: F4, at: int, width: int, to: int) -> None:
         plane[to + width // 2] += plane[at + width - 1]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_seconds(plane: F4, at: int, width: int, to: int) -> None:
     """Add the second of each two pixels of a row to a block."""
     two, second, block = np.uintp(2), np.uintp(at + 1), np.uintp(to)
@@ -63,7 +63,7 @@ def _add_seconds(plane: F4, at: int, width: int, to: int) -> None:
         plane[block + pair] += plane[second + two * pair]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def prepare(grids: Grids) -> None:
     """Enter one over the diagonal of each level's matrix, times the damping."""
     ties, relax = grids.ties, grids.relax
@@ -77,7 +77,7 @@ def prepare(grids: Grids) -> None:
         relax[pixel] = DAMPING * (ONE / max(total, TINY)) if total > 0 else ZERO
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _add_up(right: F4, down: F4, ground: F4, at: int, size: int, width: int, total: F4) -> None:
     """The stiffness of all springs that hold each pixel of a level, ties excepted."""
     one, columns = np.uintp(1), np.uintp(width)
@@ -86,7 +86,7 @@ def _add_up(right: F4, down: F4, ground: F4, at: int, size: int, width: int, tot
         total[here] = ground[here] + across + along
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def pull(right: F4, down: F4, wants_right: F4, wants_down: F4, force: F4) -> None:
     """Add to `force` (H x W) that of springs between neighbours which want these steps."""
     for row in range(force.shape[0]):
@@ -105,7 +105,7 @@ def pull(right: F4, down: F4, wants_right: F4, wants_down: F4, force: F4) -> Non
                 below[column] += stretch
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def apply(grids: Grids, level: int, height: F4, force: F4) -> None:
     """Enter in `force` the matrix of a level's normal equations times `height`."""
     first, rows, columns = grids.places[level]
@@ -114,7 +114,7 @@ def apply(grids: Grids, level: int, height: F4, force: F4) -> None:
     _stretch(grids.ties, level, height, force, grids.ties.top, grids.ties.foot, ONE)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _stretch(
     ties: LevelTies, level: int, height: F4, force: F4, top: Pixels, foot: Pixels, times: np.float32
 ) -> None:
@@ -125,7 +125,7 @@ def _stretch(
         force[foot[tie]] -= pulled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _hold(
     height: F4, right: F4, down: F4, ground: F4, at: int, width: int, force: F4, behind: int
 ) -> None:
@@ -138,14 +138,14 @@ def _hold(
         force[here - shift] = ground[here] * z + across + along
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _relax(relax: F4, force: F4, at: int, width: int, height: F4) -> None:
     """A step of Jacobi from height zero, in a row."""
     for here in range(np.uintp(at), np.uintp(at + width)):
         height[here] = relax[here] * force[here]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _restrict(grids: Grids, level: int, force: F4, height: F4) -> None:
     """Relax a level, and enter in `force` of the coarser what is then left, by 2 x 2 pixels."""
     first, rows, columns = grids.places[level]
@@ -163,7 +163,7 @@ def _restrict(grids: Grids, level: int, force: F4, height: F4) -> None:
     _stretch(ties, level, height, force, ties.top_block, ties.foot_block, -ONE)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _join(force: F4, held: F4, at: int, width: int, to: int) -> None:
     """Add what is left of the force on a row to its blocks, the first of which is `to`."""
     one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
@@ -176,7 +176,7 @@ def _join(force: F4, held: F4, at: int, width: int, to: int) -> None:
         force[to + width // 2] += force[at + width - 1] - held[width - 1]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _lift_row(coarse: F4, to: int, at: int, width: int, height: F4) -> None:
     """Every pixel of a block moves as the block does, in a row."""
     one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
@@ -189,7 +189,7 @@ def _lift_row(coarse: F4, to: int, at: int, width: int, height: F4) -> None:
         height[at + width - 1] += OVERSHOOT * coarse[to + width // 2]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _lift(grids: Grids, level: int, force: F4, height: F4, found: F4) -> None:
     """Move a level as the coarser in `found`, relax it once more, and enter it there."""
     first, rows, columns = grids.places[level]
@@ -211,7 +211,7 @@ def _lift(grids: Grids, level: int, force: F4, height: F4, found: F4) -> None:
         found[foot] += grids.relax[foot] * stretch
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _relax_again(
     relax: F4, force: F4, held: F4, at: int, width: int, height: F4, found: F4
 ) -> None:
@@ -221,7 +221,7 @@ def _relax_again(
         found[here] = height[here] + relax[here] * (force[here] - held[here - first])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _solve_directly(grids: Grids, force: F4, found: F4) -> None:
     """The smallest network, by its inverse, which is symmetric."""
     first, rows, columns = grids.places[-1]
@@ -234,7 +234,7 @@ def _solve_directly(grids: Grids, force: F4, found: F4) -> None:
             out[other] += row[other] * pulled
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def cycle(grids: Grids, force: F4, found: F4, height: F4, kept: F4) -> None:
     """Enter in `found` the heights that about balance `force`: one symmetric multigrid cycle.
 
@@ -258,28 +258,28 @@ def cycle(grids: Grids, force: F4, found: F4, height: F4, kept: F4) -> None:
             _subtract(found[first:end], kept[first:end], -ONE)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _clear(plane: F4) -> None:
     """Assigning to a slice takes seconds to compile."""
     for pixel in range(plane.size):
         plane[pixel] = ZERO
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _subtract(plane: F4, other: F4, times: np.float32) -> None:
     """Take so many times the other from a plane."""
     for pixel in range(plane.size):
         plane[pixel] -= times * other[pixel]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def advance(height: F4, left: F4, direction: F4, moved: F4, length: np.float32) -> None:
     """Go so far in a direction; `moved` is the matrix times it, `left` the force that is left."""
     _subtract(height, direction, -length)
     _subtract(left, moved, length)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def turn(direction: F4, correction: F4, share: np.float32) -> None:
     """The next direction: the correction, and a share of the direction before."""
     for pixel in range(direction.size):

@@ -6,9 +6,9 @@ Importing numba takes half a second, so this is imported where the host gathers 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from tactograph.nodes import F4
+from tactograph.nodes._compiled import compiled
 
 KNOWN = np.float32(1e6)
 SMOOTH = np.float32(1)
@@ -18,7 +18,7 @@ ZERO, HALF, QUARTER = np.float32(0), np.float32(0.5), np.float32(0.25)
 PARTS = np.float32(16)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def steps_right(
     first: int,
     last: int,
@@ -40,7 +40,7 @@ def steps_right(
         _steps(p, p[1:], v, v[1:], more, bend, floor, size, step[row], spread[row])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def steps_down(
     first: int,
     last: int,
@@ -68,7 +68,7 @@ def steps_down(
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _curve(
     first: F4, second: F4, third: F4, fourth: F4, of_first: F4, of_fourth: F4, more: F4
 ) -> None:
@@ -80,7 +80,7 @@ def _curve(
         more[c] = min(max(curve, -limit), limit) if smooth else ZERO
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _steps(
     before: F4,
     after: F4,
@@ -107,7 +107,7 @@ def _steps(
         spread[c] = ((both if known else alone) + floor * floor) * size * size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def stiffen(
     height: F4,
     wants_right: F4,
@@ -129,7 +129,7 @@ def stiffen(
             _weigh(here, there, wants_down[row], of_down[row], unit, square, down[row])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _weigh(
     here: F4,
     there: F4,

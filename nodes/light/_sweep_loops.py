@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tactograph.nodes import F4
+from tactograph.nodes._compiled import compiled
 
 if TYPE_CHECKING:
     from tactograph.nodes.light._sweep import Looking, Numbers, Steps
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def rise(
     on: Looking,
     steps: Steps,
@@ -71,7 +71,7 @@ def rise(
     return pairs
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _raised(
     on: Looking, steps: Steps, cell: tuple[int, int], far: np.float32, z: np.float32, by: np.float32
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:

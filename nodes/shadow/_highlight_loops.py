@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tactograph.nodes import F4, U1
+from tactograph.nodes._compiled import compiled, inlined
 from tactograph.nodes.shadow._label_loops import (
     BX,
     BY,
@@ -44,7 +44,7 @@ NONE = np.int64(0)
 """No LED is left out.  As a plain 0 it would be a constant, for which loops are compiled again."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def mark(first: int, last: int, images: Images, limits: Limits, room: Room, marked: U1) -> None:
     """Enter the bit of the LED, if any, that is brighter than the others allow, in some rows."""
     columns, most = images.x.size, room.best.cost.size
@@ -60,7 +60,7 @@ def mark(first: int, last: int, images: Images, limits: Limits, room: Room, mark
                 marked[row, start + room.where[j]] = room.tried.used[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _choose_unlikely(room: Room, count: int, unlikely: np.float32) -> int:
     """Gather the pixels that all LEDs together do not explain; return how many they are."""
     pixels, chosen, found = room.pixels, room.chosen, 0
@@ -78,7 +78,7 @@ def _choose_unlikely(room: Room, count: int, unlikely: np.float32) -> int:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _mark_piece(limits: Limits, room: Room, count: int) -> None:
     """Leave each LED out in turn; the one without which the others fit best is a highlight if it
     is bright and faces the film half-way to the camera."""
@@ -104,7 +104,7 @@ def _mark_piece(limits: Limits, room: Room, count: int) -> None:
                 least[i], marked[i] = misfit[i], bit if found else np.uint8(0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fit(pixels: Pixels, count: int, left_out: int, sums: F4, normal: F4, misfit: F4) -> None:
     """Least squares without an LED, then the nearest normal of unit length in the noise's metric;
     and the chi-square that it leaves."""
@@ -130,7 +130,7 @@ def _fit(pixels: Pixels, count: int, left_out: int, sums: F4, normal: F4, misfit
                 misfit[i] += weight[i] * away * away
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _factors(sums: F4, i: int) -> Factors:
     """The sum of weight v v^T, softened, with pivots that stay above zero."""
     xx, xy, xz, yy, yz, zz = (
@@ -145,7 +145,7 @@ def _factors(sums: F4, i: int) -> Factors:
     return first, second, third, yx, zx, zy
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _solved(factors: Factors, right: Vector) -> Vector:
     """The inverse of a matrix times a vector."""
     first, second, third, yx, zx, zy = factors

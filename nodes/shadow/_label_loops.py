@@ -17,10 +17,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
+from tactograph.nodes._compiled import compiled, inlined
 from tactograph.nodes.shadow._pieces import PIECE
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float3
 INFINITE = np.float32(np.inf)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def label(
     first: int, last: int, images: Images, prior: F4, rules: Rules, room: Room, made: Made
 ) -> None:
@@ -78,7 +78,7 @@ def label(
             _write(rules, room, row, start, count, made)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def load(images: Images, row: int, start: int, count: int, pixels: Pixels) -> None:
     """Read the light of a piece of a row, and find the light vectors there (equation N1)."""
     end = start + count
@@ -100,7 +100,7 @@ def load(images: Images, row: int, start: int, count: int, pixels: Pixels) -> No
             weight[i] = ONE / (spread[i] * spread[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _find_dark(prior: F4, rules: Rules, row: int, start: int, count: int, pixels: Pixels) -> None:
     """Read the slopes expected, and find the LEDs that surely do not reach."""
     p, q, forced = prior[0, row, start:], prior[1, row, start:], pixels.forced
@@ -115,7 +115,7 @@ def _find_dark(prior: F4, rules: Rules, row: int, start: int, count: int, pixels
             forced[i] |= bit if dark else np.uint8(0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _label_piece(rules: Rules, room: Room, count: int) -> None:
     """The cheapest set for each pixel; none where no set is open."""
     pixels, best, tried, doubtful = room.pixels, room.best, room.tried, room.doubtful
@@ -146,7 +146,7 @@ def _label_piece(rules: Rules, room: Room, count: int) -> None:
                 best.misfit[i] = tried.misfit[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _forget(best: Choice, i: int) -> None:
     """No set explains a pixel yet."""
     for axis in (0, Y, Z):
@@ -154,7 +154,7 @@ def _forget(best: Choice, i: int) -> None:
     best.used[i], best.cost[i], best.misfit[i] = np.uint8(0), INFINITE, ZERO
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _choose(rules: Rules, room: Room, left: int, left_out: int) -> int:
     """Gather the pixels that a set may explain better; return how many they are."""
     pixels, chosen = room.pixels, room.chosen
@@ -188,7 +188,7 @@ def _choose(rules: Rules, room: Room, left: int, left_out: int) -> int:
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _count_bits(number: int) -> int:
     count = 0
     while number:
@@ -197,7 +197,7 @@ def _count_bits(number: int) -> int:
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _try(
     pixels: Pixels, count: int, left_out: int, rules: Rules, room: Room, tried: Choice
 ) -> None:
@@ -219,7 +219,7 @@ def _try(
         tried.used[i] = used
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def add_up(pixels: Pixels, count: int, left_out: int, sums: F4) -> None:
     """Sums of w v v' (xx, xy, xz, yy, yz, zz) and of w m v."""
     for i in range(sums.size):
@@ -242,7 +242,7 @@ def add_up(pixels: Pixels, count: int, left_out: int, sums: F4) -> None:
             sums[i + BZ] += wz * light[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _least_squares(count: int, uneven: np.float32, sums: F4, normal: F4, twin: F4) -> None:
     """The unit normals that sets of three LEDs or more give, at any brightness of the film."""
     square = uneven * uneven
@@ -264,7 +264,7 @@ def _least_squares(count: int, uneven: np.float32, sums: F4, normal: F4, twin: F
         twin[i], twin[i + Y], twin[i + Z] = given
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _least_squares_of_three(count: int, sums: F4, judged: F4) -> None:
     """The unit normals that judge sets of three LEDs: length alone shows a shadow among them."""
     for i in range(count):
@@ -274,7 +274,7 @@ def _least_squares_of_three(count: int, sums: F4, judged: F4) -> None:
         judged[i], judged[i + Y], judged[i + Z] = given
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _scaled(sums: F4, i: int) -> tuple[Symmetric, Vector, np.float32]:
     """A pixel's equations, times one over the trace of their matrix: so products stay small."""
     xx, yy, zz = sums[i], sums[i + YY], sums[i + ZZ]
@@ -284,24 +284,24 @@ def _scaled(sums: F4, i: int) -> tuple[Symmetric, Vector, np.float32]:
     return (xx * scale, xy, xz, yy * scale, yz, zz * scale), b, scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _dot(a: Vector, b: Vector) -> np.float32:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _unit(n: Vector) -> Vector:
     shorter = ONE / (np.sqrt(_dot(n, n)) + TINY)
     return n[0] * shorter, n[1] * shorter, n[2] * shorter
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _visible(n: Vector) -> Vector:
     """A normal that the camera can see."""
     return n[0], n[1], max(n[2], FLATTEST)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _times(a: Symmetric, b: Vector) -> Vector:
     """A symmetric matrix times a vector."""
     xx, xy, xz, yy, yz, zz = a
@@ -312,7 +312,7 @@ def _times(a: Symmetric, b: Vector) -> Vector:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _solved(a: Symmetric, b: Vector) -> Vector:
     """Direction of the solution of a symmetric 3 x 3 system, by the adjugate."""
     xx, xy, xz, yy, yz, zz = a
@@ -321,7 +321,7 @@ def _solved(a: Symmetric, b: Vector) -> Vector:
     return _times((c00, c01, c02, c11, c12, c22), b)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _gauss_newton(a: Symmetric, b: Vector, scale: np.float32, n: Vector) -> Vector:
     """One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).
 
@@ -354,7 +354,7 @@ def _gauss_newton(a: Symmetric, b: Vector, scale: np.float32, n: Vector) -> Vect
     return x + s * z, y + t * z, z - s * x - t * y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _pair(
     pixels: Pixels, count: int, left_out: int, rules: Rules, room: Room, tried: Choice
 ) -> None:
@@ -389,7 +389,7 @@ def _pair(
         second[i], second[i + Y], second[i + Z] = _visible(b)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _two_normals(pixels: Pixels, count: int, left_out: int, first: F4, second: F4) -> None:
     """Unit n with n.v_i = m_i and n.v_j = m_j; the nearest, twice, where noise leaves none."""
     i = j = -1
@@ -414,7 +414,7 @@ def _two_normals(pixels: Pixels, count: int, left_out: int, first: F4, second: F
         second[c], second[c + Y], second[c + Z] = found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _judge(
     pixels: Pixels, count: int, left_out: int, n: F4, rules: Rules, sums: F4, tried: Choice
 ) -> None:
@@ -446,13 +446,13 @@ def _judge(
         cost[i] += misfit[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def lit_by(v: F4, n: F4, i: int) -> np.float32:
     """The light that a normal gets from an LED."""
     return v[i] * n[i] + v[i + Y] * n[i + Y] + v[i + Z] * n[i + Z]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add_squares(v: F4, n: F4, light: F4, weight: F4, count: int, sums: F4) -> None:
     """Add what an LED's light leaves, squared, and its products with the light expected."""
     for i in range(count):
@@ -463,7 +463,7 @@ def _add_squares(v: F4, n: F4, light: F4, weight: F4, count: int, sums: F4) -> N
         sums[i + Z] += weighted * expected
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _write(rules: Rules, room: Room, row: int, start: int, count: int, made: Made) -> None:
     """Enter what is wanted of a piece of a row."""
     best = room.best
@@ -481,7 +481,7 @@ def _write(rules: Rules, room: Room, row: int, start: int, count: int, made: Mad
             made.misfit[row, start + i] = best.misfit[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _write_slope(n: F4, steepest: np.float32, row: int, start: int, count: int, made: F4) -> None:
     if made.size == 0:
         return
@@ -491,7 +491,7 @@ def _write_slope(n: F4, steepest: np.float32, row: int, start: int, count: int, 
         p[i], q[i] = n[i] * flatter, n[i + Y] * flatter
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _write_shadow(
     pixels: Pixels, best: Choice, row: int, start: int, count: int, made: NDArray[np.uint8]
 ) -> None:
@@ -509,7 +509,7 @@ def _write_shadow(
             out[i] |= bit if dim else np.uint8(0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _write_variance(rules: Rules, room: Room, row: int, start: int, count: int, made: F4) -> None:
     """(J' W J)^-1 of the tangent plane, carried to p and q.
 

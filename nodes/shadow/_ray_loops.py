@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from tactograph.nodes import F4, U1
+from tactograph.nodes._compiled import compiled, inlined
 
 if TYPE_CHECKING:
     from tactograph.nodes.shadow.shadow_constraints import Film, Rays
@@ -22,14 +22,14 @@ FARTHEST_END = np.float32(1.5)
 NEAREST_EDGE = np.float32(1.2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _weights(count: int, at: np.float32) -> tuple[int, int, np.float32]:
     """The pixels before and behind a place along a row or column, and the weight of the second."""
     first = int(min(max(np.floor(at), ZERO), np.float32(count - 1)))
     return first, min(first + 1, count - 1), min(max(at - np.float32(first), ZERO), ONE)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@inlined
 def _bilinear(plane: F4 | U1, x: np.float32, y: np.float32) -> np.float32:
     """What `simulate._interpolate.bilinear` gives at a point."""
     upper, lower, v = _weights(plane.shape[0], y)
@@ -39,7 +39,7 @@ def _bilinear(plane: F4 | U1, x: np.float32, y: np.float32) -> np.float32:
     return above * (ONE - v) + below * v
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def cast(
     first: int, last: int, height: F4, led: F4, asked: U1, top: np.float32, bit: int, out: U1
 ) -> None:
@@ -53,7 +53,7 @@ def cast(
                 out[row, column] |= np.uint8(bit)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _is_blocked(height: F4, led: F4, top: np.float32, row: int, column: int) -> bool:
     rows, columns = height.shape
     x, y, z = np.float32(column), np.float32(row), height[row, column]
@@ -74,7 +74,7 @@ def _is_blocked(height: F4, led: F4, top: np.float32, row: int, column: int) -> 
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def march(
     rays: Rays, film: Film, dark: U1, step: np.float32, longest: float, end: F4, edge: F4
 ) -> None:
@@ -100,7 +100,7 @@ def march(
             t += step
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _share_between(film: Film, x: np.float32, y: np.float32) -> np.float32:
     """The share of its light that film between pixels gets from an LED."""
     rows, columns = film.light.shape
@@ -111,7 +111,7 @@ def _share_between(film: Film, x: np.float32, y: np.float32) -> np.float32:
     return above * (ONE - v) + below * v
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _lit_share(film: Film, row: int, column: int) -> np.float32:
     """The share (0 to 1) of its light that a pixel gets from an LED (equation N1)."""
     p, q = film.slope[0, row, column], film.slope[1, row, column]

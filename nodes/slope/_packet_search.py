@@ -16,6 +16,7 @@ from numba import njit, types
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, I4, U1
+from tactograph.nodes._compiled import compiled_for
 from tactograph.nodes.slope._lanes import (
     LANES,
     Floats,
@@ -351,7 +352,7 @@ _INDEX = types.Tuple(
 _SLOPES = _array(types.float32, 2, filled=True)
 
 
-@njit(types.void(_NUMBER, _NUMBER, _LIGHT, _SHADOW, _FLAT, _NUMBER, _CELLS), cache=True, nogil=True)
+@compiled_for(types.void(_NUMBER, _NUMBER, _LIGHT, _SHADOW, _FLAT, _NUMBER, _CELLS))
 def find_cells(
     first: int, past: int, light: F4, shadow: U1, medians: F4, levels: int, cells: U2
 ) -> None:
@@ -380,10 +381,8 @@ def find_cells(
         cells[pixel] = cell - (1 << levels)
 
 
-@njit(
-    types.void(_NUMBER, _NUMBER, _LIGHT, _PLACES, _PLACES, _NUMBER, _INDEX, _NUMBER, _SLOPES),
-    cache=True,
-    nogil=True,
+@compiled_for(
+    types.void(_NUMBER, _NUMBER, _LIGHT, _PLACES, _PLACES, _NUMBER, _INDEX, _NUMBER, _SLOPES)
 )
 def search_cells(
     first: int,
