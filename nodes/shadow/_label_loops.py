@@ -55,6 +55,8 @@ SHADE = np.float32(0.1)
 """Light that is much for a shadow.  Two dark LEDs alone would explain any pixel as lit at a
 grazing angle, and the bright ones as shadows of still brighter light."""
 UNKNOWN = np.float32(1e12)
+NOTHING = np.int64(0)
+"""A plain 0 would be a constant, for which `_choose` is compiled once more."""
 BEHIND = np.float32(0.05)
 """Smaller n_z are those of normals that the camera cannot see."""
 PLENTY = np.float32(10)
@@ -120,7 +122,7 @@ def _label_piece(rules: Rules, room: Room, count: int) -> None:
     """The cheapest set for each pixel; none where no set is open."""
     pixels, best, tried, doubtful = room.pixels, room.best, room.tried, room.doubtful
     _try(pixels, count, rules.sets[0], rules, room, best)
-    left = 0
+    left = NOTHING
     for i in range(count):
         # Leaving an LED out costs its price at least.
         if pixels.forced[i] == 0 and best.cost[i] <= rules.price:
