@@ -378,7 +378,8 @@ def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
     dx, dy, dz = a - c * there.x, b - c * there.y, 1 - c * z
     plan = dx * dx + dy * dy
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
-    model = (nx * dx + ny * dy + nz * dz) * (at_rest / (plan + dz * dz)) ** 1.5
+    nearer = at_rest / (plan + dz * dz)
+    model = (nx * dx + ny * dy + nz * dz) * nearer * np.sqrt(nearer)
     return np.where(there.lit[k] & (model > DIM), there.light[k] - model, 0)
 
 
@@ -409,14 +410,18 @@ def _jacobian(
         [1 / shift_px, 1 / shift_px, 1 / LIFT_MM], len(objects)
     )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
+    before = [
+        [_led_residual(there, normal, z, k, leds[k], flat) for k in range(count)]
+        for there, (normal, z) in zip(objects, bases, strict=True)
+    ]
     for k, j in np.ndindex(leds.shape):
         step, changed = STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
         changed[k, j] += step
         column = found[:, 4 * k + j]
-        for there, (normal, z), start, size in zip(objects, bases, starts, sizes, strict=False):
-            before = _led_residual(there, normal, z, k, leds[k], flat)
+        for number, (there, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
             after = _led_residual(there, normal, z, k, changed[k], flat)
-            column[start + k * size : start + (k + 1) * size] = (after - before) / step / SPREAD
+            first, size = starts[number] + k * sizes[number], sizes[number]
+            column[first : first + size] = (after - before[number][k]) / step / SPREAD
         if flat:
             after = np.concatenate(_rest_residual(rest, changed))
             column[starts[-1] :] = (after - at_rest) / step
