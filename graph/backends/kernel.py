@@ -22,6 +22,7 @@ class Kernel:
 
     def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
         self._kernel = kernel
+        self.name = kernel.function_name
         self._twins: list[Kernel] = []
         self._signature = signature
         self._converters = [converter(c_type) for c_type, _ in signature]
@@ -42,7 +43,7 @@ class Kernel:
             raise TypeError(self._complaint(arguments)) from None
 
     def _complaint(self, arguments: Sequence[Any]) -> str:
-        name = f"kernel {self._kernel.function_name}"
+        name = f"kernel {self.name}"
         if len(arguments) != len(self._signature):
             takes = ", ".join(name for _, name in self._signature)
             return f"{name} takes {len(self._signature)} arguments ({takes}), not {len(arguments)}"
@@ -58,7 +59,7 @@ class Kernel:
 
     def copy(self) -> Kernel:
         """The same kernel, which keeps arguments of its own."""
-        again = cl.Kernel(self._kernel.program, self._kernel.function_name)
+        again = cl.Kernel(self._kernel.program, self.name)
         return Kernel(again, self._signature)
 
     def twin(self, number: int) -> Kernel:
