@@ -30,9 +30,10 @@ class Memory:
     def __init__(self, buffer: Any, number: int, free: Free | None = None) -> None:
         self.buffer, self.number, self._free = buffer, number, free
 
-    def __del__(self) -> None:
+    # As a default, since a module's names may be gone when the interpreter ends.
+    def __del__(self, push: Callable[[Free, tuple[int, Any]], None] = heappush) -> None:
         if self._free is not None:
-            heappush(self._free, (self.number, self.buffer))
+            push(self._free, (self.number, self.buffer))
 
 
 class BufferPool:

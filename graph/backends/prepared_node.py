@@ -183,7 +183,7 @@ def _repeatable(record: Record) -> Repeatable | None:
 
 
 def _told(given: DeviceArray | float | None) -> Hashable:
-    """What a launch can tell of an argument: a buffer and its type, or a number."""
+    """What a launch can tell of an argument: a buffer and the array in it, or a number."""
     if isinstance(given, DeviceArray):
-        return given.memory.number, given.dtype.num
+        return given.memory.number, given.dtype.num, given.shape
     return given

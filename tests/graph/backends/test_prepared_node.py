@@ -60,6 +60,18 @@ def test_other_buffers_are_taken_in_turns(device: OpenCL, counted: Counted) -> N
     assert counted.times == 4
 
 
+def test_another_array_in_the_same_buffer_is_another_launch(
+    device: OpenCL, counted: Counted
+) -> None:
+    """Buffers are lent to arrays that need a few bytes less, too."""
+    prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
+    height = device.upload(HEIGHT)
+    for _ in range(3):
+        prepared.launch({"height": height})
+        prepared.launch({"height": height._replace(shape=(24, 31))})
+    assert counted.times == 4
+
+
 def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> None:
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     for _ in range(12):
