@@ -48,7 +48,9 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
     seen = open_ + grazed
     mean, beyond = spread * facing / seen, grazed / seen
     deviation = np.sqrt(1 + beyond - mean * mean)
-    skew = (2 * mean**3 - 3 * mean * beyond - z * beyond) / deviation**3
+    # Products: NumPy's cubes take twenty times as long.
+    cubes = 2 * mean * mean * mean, deviation * deviation * deviation
+    skew = (cubes[0] - (3 * mean + z) * beyond) / cubes[1]
     middle = (2 - (49 / 36) * skew * skew) / (3 - 0.25 * skew * skew)
     apart = (7 / 6 - 0.5 * middle) * skew / ROOT_3
     mirrored: Array = np.zeros_like(cosine)
