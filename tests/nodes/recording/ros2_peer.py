@@ -116,9 +116,11 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
 
     peer = Peer({"/tactograph/height": "Image", "/tactograph/contacts": "PointCloud2"})
     publisher = peer.node.create_publisher(Image, "/tactograph/frames", 10)
+    heard = threading.Event()
 
     def flash() -> None:
-        while peer.waits:
+        # As long as the graph asks: without frames it would wait, and not see that all is heard.
+        while peer.in_time and not heard.is_set():
             for file in sorted(Path(capture).glob("led*.png")):
                 grey = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
                 message = Image(height=grey.shape[0], width=grey.shape[1], encoding="mono8")
@@ -134,6 +136,7 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
         for _ in pipeline.items():
             if not peer.waits:
                 break
+    heard.set()
     camera.join()
     return peer.close()
 
