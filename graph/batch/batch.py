@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
-from tactograph.graph.batch.store import DONE, FAILED, Job, Store, create_store, open_store
+from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.store import DONE, FAILED, Store, create_store, open_store
 from tactograph.graph.batch.worker import Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph

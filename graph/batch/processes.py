@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 
 from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.batch.store import Job
+from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.run.cores import cores, shared_among
 

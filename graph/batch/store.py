@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 
 from tactograph.graph.batch.captures import is_url
+from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
 
@@ -40,41 +41,6 @@ MOST_PIXELS = 2**25
 PIECE = 2**21
 """Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
 _WORDS = ("capture", "reason", "figures", "warnings")
-
-
-@dataclass(frozen=True)
-class Job:
-    """Everything that decides what a capture gives, and how the captures are cut up.
-
-    `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
-    capture; `folders` where results go as folders, None if maps go into the store; `code`,
-    `versions` and `computes_on`, the device, are those of `Origin`.
-    """
-
-    graph: str
-    name: str
-    hash: str
-    given: dict[str, Any]
-    inputs: dict[str, str]
-    param: str
-    maps: tuple[str, ...]
-    chunk: int
-    backend: str | None = None
-    device: str | None = None
-    strict: bool = False
-    folders: str | None = None
-    code: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
-    computes_on: str = ""
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """What must not change between the parts of one store."""
-        same = (
-            "hash", "given", "inputs", "param", "maps", "chunk", "backend", "folders", "code",
-            "versions", "computes_on",
-        )  # fmt: skip
-        return {name: value for name, value in asdict(self).items() if name in same}
 
 
 @dataclass

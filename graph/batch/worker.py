@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
+from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import DONE, FAILED, Entry, Job, Store, open_store
+from tactograph.graph.batch.store import DONE, FAILED, Entry, Store, open_store
 from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph

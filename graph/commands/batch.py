@@ -15,7 +15,8 @@ from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
-    from tactograph.graph.batch.store import Job, Store
+    from tactograph.graph.batch.job import Job
+    from tactograph.graph.batch.store import Store
     from tactograph.graph.batch.worker import Tally
 
 EVERY = 10.0

@@ -146,6 +146,14 @@ def _folder(top: str) -> Path | None:
 
 
 def _spec(name: str) -> ModuleSpec | None:
+    """Where a module lies; None if there is none by that name.
+
+    To look for something in a plain module would be to run that: its loops would be compiled.
+    """
+    parent = name.rpartition(".")[0]
+    above = _spec(parent) if parent else None
+    if parent and (above is None or above.submodule_search_locations is None):
+        return None
     try:
         return importlib.util.find_spec(name)
     except (ImportError, ValueError, AttributeError):

@@ -8,8 +8,8 @@ import pytest
 
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.batch import processes
+from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.processes import worth_starting
-from tactograph.graph.batch.store import Job
 
 
 @pytest.mark.parametrize(

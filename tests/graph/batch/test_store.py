@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import zarr
 
+from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import DONE, Entry, Job, create_store
+from tactograph.graph.batch.store import DONE, Entry, create_store
 
 
 def job(chunk: int) -> Job:
