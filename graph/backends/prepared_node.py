@@ -110,8 +110,7 @@ class Prepared:
         take = self._device.take
         outputs = {name: take(*known) for name, known in self._outputs.items()}
         if not self._repeats or self._device.poison is not None:
-            launch = self._launched(inputs, outputs)
-            return launch.outputs, launch.timer
+            return self._launched(inputs, outputs)
         key = (*map(_told, map(inputs.get, self._read)), *map(_told, outputs.values()))
         repeatable = self._known.get(key)
         if repeatable is not None:
@@ -120,23 +119,21 @@ class Prepared:
                 events = [enqueue() for enqueue in repeatable.kernels]
                 return outputs, (events[0], events[-1])
             del scratch
-            launch = self._launched(inputs, outputs)
-            return launch.outputs, launch.timer
+            return self._launched(inputs, outputs)
         # Not at once: to copy kernels takes longer than to enqueue them a few times.
         record = Record() if key in self._known else None
-        launch = self._launched(inputs, outputs, record)
-        self._repeats = launch.repeats
+        made = self._launched(inputs, outputs, record)
         self._known[key] = None if record is None else _repeatable(record)
         if len(self._known) > MOST_REMEMBERED:
             del self._known[next(iter(self._known))]
-        return launch.outputs, launch.timer
+        return made
 
     def _launched(
         self,
         inputs: Mapping[str, Any],
         outputs: dict[str, DeviceArray],
         record: Record | None = None,
-    ) -> Launch:
+    ) -> tuple[dict[str, DeviceArray], Timer]:
         device, settings = self._device, self._settings
         launch = Launch(device, self._compiled, inputs, outputs, settings, self.sizes, record)
         if self._declared.launch is not None:
@@ -144,7 +141,9 @@ class Prepared:
         else:
             arguments = self._arguments(inputs, outputs)
             launch.enqueue(self._kernel(inputs), self._work_items, self._local, arguments)
-        return launch
+        timer = launch.timer  # which marks the queue where nothing was enqueued
+        self._repeats = launch.repeats
+        return launch.outputs, timer
 
     def _arguments(
         self, inputs: Mapping[str, Any], outputs: Mapping[str, DeviceArray]

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,49 +75,54 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
     with ThreadPoolExecutor(1, "read") as reader, ThreadPoolExecutor(1, "write") as writer:
         written: Future[Tally] | None = None
         entries: dict[int, Entry] = {}
-        for ready in _read_ahead(chunks, reader):
+        for turn in _one_ahead(_turns(chunks, reader)):
             # Opened again if a device failed: it may not recover otherwise.
-            store, pipeline = _opened(ready.chunk.out, ready.chunk.stamp)
-            if ready.number is not None:
-                with ready.kept:
-                    entries[ready.number] = _attempt(pipeline, ready, store.map_types())
-            if ready.is_last:
+            store, pipeline = _opened(turn.chunk.out, turn.chunk.stamp)
+            if turn.coming is not None:
+                with (ready := turn.coming.result()).kept:
+                    entries[turn.number] = _attempt(pipeline, ready, store.map_types())
+            if turn.is_last:
                 if written is not None:
                     yield written.result()
                 fallbacks = tuple(pipeline.plan.brief_fallbacks)
-                written = writer.submit(_write, store, ready.chunk, entries, fallbacks)
+                written = writer.submit(_write, store, turn.chunk, entries, fallbacks)
                 entries = {}
         if written is not None:
             yield written.result()
 
 
-def _read_ahead(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Ready]:
-    """Every capture that is still to do, the next one being read already."""
-    coming: Future[_Ready] | None = None
+class _Turn(NamedTuple):
+    """A capture that is still to do, being read; or none, where all of a chunk is done."""
+
+    chunk: Chunk
+    number: int
+    coming: Future[_Ready] | None
+    is_last: bool
+
+
+def _turns(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Turn]:
+    """Begin to read every capture that is still to do, as it is asked for."""
     for chunk in chunks:
-        for number, place, is_last in _still_open(chunk):
-            store, pipeline = _opened(chunk.out, chunk.stamp)
-            following = reader.submit(_read, pipeline, store.job, chunk, number, place, is_last)
-            if coming is not None:
-                yield coming.result()
-            coming = following
-    if coming is not None:
-        yield coming.result()
+        store, pipeline = _opened(chunk.out, chunk.stamp)
+        first, last = chunk.captures[0][0], chunk.captures[-1][0]
+        statuses = store.statuses_of(slice(first, last + 1))
+        found = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
+        for number, place in found:
+            coming = reader.submit(_read, pipeline, store.job, place)
+            yield _Turn(chunk, number, coming, number == found[-1][0])
+        if not found:
+            yield _Turn(chunk, first, None, True)
 
 
-def _still_open(chunk: Chunk) -> Iterator[tuple[int | None, str, bool]]:
-    """Number and place of captures that are not done, and whether one is the last.
-
-    A chunk of which all is done has one that is none.
-    """
-    store, _ = _opened(chunk.out, chunk.stamp)
-    first, last = chunk.captures[0][0], chunk.captures[-1][0]
-    statuses = store.statuses_of(slice(first, last + 1))
-    found = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
-    for at, (number, place) in enumerate(found, start=1):
-        yield number, place, at == len(found)
-    if not found:
-        yield None, "", True
+def _one_ahead(turns: Iterator[_Turn]) -> Iterator[_Turn]:
+    """Every turn, once the one after it is begun."""
+    before = next(turns, None)
+    for turn in turns:
+        assert before is not None
+        yield before
+        before = turn
+    if before is not None:
+        yield before
 
 
 def _write(
@@ -143,8 +147,7 @@ def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, M
     reason = ""
     for place in captures:
         try:
-            chunk = Chunk(out, stamp, ())
-            with (ready := _read(pipeline, store.job, chunk, None, place, True)).kept:
+            with (ready := _read(pipeline, store.job, place)).kept:
                 result = _run(pipeline, ready)
         except TactographError as error:
             reason = str(error)
@@ -215,23 +218,15 @@ class _Ready(NamedTuple):
     What is `kept` for it is given back when its block ends.
     """
 
-    chunk: Chunk
-    number: int | None
     place: str
-    is_last: bool
     kept: ExitStack
     aims: dict[str, Any]
     stream: SourceStream | None
     error: TactographError | MemoryError | None
 
 
-def _read(
-    pipeline: Pipeline, job: Job, chunk: Chunk, number: int | None, place: str, is_last: bool
-) -> _Ready:
+def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
     """Fetch and read a capture, in whichever thread, while the one before it is computed."""
-    ready = partial(_Ready, chunk, number, place, is_last)
-    if not place:
-        return ready(ExitStack(), {}, None, None)
     with ExitStack() as kept:
         try:
             folder = kept.enter_context(at_hand(place))
@@ -242,8 +237,8 @@ def _read(
             if stream is not None:
                 stream.read_ahead()
         except (TactographError, MemoryError) as error:
-            return ready(ExitStack(), {}, None, error)
-        return ready(kept.pop_all(), aims, stream, None)
+            return _Ready(place, ExitStack(), {}, None, error)
+        return _Ready(place, kept.pop_all(), aims, stream, None)
 
 
 def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> Entry:
