@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import random
+import resource
 import signal
 import socket
 import subprocess
@@ -60,7 +61,7 @@ def main() -> None:
     found: dict[str, Any] = {"captures": given.captures}
     studies: dict[str, Callable[[], dict[str, Any]]] = {
         "one process": lambda: alone(given.out, "alone.zarr", "--workers", "1"),
-        "as many as make up for their start": lambda: alone(given.out, "default.zarr"),
+        "--workers as by default": lambda: alone(given.out, "default.zarr"),
         "Dask, 1 worker": lambda: cluster(given.out, 1),
         "Dask, 2 workers": lambda: cluster(given.out, 2),
         "Dask, 2 workers, with kills": lambda: killed(given.out, given.kill_every),
@@ -103,9 +104,11 @@ def make_captures(out: Path, count: int) -> None:
 
 def alone(out: Path, name: str, *options: str) -> dict[str, Any]:
     """This machine without a cluster; one process is the reference."""
-    start = time.perf_counter()
+    start, before = time.perf_counter(), processor()
     tactograph(*batch(out, name), *options)
-    return {**timed(out, name, start), **compared(out, name)}
+    found = timed(out, name, start)
+    spent = 1e3 * (processor() - before) / len(opened(out, name))
+    return {**found, "processor ms a capture": round(spent, 1), **compared(out, name)}
 
 
 def cluster(out: Path, workers: int) -> dict[str, Any]:
@@ -262,6 +265,12 @@ def batch(out: Path, name: str) -> list[str]:
         "batch", "reconstruct", f"calibration={(out / 'cal.npz').resolve()}",
         "--over", f"{(out / 'captures').resolve()}/*", "--out", str((out / name).resolve()),
     ]  # fmt: skip
+
+
+def processor() -> float:
+    """Seconds of the processor that all ended children have taken, theirs included."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def timed(out: Path, name: str, start: float) -> dict[str, Any]:

@@ -42,7 +42,7 @@ EVERY = 10.0
 )  # fmt: skip
 @click.option(
     "--workers", type=click.IntRange(1),
-    help="Processes on this machine.  [default: as many as make up for their start]",
+    help="Processes on this machine.  [default: one a core, if each has enough to do]",
 )  # fmt: skip
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://host:port.")
 @click.option("--scheduler-file", metavar="FILE", help="The file a Dask scheduler wrote.")
