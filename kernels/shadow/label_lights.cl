@@ -83,6 +83,13 @@ typedef struct {
     float floor_, price, one_sided, steepest, uneven;
 } Rules;
 
+// Pixels that another set of LEDs may explain better: what all LEDs cost there, and a number that
+// is the same where the same sets may.
+typedef struct {
+    int number, at[SHARE * LANES], kind[SHARE * LANES];
+    float cost[SHARE * LANES];
+} Doubtful;
+
 // a s + b t
 static Vector combined(const Vector a, const floats s, const Vector b, const floats t)
 {
@@ -369,17 +376,19 @@ static floats excess_of(
     return excess;
 }
 
-// What a set of LEDs left out costs at least: their light is much for a shadow, wherever the surface
-// faces.  An LED below the floor is dark.
+// What an LED left out costs at least: its light is much for a shadow, wherever the surface faces.
+// One below the floor is dark.
+static floats light_of_one(const Pixels *pixels, const int k)
+{
+    const floats none = 0.0f, much = pixels->light[k] * (1.0f / SHADE);
+    return (pixels->below & (1 << k)) != 0 ? none : much * much;
+}
+
 static floats light_of(const Pixels *pixels, const int out)
 {
-    const floats none = 0.0f;
     floats total = 0.0f;
     for (int k = 0; k < pixels->K; ++k)
-        if (out >> k & 1) {
-            const floats much = pixels->light[k] * (1.0f / SHADE);
-            total += (pixels->below & (1 << k)) != 0 ? none : much * much;
-        }
+        if (out >> k & 1) total += light_of_one(pixels, k);
     return total;
 }
 
@@ -444,7 +453,8 @@ static void put(
     }
     float lanes[LANES];
     STORE_LANES(value, lanes);
-    for (int l = 0; l < count; ++l) to[at[l]] = lanes[l];
+    for (int l = 0; l < count; ++l)
+        if (at[l] >= 0) to[at[l]] = lanes[l];
 }
 
 static void put_bytes(
@@ -456,7 +466,8 @@ static void put_bytes(
     }
     int lanes[LANES];
     STORE_LANES(value, lanes);
-    for (int l = 0; l < count; ++l) to[at[l]] = (uchar)lanes[l];
+    for (int l = 0; l < count; ++l)
+        if (at[l] >= 0) to[at[l]] = (uchar)lanes[l];
 }
 
 static void put_choice(
@@ -492,11 +503,41 @@ static void put_choice(
     if (made->misfit) put(best->misfit, made->misfit, first, count, at);
 }
 
-// Take every LED to reach `count` pixels, RUN LANES at most; add those that another set may
-// explain better to a list, and return how long it is.
-static int all_lit(
+// List the pixels that another set may explain better.
+static void list_doubtful(
+    const Pixels *here, const floats squares, const float price, const int at, const int count,
+    Doubtful *doubtful)
+{
+    // Leaving an LED out costs its price at least.
+    const ints doubt = (here->forced != 0) | !(squares <= price), nothing = 0;
+    if (!ANY(doubt)) return;
+    ints kind = 0;
+    for (int k = 0; k < here->K; ++k) {
+        const ints bit = 1 << k;
+        kind |= squares > price + light_of_one(here, k) ? bit : nothing;
+    }
+    const ints may = (here->forced == 0) & (squares < INFINITY), others = 1 << here->K;
+    const floats never = INFINITY, cost = may ? squares : never;
+    kind = may ? kind : here->forced | others;
+    int doubts[LANES], kinds[LANES];
+    float costs[LANES];
+    STORE_LANES(doubt, doubts);
+    STORE_LANES(kind, kinds);
+    STORE_LANES(cost, costs);
+    int number = doubtful->number;
+    for (int l = 0; l < count; ++l) {
+        doubtful->at[number] = at + l;
+        doubtful->kind[number] = kinds[l];
+        doubtful->cost[number] = costs[l];
+        number += doubts[l] != 0;
+    }
+    doubtful->number = number;
+}
+
+// Take every LED to reach `count` pixels, RUN LANES at most.
+static void all_lit(
     const Made *made, const Frame *frame, const Rules *rules, const int start, const int count,
-    int *doubtful, int number)
+    Doubtful *doubtful)
 {
     const int all = (1 << frame->K) - 1, vectors = (count + LANES - 1) / LANES;
     Pixels here[RUN];
@@ -517,30 +558,40 @@ static int all_lit(
         const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
         const Choice lit = {{found[r].normal, found[r].normal}, all, squares[r], squares[r]};
         put_choice(made, frame, rules, &here[r], &lit, at, filled, 0);
-        // Leaving an LED out costs its price at least.
-        const ints doubt = (here[r].forced != 0) | !(squares[r] <= rules->price);
-        if (!ANY(doubt)) continue;
-        int lanes[LANES];
-        STORE_LANES(doubt, lanes);
-        for (int l = 0; l < filled; ++l)
-            if (lanes[l]) doubtful[number++] = at + l;
+        list_doubtful(&here[r], squares[r], rules->price, at, filled, doubtful);
     }
-    return number;
 }
 
-// The set of LEDs that explains some pixels best, LANES of them at most.
+// Order the doubtful pixels by kind, so that those which are done together try the same sets.
+static void sort_by_kind(const Doubtful *doubtful, const int K, int *order)
+{
+    int ends[2 << MOST];
+    const int kinds = 2 << K;
+    for (int kind = 0; kind < kinds; ++kind) ends[kind] = 0;
+    for (int i = 0; i < doubtful->number; ++i) ++ends[doubtful->kind[i]];
+    for (int kind = 1; kind < kinds; ++kind) ends[kind] += ends[kind - 1];
+    for (int i = doubtful->number - 1; i >= 0; --i) order[--ends[doubtful->kind[i]]] = i;
+}
+
+// The set of LEDs that explains some doubtful pixels best, LANES of them at most.
 static void any_set(
-    const Made *made, const Frame *frame, const Rules *rules, const int *list, const int count)
+    const Made *made, const Frame *frame, const Rules *rules, const Doubtful *doubtful,
+    const int *order, const int count)
 {
     const int K = frame->K, all = (1 << K) - 1;
     int at[LANES];
-    for (int l = 0; l < LANES; ++l) at[l] = list[min(l, count - 1)];
+    float costs[LANES];
+    for (int l = 0; l < LANES; ++l) {
+        at[l] = doubtful->at[order[min(l, count - 1)]];
+        costs[l] = doubtful->cost[order[min(l, count - 1)]];
+    }
     Pixels here;
     load_list(&here, frame, rules, at);
-    const ints most = popcount(here.forced) + rules->dark;
-    Choice best = {{{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}}, 0, INFINITY, 0.0f};
-    for (int number = 0; number <= K - 2 && ANY(best.cost > rules->price * number); ++number) {
-        for (int out = (1 << number) - 1; out <= all; out = number ? next_set(out) : all + 1) {
+    const ints most = popcount(here.forced) + rules->dark, whole = all, nothing = 0;
+    Choice best = {{{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}}, 0, LOAD_LANES(costs), 0.0f};
+    best.used = best.cost < INFINITY ? whole : nothing;
+    for (int number = 1; number <= K - 2 && ANY(best.cost > rules->price * number); ++number) {
+        for (int out = (1 << number) - 1; out <= all; out = next_set(out)) {
             const ints open = (best.cost > rules->price * number + light_of(&here, out))
                 & (most >= number) & ((here.forced & ~out) == 0);
             if (!ANY(open)) continue;
@@ -568,7 +619,16 @@ static void any_set(
             best.normals.twin = chosen_of(better, tried.twin, best.normals.twin);
         }
     }
-    put_choice(made, frame, rules, &here, &best, 0, count, at);
+    // Where all LEDs explain a pixel best, what they give is there already.
+    const ints same = best.used == all;
+    int stay[LANES];
+    STORE_LANES(same, stay);
+    int moved = 0;
+    for (int l = 0; l < count; ++l) {
+        moved |= !stay[l];
+        if (stay[l]) at[l] = -1;
+    }
+    if (moved) put_choice(made, frame, rules, &here, &best, 0, count, at);
 }
 
 // The set of LEDs that explains a pixel best, and the slope that follows; see
@@ -601,12 +661,17 @@ LANED __kernel void label_lights(
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
     const Made made = {slope, twin, variance, misfit, used, shadow};
     const Rules rules = {pair, dark, floor_, price, one_sided, steepest, uneven};
-    int doubtful[SHARE * LANES], number = 0;
+    Doubtful doubtful;
+    doubtful.number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)
         // That a run is whole is known to the compiler where it is.
-        number = end - at >= RUN * LANES
-            ? all_lit(&made, &frame, &rules, at, RUN * LANES, doubtful, number)
-            : all_lit(&made, &frame, &rules, at, end - at, doubtful, number);
-    for (int i = 0; i < number; i += LANES)
-        any_set(&made, &frame, &rules, doubtful + i, min(LANES, number - i));
+        if (end - at >= RUN * LANES)
+            all_lit(&made, &frame, &rules, at, RUN * LANES, &doubtful);
+        else
+            all_lit(&made, &frame, &rules, at, end - at, &doubtful);
+    if (doubtful.number == 0) return;
+    int order[SHARE * LANES];
+    sort_by_kind(&doubtful, K, order);
+    for (int i = 0; i < doubtful.number; i += LANES)
+        any_set(&made, &frame, &rules, &doubtful, order + i, min(LANES, doubtful.number - i));
 }

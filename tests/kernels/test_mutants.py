@@ -102,13 +102,16 @@ MUTANTS = {
         "variances swapped": ("put(spread.p", "put(spread.q"),
         "unknown pixels not dark": ("? here->forced : dim", "? dim : dim"),
         "shadows only where all are lit": ("ANY(best->used != all)", "!ANY(best->used != all)"),
-        "no other set": ("if (lanes[l]) doubtful", "if (0) doubtful"),
+        "no other set": ("number += doubts[l] != 0", "number += 0"),
+        "all LEDs left to others": ("if (stay[l]) at[l] = -1", "if (0) at[l] = -1"),
+        "the cost of all LEDs forgotten": ("cost = may ? squares : never", "cost = never"),
+        "the cost of another pixel": ("cost[order[min(l, count - 1)]]", "cost[order[0]]"),
         "other pixels from the corner": (
             "(TO_FLOATS(where - row * W) - 0.5f",
             "(TO_FLOATS(where - row * W) - 0.0f",
         ),
         "other pixels a row off": ("ints row = TO_INTS(", "ints row = 2 + TO_INTS("),
-        "a list without its end": ("number - i));", "max(number - i - 1, 1)));"),
+        "a list without its end": ("doubtful.number - i));", "max(doubtful.number - i - 1, 1)));"),
         "sets dearer than they are": ("+ light_of(&here, out)", "+ 2.0f * light_of(&here, out)"),
     },
     "coarsen": {
