@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.map_types import MapType
 from tactograph.graph.batch.store import DONE, FAILED, Store, create_store, open_store
 from tactograph.graph.batch.worker import Chunk, Tally, find_map_types, folder_name
-from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.errors import InputError, TactographError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.result_origin import find_origin, named_files
 
+Answer = TypeVar("Answer")
 TRIES = 20
 """So many captures are tried to find out what maps look like."""
 
@@ -25,6 +27,8 @@ class Workers(Protocol):
     """Whoever does the chunks."""
 
     name: str
+
+    def ask(self, question: Callable[..., Answer], *about: str) -> Answer: ...
 
     def run(self, chunks: Iterator[Chunk]) -> Iterator[Tally]: ...
 
@@ -194,8 +198,21 @@ def run_batch(
     """
     if chunks and not store.has_maps:
         first = [capture for chunk in chunks for _, capture in chunk.captures][:TRIES]
-        store.add_maps(find_map_types(place, store.stamp, first))
+        store.add_maps(_map_types(place, store, first, workers))
     yield from workers.run(iter(chunks))
+
+
+def _map_types(
+    place: str, store: Store, captures: Sequence[str], workers: Workers
+) -> dict[str, MapType]:
+    """What maps look like, from the first of the captures that can be done."""
+    reason = ""
+    for capture in captures:
+        try:
+            return workers.ask(find_map_types, place, store.stamp, capture)
+        except TactographError as error:
+            reason = str(error)
+    raise InputError(f"none of the first {len(captures)} captures can be done; the last: {reason}")
 
 
 def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:

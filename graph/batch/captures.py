@@ -9,8 +9,8 @@ from pathlib import Path
 
 import fsspec
 
-from tactograph.graph.compare.compare import content_hash
 from tactograph.graph.errors import InputError
+from tactograph.graph.files.content_hash import content_hash
 
 
 def is_url(place: str) -> bool:

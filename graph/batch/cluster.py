@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
+Answer = TypeVar("Answer")
 DEATHS = 3
 """So often may the workers that hold a chunk die (each time as often as Dask allows)."""
 ANSWER = 30.0
@@ -56,6 +57,10 @@ class Cluster:
         self._where = {"address": address} if address else {"scheduler_file": file}
         self.name = f"Dask at {address or file}"
         self._client = self._connect()
+
+    def ask(self, question: Callable[..., Answer], *about: str) -> Answer:
+        """Have a question answered, in this process: it has what the workers have."""
+        return question(*about)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield how each went.

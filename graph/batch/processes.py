@@ -4,41 +4,78 @@ from __future__ import annotations
 
 import multiprocessing
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
+from typing import TypeVar
 
-from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.batch.job import Job
+from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.errors import InputError
 from tactograph.graph.run.cores import cores, shared_among
 
+Answer = TypeVar("Answer")
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
 FEWEST = 256
 """Captures that make up for the start of a process, which takes seconds."""
 DIED = f"its process died {TRIES + 1} times; run this capture alone to see why"
+DIED_ONCE = "its process died; run this capture alone to see why"
 
 
-def worth_starting(job: Job, captures: int) -> int:
-    """How many processes do so many captures soonest.
+def worth_starting(backends: Sequence[str], device: str | None, captures: int) -> int:
+    """How many processes do so many captures soonest, of a graph that prefers these back ends.
 
     One for each core: each does more by itself than with a share of all.  A GPU has one.
+
+    Raises
+    ------
+    InputError
+        If `device` is the name of none that works.
     """
-    device = choose_device(job.device)[0] if job.computes_on else None
-    if device is not None and device.kind != "CPU":
+    opened = open_device(backends, device)[0]
+    if opened is not None and not opened.is_cpu:
         return 1
     return max(1, min(cores(), captures // FEWEST))
 
 
 class Processes:
-    """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there."""
+    """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there.
+
+    In a ``with`` block they start at once, and import what they need while the batch is laid
+    out; else with the first thing that they are to do.
+    """
 
     def __init__(self, number: int, do: Callable[[Chunk], Tally] = do_chunk) -> None:
         self.number = number
         self._do = do
+        self._idle: ProcessPoolExecutor | None = None
         self.name = f"{number} processes"
+
+    def __enter__(self) -> Processes:
+        self._idle = _started(self.number)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._idle is not None:
+            self._idle.shutdown(cancel_futures=True)
+
+    def ask(self, question: Callable[..., Answer], *about: str) -> Answer:
+        """Have a question answered by whichever process is first; all open the graph for it.
+
+        Raises
+        ------
+        InputError
+            If the process dies of it.
+        """
+        pool = self._idle = self._idle or _started(self.number)
+        try:
+            asked = [pool.submit(question, *about) for _ in range(self.number)]
+            return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
+        except BrokenProcessPool:
+            self._idle = None
+            raise InputError(f"{about[-1]}: {DIED_ONCE}") from None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield how each went.
@@ -68,11 +105,10 @@ class Processes:
         self, chunks: Iterator[Chunk], number: int
     ) -> Generator[Tally, None, list[Chunk]]:
         """Do chunks until none is left, or a process dies; return those that were under way."""
-        # fork would copy an OpenCL context, which no runtime allows.
-        spawn = multiprocessing.get_context("spawn")
         running: dict[Future[Tally], Chunk] = {}
         ready: list[Chunk] = []
-        with shared_among(number), ProcessPoolExecutor(number, mp_context=spawn) as pool:
+        idle, self._idle = self._idle, None
+        with idle or _started(number) as pool:
             try:
                 while True:
                     ready.extend(islice(chunks, number - len(running)))
@@ -89,3 +125,17 @@ class Processes:
                 return [*running.values(), *ready]
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _started(number: int) -> ProcessPoolExecutor:
+    """Start processes, with a share of the cores each, which import what a chunk needs."""
+    # fork would copy an OpenCL context, which no runtime allows.
+    pool = ProcessPoolExecutor(number, mp_context=multiprocessing.get_context("spawn"))
+    with shared_among(number):
+        for _ in range(number):
+            pool.submit(_be_there)
+    return pool
+
+
+def _be_there() -> None:
+    """To be called in a process is to import this module there, and what it needs."""

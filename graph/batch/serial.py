@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
 
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunks
+
+Answer = TypeVar("Answer")
 
 
 class Serial:
     """Does one chunk after the other, here."""
 
     name = "this process"
+
+    def ask(self, question: Callable[..., Answer], *about: str) -> Answer:
+        """Have a question answered, here."""
+        return question(*about)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield how each went."""

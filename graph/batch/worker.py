@@ -6,7 +6,7 @@ import platform
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -135,25 +135,18 @@ def _write(
     return Tally(len(chunk.captures) - len(reasons), len(reasons), reason, fallbacks)
 
 
-def find_map_types(out: str, stamp: str, captures: Sequence[str]) -> dict[str, MapType]:
-    """The types of the graph's maps, from the first of the captures that can be done.
+def find_map_types(out: str, stamp: str, place: str) -> dict[str, MapType]:
+    """The types of the graph's maps, from a capture.
 
     Raises
     ------
-    InputError
-        If none can.
+    TactographError
+        If it cannot be done.
     """
     store, pipeline = _opened(out, stamp)
-    reason = ""
-    for place in captures:
-        try:
-            with (ready := _read(pipeline, store.job, place)).kept:
-                result = _run(pipeline, ready)
-        except TactographError as error:
-            reason = str(error)
-            continue
-        return {name: _type_of(result, name) for name in store.job.maps}
-    raise InputError(f"none of the first {len(captures)} captures can be done; the last: {reason}")
+    with (ready := _read(pipeline, store.job, place)).kept:
+        result = _run(pipeline, ready)
+    return {name: _type_of(result, name) for name in store.job.maps}
 
 
 def fail_chunk(chunk: Chunk, reason: str) -> Tally:

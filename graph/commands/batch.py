@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,9 +16,9 @@ from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
-    from tactograph.graph.batch.job import Job
     from tactograph.graph.batch.store import Store
     from tactograph.graph.batch.worker import Tally
+    from tactograph.graph.files.flat_graph import Graph
 
 EVERY = 10.0
 """Seconds between two lines where no bar can be drawn."""
@@ -80,21 +81,23 @@ def command(
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
-    job = make_job(
-        read,
-        read_words(read, values),
-        out=out,
-        param=param,
-        maps=maps.split(",") if maps else None,
-        chunk=chunk,
-        backend=options.backend,
-        device=options.device,
-        strict=options.strict,
-    )
     captures = find_captures(over)
-    who = _cluster(workers, scheduler, scheduler_file)
-    place = store_place(out, job)
-    with alone_in(place):
+    cluster = _cluster(workers, scheduler, scheduler_file)
+    with ExitStack() as started:
+        who = cluster or _here(workers, read, options, len(captures), started)
+        job = make_job(
+            read,
+            read_words(read, values),
+            out=out,
+            param=param,
+            maps=maps.split(",") if maps else None,
+            chunk=chunk,
+            backend=options.backend,
+            device=options.device,
+            strict=options.strict,
+        )
+        place = store_place(out, job)
+        started.enter_context(alone_in(place))
         store = open_batch(out, job, captures)
         damaged = reopen_damaged(store)
         if damaged:
@@ -102,7 +105,6 @@ def command(
             say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
-        who = who or _processes(workers, job, to_do)
         before = len(store) - to_do
         say(f"{len(store)} captures, {before} of them finished before; {who.name}")
         _show(_with_fallbacks(run_batch(place, store, chunks, who)), to_do)
@@ -125,12 +127,16 @@ def _cluster(
     return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
 
 
-def _processes(number: int | None, job: Job, to_do: int) -> Workers:
+def _here(
+    number: int | None, graph: Graph, options: RunOptions, captures: int, started: ExitStack
+) -> Workers:
+    """This process, or several that start while it lays out the batch."""
     from tactograph.graph.batch.processes import Processes, worth_starting
     from tactograph.graph.batch.serial import Serial
 
-    number = number or worth_starting(job, to_do)
-    return Processes(number) if number > 1 else Serial()
+    backends = [options.backend] if options.backend else graph.backends
+    number = number or worth_starting(backends, options.device, captures)
+    return started.enter_context(Processes(number)) if number > 1 else Serial()
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:

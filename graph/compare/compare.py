@@ -5,11 +5,9 @@ Nothing here knows optics: a row holds whatever figures a graph's outputs hold.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -19,6 +17,7 @@ from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_li
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, TactographError, WriteError
 from tactograph.graph.files.changes import with_changes
+from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan import names
@@ -289,22 +288,3 @@ def _done(folder: Path, wanted: Row) -> Row | None:
     except (OSError, ValueError, TypeError):
         return None
     return row if row.made_by == wanted.made_by else None
-
-
-def content_hash(path: Path) -> str:
-    """SHA-256 (first 16 digits) of a file, or of the files of a folder with their names."""
-    files = sorted(f for f in path.rglob("*") if f.is_file()) if path.is_dir() else [path]
-    try:
-        stats = [(file, file.stat()) for file in files]
-    except OSError:  # the run itself will say what is wrong with it
-        return ""
-    return _content_hash(path, tuple((f, stat.st_size, stat.st_mtime_ns) for f, stat in stats))
-
-
-@cache
-def _content_hash(path: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
-    digest = hashlib.sha256()
-    for file, size, _ in files:
-        digest.update(f"{file.relative_to(path)}:{size}:".encode())
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]

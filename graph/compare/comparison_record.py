@@ -10,10 +10,11 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tactograph.graph.compare.compare import Row, Study, content_hash
+from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.whole_files import whole_file

@@ -27,6 +27,8 @@ from tactograph.graph.plan.draft import Draft
 
 ENGINE = "tactograph.graph"
 INSTALLED = ("site-packages", "dist-packages")
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+"""Where a statement holds others."""
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
@@ -176,7 +178,7 @@ def _imported(file: Path, module: str, changed: int, size: int) -> list[str]:
         return []
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     found: dict[str, None] = {}
-    for statement in ast.walk(tree):
+    for statement in _statements(tree):
         if isinstance(statement, ast.Import):
             found.update(dict.fromkeys(alias.name for alias in statement.names))
         elif isinstance(statement, ast.ImportFrom):
@@ -186,6 +188,14 @@ def _imported(file: Path, module: str, changed: int, size: int) -> list[str]:
             found[base] = None
             found.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
     return [name for name in found if name]
+
+
+def _statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """All statements below one, at any depth, but no expressions, which are most of a file."""
+    for block in _BLOCKS:
+        for part in getattr(tree, block, ()):
+            yield part
+            yield from _statements(part)
 
 
 def _data_files(folder: Path) -> Iterator[Path]:

@@ -39,6 +39,19 @@ FILES = {
 
         @node
         def halved(*, text: Path = Path("made.txt"), level: float = 1.0) -> Height:
+            match level:
+                case 0.0:
+                    import felt._matched
+            while False:
+                pass
+            else:
+                with open(text):
+                    try:
+                        import felt._tried
+                    except OSError:
+                        import felt._excepted
+                    finally:
+                        from felt import _final
             return np.full((2, 2), _helper.half(LEVEL), np.float32)
 
         halved.opencl(grid="H W")
@@ -46,6 +59,9 @@ FILES = {
     "felt/_helper.py": "from felt._deeper import TWO\n\ndef half(x): return x / TWO\n",
     "felt/_deeper.py": "TWO = 2\n",
     "felt/_levels.py": "LEVEL = 3\n",
+    **dict.fromkeys(
+        ("felt/_matched.py", "felt/_tried.py", "felt/_excepted.py", "felt/_final.py"), ""
+    ),
     "felt/table.txt": "1 2 3\n",
     "felt/_unread.py": "ONE = 1\n",
     "felt/halved.cl": '#include "half.clh"\n__kernel void halved(__global float *out, const int H,'
