@@ -157,7 +157,8 @@ static Vector gauss_newton(
     const floats g11 = n.z * n.z + n.x * n.x, g12 = n.x * n.y, g22 = n.z * n.z + n.y * n.y;
     const floats spread = scale * inverse * (h22 * g11 + h11 * g22 - (h12 + h12) * g12);
     const floats limit = MILD * n.z * n.z;
-    const floats mild = limit / MORE_OF(spread, limit);
+    floats mild = 1.0f;
+    if (ANY(spread > limit)) mild = limit / MORE_OF(spread, limit);
     const floats half_ = 0.5f * mild * spread, part = mild * scale, steep = 1.0f / n.z;
     const Vector an = times_(a, n);
     const floats u1 = an.x * n.z - an.z * n.x, u2 = an.y * n.z - an.z * n.y;
@@ -167,9 +168,12 @@ static Vector gauss_newton(
     const floats g2 = b.y * n.z - b.z * n.y - u2 - half_ * u2
         - part * (g12 * f1 + g22 * f2 + n.y * steep);
     floats s = (h22 * g1 - h12 * g2) * inverse, t = (h11 * g2 - h12 * g1) * inverse;
-    const floats shrink = LONGEST / at_least(LONGEST, sqrt(s * s + t * t));
-    s *= shrink;
-    t *= shrink;
+    const floats square = s * s + t * t;
+    if (ANY(!(square <= LONGEST * LONGEST))) {
+        const floats shrink = LONGEST / at_least(LONGEST, sqrt(square));
+        s *= shrink;
+        t *= shrink;
+    }
     const Vector turned = {n.x + s * n.z, n.y + t * n.z, n.z - s * n.x - t * n.y};
     return turned;
 }
