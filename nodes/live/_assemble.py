@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
+from tactograph.nodes.live._led_in_frame import Film, cells
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2
@@ -113,5 +113,4 @@ class Assembler:
         self._cells[led] = now
         if before is None:
             return
-        flat = np.maximum(self.film.patterns[led - 1], np.float32(FAINTEST))
-        self._changes[led] = float((np.abs(now - before) / flat).max())
+        self._changes[led] = float((np.abs(now - before) / self.film.scale[led - 1]).max())

@@ -17,7 +17,7 @@ from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
 from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import FAINTEST, MOST_SATURATED, OFF, Film, cells
+from tactograph.nodes.live._led_in_frame import MOST_SATURATED, OFF, Film, cells
 from tactograph.nodes.live._open_camera import (
     Capture,
     Library,
@@ -225,7 +225,7 @@ class ColourStream:
     def _judge_brightness(self, data: Plane) -> str:
         """A dark frame is discarded; a colour that has changed is told, and followed."""
         light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(self._top(data))
-        share = light / np.maximum(self.film.patterns, np.float32(FAINTEST))
+        share = light / self.film.scale
         gains = np.median(share.reshape(len(share), -1), axis=1)
         if gains.max() < OFF:
             return "covered"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.live._led_in_frame import FAINTEST, Film, Plane, Sight, cells, reach, see
+from tactograph.nodes.live._led_in_frame import Film, Plane, Sight, light_of, reach, see
 
 Clock = Callable[[float], int | None]
 """The LED that was lit at a moment of time.monotonic(), 0 for none; None: not known."""
@@ -117,27 +117,28 @@ class Matcher:
         """
         if 0 in self.cycle and not self._ambient_known and data.shape == self.film.size:
             return self._learn_ambient(data)
-        verdict = self._verdict(data, see(data, self.film, self.full), time)
+        light = light_of(data, self.full)
+        verdict = self._verdict(data, light, see(data, self.film, self.full, light), time)
         self._discarded = self._discarded + 1 if verdict.led is None else 0
         if self._discarded > STRANGE_CYCLES * len(self.cycle):
             self._discarded, self._ambient_known = 0, False
         return verdict
 
-    def _verdict(self, data: Plane, sight: Sight, time: float) -> Verdict:
+    def _verdict(self, data: Plane, light: F4, sight: Sight, time: float) -> Verdict:
         if sight.kind in ("wrong size", "saturated"):
             return Verdict(None, sight.kind)
         if sight.kind != "off" and self._is_doubled(data):
             return Verdict(None, "doubled")
         due = self._due(time)
         if sight.kind == "off":
-            return self._off(data, due, time)
+            return self._off(light, due, time)
         if sight.kind == "mixed":
             return Verdict(None, "mixed", sight.led, sight.other, sight.share)
         if sight.kind == "covered" or (sight.kind == "unclear" and not due):
             return Verdict(None, "covered")
         led = sight.led if sight.kind == "one" else due
         assert led is not None
-        overlap = self._overlap(data, led) if sight.kind == "one" else 0.0
+        overlap = self._overlap(light, led) if sight.kind == "one" else 0.0
         if abs(overlap) > LEAST_REACH:
             other = self._neighbours(led)[overlap > 0]
             return Verdict(None, "mixed", led, other, abs(overlap))
@@ -145,11 +146,11 @@ class Matcher:
         verdict = self._agreed(led, due, time, certain=sight.kind == "one")
         return verdict._replace(gain=sight.gain) if sight.kind == "one" else verdict
 
-    def _overlap(self, data: Plane, led: int) -> float:
+    def _overlap(self, light: F4, led: int) -> float:
         """`reach` of a frame, above what is usual."""
-        light = self._light(data) - self.film.dark
-        patterns = np.maximum(self.film.patterns, np.float32(FAINTEST))
-        return reach(light, patterns, led, *self._neighbours(led)) - self.usual_reach
+        film = self.film
+        found = reach(light - film.dark, film.scale, led, *self._neighbours(led))
+        return found - self.usual_reach
 
     def _neighbours(self, led: int) -> tuple[int, int]:
         place = self.cycle.index(led)
@@ -157,15 +158,12 @@ class Matcher:
 
     def _learn_ambient(self, data: Plane) -> Verdict:
         """Take the darkest frame of the first cycle for the ambient step's."""
-        self._first.append(self._light(data))
+        self._first.append(light_of(data, self.full))
         if len(self._first) > len(self.cycle):
             darkest = min(self._first, key=lambda light: float(np.median(light)))
             self.film = replace(self.film, dark=darkest)
             self._first, self._ambient_known = [], True
         return Verdict(None)
-
-    def _light(self, data: Plane) -> F4:
-        return cells(data) / np.float32(self.full or np.iinfo(data.dtype).max)
 
     def _agreed(self, led: int, due: int | None, time: float, *, certain: bool) -> Verdict:
         """Compare the image's LED with the one that was due."""
@@ -185,13 +183,13 @@ class Matcher:
         self._last = time, led
         return Verdict(led)
 
-    def _off(self, data: Plane, due: int | None, time: float) -> Verdict:
+    def _off(self, light: F4, due: int | None, time: float) -> Verdict:
         """A dark frame: the ambient step, an LED that fails, or a covered lens."""
         if due is None:
             return Verdict(None, "dark")
         if due == 0:
             self._last = time, 0
-            self.film = replace(self.film, dark=self._light(data))
+            self.film = replace(self.film, dark=light)
             return Verdict(0)
         recent = 2 * len(self.cycle) / self.rate
         shining = [led for led, seen in self._lit.items() if led != due and time - seen < recent]
