@@ -156,7 +156,7 @@ def _closest(ratio: F4, brightness: F4, film: Film) -> tuple[int, float, bool, F
     Last, the light as a share of that LED's.  `ratio` is the light over all patterns.
     """
     gains = np.maximum(brightness, np.float32(1e-3))
-    share = ratio / gains[:, None]
+    share: F4 = np.asarray(ratio / gains[:, None], np.float32)
     apart = _truncated(share - 1)
     best = int(apart.mean(axis=1).argmin())
     rest = (apart[best] < np.float32(TOLERANCE**2)).astype(np.float32)

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.light._near_light import light_vectors, places
+from tactograph.nodes.light._near_light import places
 from tactograph.nodes.live.expose import _lens
 from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -108,14 +108,15 @@ def read_scene(
 
 
 class _Pressed(NamedTuple):
-    """The film around the ball: where, its middle in mm, height, slopes p and q, and how bright.
+    """The film around the ball: where, also in mm, height, slopes p and q, and how bright.
 
     `bright` is 1 where the film is bare, less on a marker.
     """
 
     rows: slice
     columns: slice
-    middle: tuple[float, float, float]
+    x: F4
+    y: F4
     height: F4
     p: F4
     q: F4
@@ -152,6 +153,8 @@ class SimulatedSensor:
         self.size: tuple[int, int] | None = None
         self.faults: deque[str] = deque()
         pixel = scene.pixel_size_mm
+        self._x = places(scene.width_px, np.float32(pixel))
+        self._y = places(scene.height_px, np.float32(pixel))
         shape = scene.height_px, scene.width_px
         self.lights = scene.lights
         self.strength = np.ones(len(self.lights), np.float32)
@@ -165,6 +168,7 @@ class SimulatedSensor:
         self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISES)]
         self._resting: dict[tuple[int, int], NDArray[np.uint8]] = {}
         self._pressed: dict[float, _Pressed] = {}
+        self._pressed_light(0, self.start)  # loops are compiled before the camera runs
 
     def place(self, moment: float) -> tuple[float, float, float]:
         """The ball at a moment: x and y of its axis from the middle, its depth; all mm."""
@@ -235,28 +239,22 @@ class SimulatedSensor:
         if pressed is None:
             x, y, depth = self.place(moment)
             rows, columns = self._window(x, y)
-            across, down = self._offsets(rows, columns, x, y)
-            middle = (
-                x + float(across[0, 0] + across[0, -1]) / 2,
-                y + float(down[0, 0] + down[-1, 0]) / 2,
-                0.0,
-            )
+            at = self._x[columns], self._y[rows]
             bright = self._brightness(x, y, depth)[rows, columns]
-            shape = self._film.surface(across, down, depth)
-            pressed = _Pressed(rows, columns, middle, *shape, bright)
+            shape = self._film.surface(at[0] - np.float32(x), at[1] - np.float32(y), depth)
+            pressed = _Pressed(rows, columns, *at, *shape, bright)
             # Only the last few: the truth of a frame is asked for soon after it was taken.
             self._pressed = dict([*self._pressed.items()][-RECENT:]) | {moment: pressed}
         return pressed
 
     def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
         """Light of LED k around the ball, and where that is (equation N1; no cast shadows)."""
+        from tactograph.nodes.live._pressed_loops import light_around
+
         film = self._press(moment)
-        led = (self.lights[k] - np.array(film.middle, np.float32))[None]
-        (vector,) = light_vectors(led, film.height, self.scene.pixel_size_mm)
-        p, q = film.p, film.q
-        cosine = (vector[2] - p * vector[0] - q * vector[1]) / np.sqrt(1 + p * p + q * q)
-        flat = self._bare[k, film.rows, film.columns] * film.bright * self.strength[k]
-        light = np.asarray(flat * np.maximum(cosine, np.float32(0)), np.float32)
+        flat = self._bare[k, film.rows, film.columns]
+        led, shape = self.lights[k], (film.height, film.p, film.q)
+        light = light_around(film.x, film.y, led, *shape, flat, film.bright, self.strength[k])
         return light, (film.rows, film.columns)
 
     def _brightness(self, x: float, y: float, depth: float) -> F4:
@@ -308,13 +306,6 @@ class SimulatedSensor:
 
         return span(y, scene.height_px), span(x, scene.width_px)
 
-    def _offsets(self, rows: slice, columns: slice, x: float, y: float) -> tuple[F4, F4]:
-        """Places of the window's pixels from the ball's axis, mm: 1 x W and H x 1."""
-        pixel = np.float32(self.scene.pixel_size_mm)
-        across = places(self.scene.width_px, pixel)[columns] - np.float32(x)
-        down = places(self.scene.height_px, pixel)[rows] - np.float32(y)
-        return across[None, :], down[:, None]
-
 
 class _PressedFilm:
     """The film around a ball, at any depth: `press`, tabulated by distance from the axis."""
@@ -345,15 +336,10 @@ class _PressedFilm:
 
     def surface(self, across: F4, down: F4, depth: float) -> tuple[F4, F4, F4]:
         """Height in mm and slopes p and q at offsets from the ball's axis."""
-        distance = np.sqrt(across * across + down * down)
-        cell = distance * np.float32(1 / self._step)
-        index = np.minimum(cell.astype(np.int32), RADII - 2)
-        share = np.minimum(cell - index, np.float32(1))
-        height = _between(self._at_depth(self._height, depth), index, share)
-        steepness = _between(self._at_depth(self._steepness, depth), index, share)
-        steepness[cell > RADII - 1] = 0
-        steepness /= np.maximum(distance, np.float32(1e-6))
-        return height, steepness * across, steepness * down
+        from tactograph.nodes.live._pressed_loops import surface_around
+
+        tables = (self._at_depth(table, depth) for table in (self._height, self._steepness))
+        return surface_around(across, down, *tables, np.float32(1 / self._step))
 
     def _at_depth(self, table: F4, depth: float) -> F4:
         """The table's row at a depth, between two rows."""
@@ -361,8 +347,3 @@ class _PressedFilm:
         i = min(int(level), DEPTHS - 2)
         share = np.float32(level - i)
         return table[i] + share * (table[i + 1] - table[i])
-
-
-def _between(table: F4, index: NDArray[np.int32], share: F4) -> F4:
-    low = table[index]
-    return low + share * (table[index + 1] - low)
