@@ -46,6 +46,7 @@ SCENE = Scene(
     press_s=PRESS_S,
     slant_deg=50.0,
     distance_mm=60.0,
+    exposure_s=0.02,
 )
 SHOWN_S = (0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 3.2)
 PREVIEW_S = 1.6

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4
 from tactograph.nodes.live._simulated_colour_sensor import SimulatedColourSensor
-from tactograph.nodes.live._simulated_sensor import SimulatedSensor
+from tactograph.nodes.live._simulated_sensor import EXPOSED, EXPOSURE_S, SimulatedSensor
 
 LitBetween = Callable[[float, float], Sequence[tuple[int, float]]]
 """The LEDs that are lit between two moments of time.monotonic(), and for what share of it."""
@@ -66,9 +66,12 @@ class SimulatedCamera:
         self._released.set()
 
     def set(self, prop: int, value: float) -> bool:
-        """Take the frame rate; size and exposure are the scene's."""
+        """Take the frame rate, no higher than the exposure allows; size is the scene's."""
         if prop == cv2.CAP_PROP_FPS and value > 0:
-            self.rate = value
+            sensor = self.sensor
+            if sensor.scene.exposure_s is None:
+                sensor.exposure_s = min(EXPOSURE_S, EXPOSED / value)
+            self.rate = min(value, 1 / sensor.exposure_s)
         return prop == cv2.CAP_PROP_FPS
 
     def get(self, prop: int) -> float:
@@ -122,7 +125,7 @@ class SimulatedCamera:
         end = start + (self.number + 1) / self.rate
         if self._released.wait(max(end - now, 0)) or not self.isOpened():
             return False
-        middle = end - 0.5 * (scene.exposure_s + scene.readout_s)
+        middle = end - 0.5 * (self.sensor.exposure_s + scene.readout_s)
         image = self._picture(end, middle)
         if self.sensor.size is not None:
             image = np.asarray(cv2.resize(image, self.sensor.size), np.uint8)
@@ -143,7 +146,7 @@ class SimulatedCamera:
         shares = np.zeros((len(self.sensor.lights), groups), np.float32)
         for i in range(groups):
             close = end - scene.readout_s * (1 - (i + 1) / groups)
-            for led, share in self.lit_between(close - scene.exposure_s, close):
+            for led, share in self.lit_between(close - self.sensor.exposure_s, close):
                 if 0 < led <= len(shares):
                     shares[led - 1, i] = share / self.full_share
         shares[np.abs(shares - 1) < 0.02] = 1

@@ -28,6 +28,7 @@ from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 
 FULL = 255
+EXPOSURE_S, EXPOSED = 0.02, 0.6
 DEPTHS = 9
 """Depths at which the film's shape is computed; between them it is interpolated."""
 RADII = 4096
@@ -54,6 +55,9 @@ class Scene:
 
     With a `marker_pitch_mm` dots of `marker_mm` radius are printed on the film, which the ball
     drags to the right with it, by `drag_mm` where it is deepest (`print_markers`).
+
+    Without an `exposure_s` it is `EXPOSURE_S`, or `EXPOSED` of the time of a frame where that is
+    less.
     """
 
     width_px: Annotated[int, Interval(ge=8, le=4096)] = 640
@@ -71,7 +75,7 @@ class Scene:
     marker_pitch_mm: Annotated[float, Ge(0)] = 0.0
     marker_mm: Annotated[float, Gt(0)] = 0.25
     drag_mm: Annotated[float, Interval(ge=0, le=5)] = 0.0
-    exposure_s: Annotated[float, Gt(0)] = 0.02
+    exposure_s: Annotated[float, Gt(0)] | None = None
     readout_s: Annotated[float, Ge(0)] = 0.0
     ambient: Annotated[float, Ge(0)] = 0.0
     vignetting: Annotated[float, Interval(ge=0, le=1)] = 0.0
@@ -138,6 +142,8 @@ class SimulatedSensor:
         Brightness of each LED, 1 as calibrated; 0 is burnt out.
     size
         Width and height that the camera delivers, whatever is asked; None: the scene's.
+    exposure_s
+        The scene's, or what its camera's rate allows.
     faults
         What happens to the next frames, one each: "double", "lose", "swap", "late" or
         "none".
@@ -151,6 +157,7 @@ class SimulatedSensor:
         self.flooded = False
         self.frozen = False
         self.size: tuple[int, int] | None = None
+        self.exposure_s = scene.exposure_s or EXPOSURE_S
         self.faults: deque[str] = deque()
         pixel = scene.pixel_size_mm
         self._x = places(scene.width_px, np.float32(pixel))
@@ -192,7 +199,7 @@ class SimulatedSensor:
 
     def truth(self, end: float) -> F4:
         """The true height, H x W in mm, of a frame whose exposure ended at `end`."""
-        return self.true_height(end - 0.5 * (self.scene.exposure_s + self.scene.readout_s))
+        return self.true_height(end - 0.5 * (self.exposure_s + self.scene.readout_s))
 
     def true_height(self, moment: float) -> F4:
         """H x W, mm, at a moment."""

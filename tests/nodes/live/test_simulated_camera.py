@@ -74,6 +74,19 @@ def test_the_ball_goes_down_and_up_and_round() -> None:
     assert np.hypot(*np.subtract(first, later)) > 20
 
 
+@pytest.mark.parametrize(
+    ("exposure_s", "rate", "exposed", "kept"),
+    [(None, 30, 0.02, 30), (None, 60, 0.01, 60), (0.02, 60, 0.02, 50), (0.01, 60, 0.01, 60)],
+)
+def test_an_exposure_is_no_longer_than_its_frame(
+    exposure_s: float | None, rate: float, exposed: float, kept: float
+) -> None:
+    camera = SimulatedCamera(SimulatedSensor(replace(SCENE, exposure_s=exposure_s)), None)
+    camera.set(cv2.CAP_PROP_FPS, rate)
+    assert camera.get(cv2.CAP_PROP_FPS) == pytest.approx(kept)
+    assert camera.sensor.exposure_s == pytest.approx(exposed)
+
+
 def test_noise_never_repeats_in_neighbouring_frames() -> None:
     assert not np.array_equal(SENSOR.image(under(1), 0.0, 1), SENSOR.image(under(1), 0.0, 2))
 
