@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.live._led_in_frame import Film, cells
+from tactograph.nodes.live._led_in_frame import Film, light_of
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2
@@ -46,25 +46,22 @@ class Assembler:
     refresh: Refresh = "rolling"
     full: float = 0.0
     _frames: dict[int, RawFrame] = field(default_factory=dict)
-    _planes: dict[int, F4] = field(default_factory=dict)
     _cells: dict[int, F4] = field(default_factory=dict)
     _changes: dict[int, float] = field(default_factory=dict)
     _new: set[int] = field(default_factory=set)
     _ambient: F4 | None = None
 
-    def add(self, frame: RawFrame) -> None:
-        """Take a frame; one of LED 0 is ambient light."""
-        top = self.full or float(np.iinfo(frame.data.dtype).max)
-        plane = frame.data * np.float32(1 / top)
+    def add(self, frame: RawFrame, light: F4 | None = None) -> None:
+        """Take a frame; one of LED 0 is ambient light.  `light_of` it may be known already."""
         if frame.led == 0:
-            self._take_ambient(plane)
+            self._take_ambient(frame.data * self._scale(frame))
             return
-        self._measure(frame, plane)
-        if self._ambient is not None:
-            plane -= self._ambient
+        self._measure(frame.led, light_of(frame.data, self.full) if light is None else light)
         self._frames[frame.led] = frame
-        self._planes[frame.led] = plane
         self._new.add(frame.led)
+
+    def _scale(self, frame: RawFrame) -> np.float32:
+        return np.float32(1 / (self.full or np.iinfo(frame.data.dtype).max))
 
     @property
     def due(self) -> bool:
@@ -94,11 +91,17 @@ class Assembler:
     def take(self) -> Light:
         """The touch, K x H x W as fractions of full scale; nothing is new after it."""
         self._new.clear()
-        return np.stack([self._planes[led] for led in sorted(self._planes)])
+        frames = [self._frames[led] for led in sorted(self._frames)]
+        touch = np.empty((len(frames), *frames[0].data.shape), np.float32)
+        for plane, frame in zip(touch, frames, strict=True):
+            np.multiply(frame.data, self._scale(frame), out=plane)
+            if self._ambient is not None:
+                plane -= self._ambient
+        return touch
 
     def restart(self) -> None:
         """Forget all frames but the ambient light."""
-        for kept in (self._frames, self._planes, self._cells, self._changes, self._new):
+        for kept in (self._frames, self._cells, self._changes, self._new):
             kept.clear()
 
     def _take_ambient(self, plane: F4) -> None:
@@ -106,11 +109,10 @@ class Assembler:
         before = self._ambient
         self._ambient = plane if before is None else before + AMBIENT_SHARE * (plane - before)
 
-    def _measure(self, frame: RawFrame, plane: F4) -> None:
-        """Compare a frame with the one before of the same LED."""
-        now = cells(plane)
-        before, led = self._cells.get(frame.led), frame.led
-        self._cells[led] = now
-        if before is None:
-            return
-        self._changes[led] = float((np.abs(now - before) / self.film.scale[led - 1]).max())
+    def _measure(self, led: int, light: F4) -> None:
+        """Compare a frame's cells with those of the one before of the same LED."""
+        before = self._cells.get(led)
+        self._cells[led] = light
+        if before is not None:
+            change = np.abs(light - before) / self.film.scale[led - 1]
+            self._changes[led] = float(change.max())

@@ -105,7 +105,7 @@ class Matcher:
         self.mean_reach = 0.0
         self._disagreed = 0
 
-    def match(self, data: Plane, time: float) -> Verdict:
+    def match(self, data: Plane, time: float, light: F4 | None = None) -> Verdict:
         """Say which LED a frame belongs to, or why it is discarded.
 
         Parameters
@@ -114,10 +114,13 @@ class Matcher:
             H x W, the frame.
         time
             The end of its exposure as the camera reported it, s of time.monotonic().
+        light
+            `light_of` the frame, if it is known.
         """
+        if light is None:
+            light = light_of(data, self.full)
         if 0 in self.cycle and not self._ambient_known and data.shape == self.film.size:
-            return self._learn_ambient(data)
-        light = light_of(data, self.full)
+            return self._learn_ambient(light)
         verdict = self._verdict(data, light, see(data, self.film, self.full, light), time)
         self._discarded = self._discarded + 1 if verdict.led is None else 0
         if self._discarded > STRANGE_CYCLES * len(self.cycle):
@@ -156,9 +159,9 @@ class Matcher:
         place = self.cycle.index(led)
         return self.cycle[place - 1], self.cycle[(place + 1) % len(self.cycle)]
 
-    def _learn_ambient(self, data: Plane) -> Verdict:
+    def _learn_ambient(self, light: F4) -> Verdict:
         """Take the darkest frame of the first cycle for the ambient step's."""
-        self._first.append(light_of(data, self.full))
+        self._first.append(light)
         if len(self._first) > len(self.cycle):
             darkest = min(self._first, key=lambda light: float(np.median(light)))
             self.film = replace(self.film, dark=darkest)

@@ -11,6 +11,7 @@ from tactograph.nodes.live._assemble import Assembler, Refresh
 from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
 from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
+from tactograph.nodes.live._led_in_frame import light_of
 from tactograph.nodes.live._match_frames import Matcher, Verdict
 from tactograph.nodes.live._sensor import Sensor
 
@@ -111,7 +112,8 @@ class Stream:
     def _take(self, shot: Shot) -> None:
         """Match one frame; keep it, or count why not."""
         self._log.count(shot)
-        verdict = self._matcher.match(shot.data, shot.time)
+        light = light_of(shot.data, self.full)
+        verdict = self._matcher.match(shot.data, shot.time, light)
         if verdict.fault:
             self._log.note(verdict.fault, verdict.about)
         self._react(verdict)
@@ -120,7 +122,7 @@ class Stream:
                 self._log.note("brightness", verdict.led)
             frame = RawFrame(shot.number, verdict.led, shot.time, shot.data)
             self._new.append(frame)
-            self._assembler.add(frame)
+            self._assembler.add(frame, light)
 
     def _react(self, verdict: Verdict) -> None:
         """Do what can be done about a fault."""
