@@ -1,6 +1,7 @@
 #!/bin/sh
 # A sensor made of software, pressed by a moving ball, reconstructed as it runs: 640 x 480
-# pixels, 30 camera frames a second.  live.sh FOLDER [SECONDS]; without SECONDS until Ctrl-C.
+# pixels, 30 camera frames a second, or RATE.  live.sh FOLDER [SECONDS]; without SECONDS until
+# Ctrl-C.
 set -e
 tactograph=${TACTOGRAPH:-tactograph}
 out=$1
@@ -17,4 +18,4 @@ if [ ! -f "$out/cal.npz" ]; then
 fi
 echo "--- live: LEDs flash, the camera runs, a ball moves; Ctrl-C ends it"
 exec $tactograph run live calibration="$out/cal.npz" camera="$camera" port=simulated \
-    seconds="${2:-null}" out="$out" --quiet
+    rate="${RATE:-30}" seconds="${2:-null}" out="$out" --quiet

@@ -16,6 +16,7 @@ from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Close, Exact, Flips
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
+from tactograph.graph.declare.whole_images import FRACTIONS, Whole
 from tactograph.graph.errors import (
     EndOfStream,
     GraphError,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EVERYTHING",
+    "FRACTIONS",
     "Cache",
     "Close",
     "EndOfStream",
@@ -51,6 +53,7 @@ __all__ = [
     "SizeRule",
     "TactographError",
     "Wanted",
+    "Whole",
     "load",
     "node",
     "parity",

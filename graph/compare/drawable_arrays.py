@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.run.result import Result
+from tactograph.graph.run.whole_images import in_fractions
 
 Kind = Literal["map", "labels", "planes"]
 
@@ -42,7 +43,8 @@ def views_of(result: Result) -> list[View]:
     """What the graph's source yielded and what its outputs hold, where it can be drawn."""
     named: dict[str, tuple[Any, PortType]] = {}
     for value, array in result.item.items():
-        named[value.port] = array, result.plan.tasks[value.node].node.outputs[value.port]
+        task = result.plan.tasks[value.node]
+        named[value.port] = in_fractions(task, array), task.node.outputs[value.port]
     for name, value in result.plan.outputs.items():
         port = result.plan.tasks[value.node].node.outputs[value.port]
         named[name] = result.outputs[name], port

@@ -14,6 +14,7 @@ from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Exact, Tolerance
 from tactograph.graph.declare.wanted_outputs import Wanted
+from tactograph.graph.declare.whole_images import Whole
 
 
 @typing.overload
@@ -86,6 +87,7 @@ def _declare(
     provenance: str | None = None
     session: str | None = None
     wanted: str | None = None
+    whole: str | None = None
     for name, argument in inspect.signature(function).parameters.items():
         annotation = hints.get(name)
         if annotation is None:
@@ -97,6 +99,8 @@ def _declare(
                 session = name
             elif annotation is Wanted:
                 wanted = name
+            elif annotation is Whole:
+                whole = name
             else:
                 parameters[name] = Parameter(name, annotation, argument.default)
         elif is_record(annotation):
@@ -124,6 +128,7 @@ def _declare(
         provenance=provenance,
         session=session,
         wanted=wanted,
+        whole=whole,
         endless=endless,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),

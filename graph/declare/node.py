@@ -108,6 +108,7 @@ class Node:
     provenance: str | None = None
     session: str | None = None
     wanted: str | None = None
+    whole: str | None = None
     endless: bool = False
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
@@ -311,7 +312,8 @@ class Node:
         """Register a maker of an item as the source yields them, for what cannot wait.
 
         The graph runs once on it, without its sinks, before the source is begun: so kernels
-        are compiled before a camera opens.  It is called with the node's settings.
+        are compiled before a camera opens.  It is called with the node's settings, and told of
+        images what the node is (`Whole`).
         """
         self.make_rehearsal = function
         return function

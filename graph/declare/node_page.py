@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import types
 import typing
@@ -12,6 +13,9 @@ import docstring_parser
 
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
+
+_RETURNS = re.compile(r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
+"""The whole section: to the parser every line that is not indented is a value of its own."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +37,12 @@ def describe(node: Node) -> Description:
         for name in each.arg_name.split(","):
             said[name.strip()] = _one_line(each.description)
     known = [*node.input_names, *node.parameters]
-    returns = parsed.returns
+    returns = _RETURNS.search(inspect.cleandoc(node.doc or ""))
     return Description(
         summary=_one_line(parsed.short_description),
         text=parsed.long_description or "",
         arguments={name: said.get(name, "") for name in known},
-        returns=_one_line(f"{returns.type_name or ''} {returns.description or ''}")
-        if returns
-        else "",
+        returns=_one_line(returns[1]) if returns else "",
         raises=[(each.type_name or "", _one_line(each.description)) for each in parsed.raises],
     )
 

@@ -16,7 +16,7 @@ from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.previous_values import recall, recalled_values
-from tactograph.graph.run.stand_ins import read_whole
+from tactograph.graph.run.whole_images import read_whole
 
 
 class DeviceValues:

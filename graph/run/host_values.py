@@ -22,8 +22,8 @@ from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
 from tactograph.graph.run.previous_values import recall, recalled_values
-from tactograph.graph.run.stand_ins import is_whole
 from tactograph.graph.run.store import recall_or_make
+from tactograph.graph.run.whole_images import as_fractions, goes_up, is_whole, may_be_whole
 
 
 class HostValues:
@@ -41,6 +41,8 @@ class HostValues:
         self._recalled = recalled_values(plan)
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._objects = {task.id: _containers(task) for task in plan.tasks.values()}
+        givers = filter(may_be_whole, plan.tasks.values())
+        self._whole = {task.id: goes_up(plan, task) for task in givers}
 
     def __getitem__(self, value: Value) -> Any:
         return self._values[value]
@@ -116,8 +118,10 @@ class HostValues:
         for value, result in zip(step.writes, task.node.results(made), strict=True):
             port = task.node.outputs[value.port]
             if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
-                if not (task.stand_in and is_whole(result)):
+                if not (task.id in self._whole and is_whole(result)):
                     result = _as_declared(task, port, result)
+                elif not self._whole[task.id]:
+                    result = as_fractions(result)
                 result.flags.writeable = False
                 shapes[value.port] = result.shape
             self._values[value] = result
@@ -128,6 +132,15 @@ class HostValues:
         if task.node.session is None:
             return {}
         return {task.node.session: self._sessions.setdefault(task.id, Session())}
+
+    def told(self, source: Task) -> dict[str, Any]:
+        """The keyword arguments of a source besides its settings: what it keeps, and is told."""
+        return {**self.told_of_images(source), **self.session(source)}
+
+    def told_of_images(self, source: Task) -> dict[str, bool]:
+        """Whether its images may stay integers, by the keyword argument that takes this."""
+        whole = source.node.whole
+        return {} if whole is None else {whole: self._whole[source.id]}
 
     def remember(self) -> None:
         """Keep what the next item recalls."""

@@ -1,4 +1,7 @@
-"""Run the steps of a plan: what depends on no stream once, the rest item by item."""
+"""Run the steps of a plan: what depends on no stream once, the rest item by item.
+
+Long because an item may be run afresh, in part, or once more, over the same values.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +26,7 @@ from tactograph.graph.run.make_provenance import make_provenance
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.trace import Trace
+from tactograph.graph.run.whole_images import in_fractions
 
 
 class Items:
@@ -136,7 +140,7 @@ class Items:
         if isinstance(found, DeviceArray) and device is not None:
             found = device.download(found)
         incremental.settle()
-        return lent(found)
+        return lent(in_fractions(self._plan.tasks[value.node], found))
 
     def rehearse(self, given: Mapping[str, Any]) -> None:
         """Compute an item that nobody sees: kernels are compiled, and caches filled."""

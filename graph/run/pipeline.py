@@ -139,7 +139,7 @@ class Pipeline:
         self, source: Task, repeats: int, mine: object, begun: SourceStream | None
     ) -> Iterator[Result]:
         self._rehearse(source)
-        keywords = {**source.settings, **self._items.host.session(source)}
+        keywords = {**source.settings, **self._items.host.told(source)}
         self._items.ended = False
         with collect_warnings(self._items.notes):
             stream = self._stream = begun or SourceStream(source, keywords)
@@ -165,7 +165,7 @@ class Pipeline:
         if make is None or any(t.node.session for t in others if t is not source):
             return
         with self._turn, Blaming(source):
-            item = make(**source.settings)
+            item = make(**source.settings, **self._items.host.told_of_images(source))
         with self._turn:
             self._items.rehearse({source.id: item})
 
@@ -184,7 +184,8 @@ class Pipeline:
         if source is None or source.node.session is not None:
             return None
         given = {**self.plan.given, **values}
-        return SourceStream(source, settings_of(source.entry, self.plan.graph, source.node, given))
+        settings = settings_of(source.entry, self.plan.graph, source.node, given)
+        return SourceStream(source, {**settings, **self._items.host.told(source)})
 
     def set(self, node: str, /, **settings: Any) -> None:
         """Change parameters of a node, for the items to come.

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.errors import InputError
-from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.previous_values import recalled_values
+from tactograph.graph.run.whole_images import as_fractions, goes_up
 
 MOST_LIGHTS = 32
 """More images than that are taken for the rows of one."""
@@ -23,7 +22,7 @@ class StandIns:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         waiting = [task for task in plan.tasks.values() if task.stand_in]
-        self._stay_whole = {task.id: _goes_up(plan, task) for task in waiting}
+        self._stay_whole = {task.id: goes_up(plan, task) for task in waiting}
 
     @property
     def names(self) -> list[str]:
@@ -52,42 +51,8 @@ class StandIns:
     def _yielded(self, name: str, stack: NDArray[Any]) -> Any:
         record = self._plan.tasks[name].node.output_record
         if stack.dtype.kind == "u" and not self._stay_whole[name]:
-            stack = np.asarray(stack / np.float32(np.iinfo(stack.dtype).max), np.float32)
+            stack = as_fractions(stack)
         return stack if record is None else record(stack)
-
-
-def read_whole(plan: Plan) -> set[Value]:
-    """Images that may be a camera's integers, since every reader's kernel takes those.
-
-    Callers hand them in, and idle nodes hand them on.
-    """
-    tasks = [t for t in plan.tasks.values() if t.stand_in or t.node.is_idle is not None]
-    made = {Value(task.id, port) for task in tasks for port in task.node.outputs}
-    kept = {*plan.outputs.values(), *recalled_values(plan)}
-    handed_in = {value for value in made if plan.tasks[value.node].stand_in}
-    return {value for value in handed_in | (made - kept) if _is_read_whole(plan, value)}
-
-
-def _goes_up(plan: Plan, task: Task) -> bool:
-    """Whether the device alone reads a source's images, so that they go there as they came."""
-    value = Value(task.id, next(iter(task.node.outputs)))
-    readers = [step for step in plan.steps if value in step.reads]
-    host = value in plan.outputs.values() or value in recalled_values(plan)
-    return not host and bool(readers) and all(step.on_device for step in readers)
-
-
-def _is_read_whole(plan: Plan, value: Value) -> bool:
-    return all(
-        task.node.reads_integers(name, plan.placements[task.id].backend)
-        for task in plan.tasks.values()
-        for name, found in task.edges.items()
-        if found == value and not task.filled
-    )
-
-
-def is_whole(array: Any) -> bool:
-    """Whether light that was handed in is still the camera's unsigned integers."""
-    return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 
 def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
@@ -115,7 +80,7 @@ def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
     if found.dtype in (np.uint8, np.uint16):
         return found
     if found.dtype.kind == "u":
-        return np.asarray(found / np.float32(np.iinfo(found.dtype).max), np.float32)
+        return as_fractions(found)
     if found.dtype.kind != "f":
         raise InputError(f"a stack of images is of unsigned integers or floats, not {found.dtype}")
     if not np.isfinite(found).all():

@@ -181,6 +181,13 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
 
 
 def normalised(stack: NDArray[Any], files: list[Path], bits: int | None) -> NDArray[np.float32]:
+    """The images as fractions of full scale, once `check_exposed` accepts them."""
+    check_exposed(stack, files, bits)
+    return np.asarray(stack / np.float32(2 ** (bits or _bits(stack)) - 1), np.float32)
+
+
+def check_exposed(stack: NDArray[Any], files: list[Path], bits: int | None) -> None:
+    """Refuse images that are dark or hold too large values; warn of saturated ones."""
     full = 2 ** (bits or _bits(stack)) - 1
     for plane, file in zip(stack, files, strict=True):
         brightest = int(plane.max())
@@ -194,7 +201,6 @@ def normalised(stack: NDArray[Any], files: list[Path], bits: int | None) -> NDAr
             warn(f"{file}: {saturated:.1%} of the pixels are saturated; expose shorter")
         if stack.dtype == np.uint16 and bits is None and brightest < 4096:
             warn(f"{file}: 16 bit, but no value above 4095; if it is 12 bit, say 'bits: 12'")
-    return np.asarray(stack / np.float32(full), np.float32)
 
 
 def _check_bright(plane: NDArray[Any], full: int, file: Path) -> None:

@@ -12,7 +12,7 @@ from annotated_types import Gt, Interval, Len
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from tactograph.graph import InputError, node
+from tactograph.graph import FRACTIONS, InputError, Whole, node
 from tactograph.graph.files.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
 from tactograph.nodes.capture._image_files import (
@@ -21,6 +21,7 @@ from tactograph.nodes.capture._image_files import (
     Lights,
     channels,
     check_alike,
+    check_exposed,
     cropped,
     grey,
     normalised,
@@ -82,6 +83,7 @@ def read_capture(
     files: str = "led{}",
     crop: Crop | None = None,
     single: bool = False,
+    whole: Whole = FRACTIONS,
 ) -> Iterator[Capture]:
     """Yield every capture below `folder`, its light as a fraction of full scale.
 
@@ -103,6 +105,8 @@ def read_capture(
         x0, y0, x1, y1 in pixels; x1 and y1 are not part of it.
     single
         Refuse a folder of captures.
+    whole
+        Whether images may stay the camera's integers.
 
     Returns
     -------
@@ -121,7 +125,7 @@ def read_capture(
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
     if _is_capture(folder, layout, lights):
-        yield _read(folder, layout, lights, "")
+        yield _read(folder, layout, lights, "", whole)
         return
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not _is_hidden(d))
     inside = [d for d in folders if _is_capture(d, layout, lights)]
@@ -133,11 +137,13 @@ def read_capture(
             f"give one of them, such as {inside[0]}"
         )
     for one in inside:
-        yield _read(one, layout, lights, one.name)
+        yield _read(one, layout, lights, one.name, whole)
 
 
-def read_images(folder: Path, layout: Layout) -> NDArray[np.float32]:
+def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArray[Any]:
     """Read the K images of one folder as K x H x W, fractions of full scale.
+
+    Where they may stay `whole`, they are integers of as many bits as they have.
 
     Raises
     ------
@@ -158,11 +164,14 @@ def read_images(folder: Path, layout: Layout) -> NDArray[np.float32]:
     stack = np.stack(
         [cropped(plane, layout.crop, file) for plane, file in zip(planes, files, strict=True)]
     )
+    if whole and layout.bits in (None, 8 * stack.itemsize):
+        check_exposed(stack, files, layout.bits)
+        return stack
     return normalised(stack, files, layout.bits)
 
 
-def _read(folder: Path, layout: Layout, lights: Lights | None, name: str) -> Capture:
-    image = read_images(folder, replace(layout, lights=_lights(folder, lights)))
+def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole: Whole) -> Capture:
+    image = read_images(folder, replace(layout, lights=_lights(folder, lights)), whole)
     return Capture(
         image,
         name,

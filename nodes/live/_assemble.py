@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes import F4, Dark
 from tactograph.nodes.live._frames import RawFrame
 from tactograph.nodes.live._led_in_frame import Film, light_of
 
@@ -37,6 +38,8 @@ class Assembler:
         "cycle": a touch whenever all LEDs are new.
     full
         The camera's largest value; 0: that of the frame's type.
+    whole
+        Whether frames may stay the camera's integers.
     """
 
     film: Film
@@ -45,6 +48,7 @@ class Assembler:
     rate: float
     refresh: Refresh = "rolling"
     full: float = 0.0
+    whole: bool = False
     _frames: dict[int, RawFrame] = field(default_factory=dict)
     _cells: dict[int, F4] = field(default_factory=dict)
     _changes: dict[int, float] = field(default_factory=dict)
@@ -88,10 +92,15 @@ class Assembler:
         """
         return max(self._changes.values(), default=0.0)
 
-    def take(self) -> Light:
-        """The touch, K x H x W as fractions of full scale; nothing is new after it."""
+    def take(self) -> NDArray[Any]:
+        """The touch, K x H x W; nothing is new after it.
+
+        As fractions of full scale, or integers where these may stay and fill their type.
+        """
         self._new.clear()
         frames = [self._frames[led] for led in sorted(self._frames)]
+        if self.whole and not self.full and 0 not in self.cycle:
+            return np.stack([frame.data for frame in frames])
         touch = np.empty((len(frames), *frames[0].data.shape), np.float32)
         for plane, frame in zip(touch, frames, strict=True):
             np.multiply(frame.data, self._scale(frame), out=plane)

@@ -41,7 +41,7 @@ class Stream:
     ----------
     sensor
         Camera, LEDs and film; not closed here.
-    refresh, full
+    refresh, full, whole
         As for `Assembler`.
     motion_limit, skip_moving
         Change of the light within a cycle above which a touch counts as moved, and whether
@@ -53,6 +53,7 @@ class Stream:
     sensor: Sensor
     refresh: Refresh = "rolling"
     full: float = 0.0
+    whole: bool = False
     motion_limit: float = 0.1
     skip_moving: bool = False
     state: LiveState = field(default_factory=LiveState)
@@ -63,7 +64,13 @@ class Stream:
             sensor.film, sensor.cycle, sensor.rate, sensor.lamps.clock, self.full
         )
         self._assembler = Assembler(
-            sensor.film, sensor.dark, sensor.cycle, sensor.rate, self.refresh, self.full
+            sensor.film,
+            sensor.dark,
+            sensor.cycle,
+            sensor.rate,
+            self.refresh,
+            self.full,
+            self.whole,
         )
         self._log = FaultLog(self.state, sensor.rate)
         self._connected = sensor.camera.connections, sensor.lamps.starts

@@ -7,9 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import InputError, node
+from tactograph.graph import FRACTIONS, InputError, Whole, node
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._assemble import Refresh
 from tactograph.nodes.live._calibrated_film import calibrated_film
@@ -44,6 +45,7 @@ def read_camera(
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
     seconds: Annotated[float, Gt(0)] | None = None,
     items: Annotated[int, Ge(1)] | None = None,
+    whole: Whole = FRACTIONS,
 ) -> Iterator[Touch]:
     """Yield a touch with every camera frame, for as long as the camera runs.
 
@@ -99,6 +101,8 @@ def read_camera(
         Time without a frame after which the camera is opened again.
     seconds, items
         End after so long, or so many touches.  None: never.
+    whole
+        Whether frames of flashing LEDs may stay the camera's integers.
 
     Returns
     -------
@@ -155,7 +159,7 @@ def read_camera(
             settings |= {"refresh": refresh, "cycle": list(flashed.cycle)}
             state, skip = LiveState(settings=settings), motion == "skip"
             stream: Stream | ColourStream = Stream(
-                flashed, refresh, full, motion_limit, skip, state
+                flashed, refresh, full, bool(whole), motion_limit, skip, state
             )
         else:
             colours = open_colour_sensor(
@@ -168,6 +172,19 @@ def read_camera(
 
 
 @read_camera.rehearsal
-def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
-    """The film at rest, as the calibration knows it."""
-    return calibrated_film(calibration).touch
+def _rehearsal(
+    *,
+    calibration: Path,
+    lights: Lights | None,
+    ambient: bool,
+    bits: int | None,
+    whole: bool,
+    **_: Any,
+) -> Touch:
+    """The film at rest, as the calibration knows it, and most cameras would show it."""
+    film = calibrated_film(calibration)
+    flashes = (lights or ("bgr" if film.one_shot else "leds")) == "leds"
+    if not (whole and flashes) or ambient or bits is not None:
+        return film.touch
+    image: Any = np.rint(np.clip(film.touch.image, 0, 1) * 255).astype(np.uint8)
+    return film.touch._replace(image=image)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pyopencl as cl
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import (
     EVERYTHING,
+    FRACTIONS,
     EndOfStream,
     InputError,
     Parts,
@@ -21,6 +22,7 @@ from tactograph.graph import (
     Session,
     SizeLimit,
     Wanted,
+    Whole,
     node,
     warn,
 )
@@ -58,6 +60,16 @@ def at_rest(*, rows: int = 4, columns: int = 5, level: float = 1.0) -> Rest:
     return Rest(
         np.full((3, rows, columns), level, np.float32), np.zeros((rows, columns), np.float32)
     )
+
+
+WHOLE = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * np.uint8(4)
+
+
+@node
+def whole_touches(*, whole: Whole = FRACTIONS) -> Iterator[Touch]:
+    """A camera's integers where that may be, else fractions."""
+    image: Any = WHOLE if whole else WHOLE / np.float32(255)
+    yield Touch(image, "touch")
 
 
 @node
@@ -434,4 +446,5 @@ TOYS = (
     "filed", "strips", "halves", "bright", "enough",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
     "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",
+    "whole_touches",
 )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Annotated, Literal
 
 import pytest
@@ -40,3 +41,16 @@ def test_a_page_tells_units_ranges_and_defaults() -> None:
     page = node_page(find_node("flat_field"))
     assert "`flat` (float32 K x H x W [1]): K x H x W, the untouched film" in page
     assert "`floor` (default 0.02, above 0): Smallest value" in page
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_what_a_node_returns_is_told_to_its_end(name: str) -> None:
+    doc = inspect.cleandoc(find_node(name).doc or "")
+    told = describe(find_node(name)).returns
+    if "\nReturns\n" not in doc:
+        assert not told
+        return
+    section = doc.partition("\nReturns\n")[2].partition("\n\nRaises\n")[0].lstrip("-\n")
+    for other in ("Notes", "Examples", "References"):
+        section = section.partition(f"\n\n{other}\n")[0]
+    assert told == " ".join(section.split())

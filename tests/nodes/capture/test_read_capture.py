@@ -43,6 +43,25 @@ def test_sixteen_bits_are_fractions_of_65535(tmp_path: Path, suffix: str) -> Non
     assert np.allclose(capture.image, IMAGES / np.float32(255), atol=1e-7)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_images_stay_integers_where_they_may(tmp_path: Path, dtype: type) -> None:
+    images = IMAGES.astype(dtype) * dtype(1 if dtype is np.uint8 else 257)
+    whole = read_one(write(tmp_path, images), whole=True).image
+    assert whole.dtype == dtype
+    assert np.array_equal(whole, images)
+
+
+def test_integers_that_do_not_fill_their_bits_are_fractions_all_the_same(tmp_path: Path) -> None:
+    write(tmp_path, IMAGES.astype(np.uint16) * 16)
+    (tmp_path / "capture.yaml").write_text("bits: 12\n")
+    assert read_one(tmp_path, whole=True).image.dtype == np.float32
+
+
+def test_darkness_is_refused_also_as_integers(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="too dark"):
+        read_one(write(tmp_path, np.full((4, 12, 16), 1, np.uint8)), whole=True)
+
+
 def test_twelve_bits_in_sixteen(tmp_path: Path) -> None:
     write(tmp_path, IMAGES.astype(np.uint16) * 16)
     (tmp_path / "capture.yaml").write_text("bits: 12\n")

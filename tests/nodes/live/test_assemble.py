@@ -73,6 +73,23 @@ def test_ambient_light_is_what_exceeds_the_calibrations_dark() -> None:
     assert assembling.take() == pytest.approx(0.6 - (0.2 - 0.02), abs=1e-6)
 
 
+def test_frames_stay_integers_where_they_may() -> None:
+    assembling = assembler(whole=True)
+    for n, led in enumerate(LEDS):
+        assembling.add(frame(n, led, 10 * led))
+    touch = assembling.take()
+    assert touch.dtype == np.uint8
+    assert touch[:, 0, 0].tolist() == [10, 20, 30, 40]
+
+
+@pytest.mark.parametrize("settings", [{"full": 200}, {"cycle": (1, 2, 3, 4, 0)}])
+def test_frames_that_are_to_be_scaled_or_darkened_are_fractions(settings) -> None:
+    assembling = assembler(whole=True, **settings)
+    for n, led in enumerate(LEDS):
+        assembling.add(frame(n, led))
+    assert assembling.take().dtype == np.float32
+
+
 def test_sixteen_bit_frames_are_fractions_of_full_scale() -> None:
     assembling = assembler(full=4095)
     for n, led in enumerate(LEDS):

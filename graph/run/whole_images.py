@@ -1,0 +1,61 @@
+"""Images that are still the camera's unsigned integers, since a device reads them as they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.previous_values import recalled_values
+
+
+def read_whole(plan: Plan) -> set[Value]:
+    """Images that may be a camera's integers, since every reader's kernel takes those.
+
+    Callers hand them in, sources yield them, and idle nodes hand them on.
+    """
+    tasks = [t for t in plan.tasks.values() if may_be_whole(t) or t.node.is_idle is not None]
+    made = {Value(task.id, port) for task in tasks for port in task.node.outputs}
+    kept = {*plan.outputs.values(), *recalled_values(plan)}
+    given = {value for value in made if may_be_whole(plan.tasks[value.node])}
+    return {value for value in given | (made - kept) if _is_read_whole(plan, value)}
+
+
+def may_be_whole(task: Task) -> bool:
+    """Whether a caller or a source may give integers for images."""
+    return task.stand_in or task.node.whole is not None
+
+
+def goes_up(plan: Plan, task: Task) -> bool:
+    """Whether the device alone reads a source's images, so that they go there as they came."""
+    value = Value(task.id, next(iter(task.node.outputs)))
+    readers = [step for step in plan.steps if value in step.reads]
+    host = value in plan.outputs.values() or value in recalled_values(plan)
+    return not host and bool(readers) and all(step.on_device for step in readers)
+
+
+def _is_read_whole(plan: Plan, value: Value) -> bool:
+    return all(
+        task.node.reads_integers(name, plan.placements[task.id].backend)
+        for task in plan.tasks.values()
+        for name, found in task.edges.items()
+        if found == value and not task.filled
+    )
+
+
+def is_whole(array: Any) -> bool:
+    """Whether images are still the camera's unsigned integers."""
+    return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
+
+
+def in_fractions(task: Task, found: Any) -> Any:
+    """What a task made, images as fractions of full scale also where they are integers still."""
+    return as_fractions(found) if may_be_whole(task) and is_whole(found) else found
+
+
+def as_fractions(array: NDArray[Any]) -> NDArray[np.float32]:
+    """Unsigned integers as fractions of their full scale."""
+    return np.asarray(array / np.float32(np.iinfo(array.dtype).max), np.float32)

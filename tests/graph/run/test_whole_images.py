@@ -1,0 +1,91 @@
+"""A source may leave images as the camera's integers where the device alone reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import load
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.compare.drawable_arrays import views_of
+from tactograph.graph.run.cache import Cache
+from tactograph.graph.run.host_values import HostValues
+from tests.graph.conftest import Write
+from tests.graph.toys import WHOLE
+
+GRAPH = """
+format: 1
+title: A camera's integers
+params: {}
+prefer: [opencl, numpy]
+nodes:
+  frames: {op: whole_touches}
+  flat:   {op: at_rest, with: {rows: 4, columns: 5}}
+  light:  {op: flat_field, in: {image: frames.image, flat: flat.flat, dark: flat.dark}}
+outputs: {light: light}
+"""
+READ_BY_THE_HOST = GRAPH.replace(
+    "nodes:\n", "nodes:\n  more: {op: doubled, in: {image: frames.image}}\n"
+).replace("{light: light}", "{light: light, more: more}")
+AN_OUTPUT = GRAPH.replace("{light: light}", "{light: light, image: frames.image}")
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The types of the stacks of images that go up to a device."""
+    types: list[str] = []
+
+    def watching(start: Callable[..., Any]) -> Callable[..., Any]:
+        def watched(self: OpenCL, array: Any) -> Any:
+            if array.shape == WHOLE.shape and array.max() > 0 and array.min() < 0.5:
+                types.append(str(array.dtype))
+            return start(self, array)
+
+        return watched
+
+    monkeypatch.setattr(OpenCL, "start_upload", watching(OpenCL.start_upload))
+    return types
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+@pytest.mark.parametrize("graph", [GRAPH, READ_BY_THE_HOST, AN_OUTPUT])
+def test_integers_count_as_fractions_of_full_scale(
+    toys: list[str], write: Write, graph: str, backend: str
+) -> None:
+    (result,) = load(write(graph), backend=backend).items()
+    expected = WHOLE / np.float32(255)
+    np.testing.assert_allclose(result["light"], expected, atol=1e-6)
+    for name, times in (("more", 2), ("image", 1)):
+        if name in result.outputs:
+            assert result[name].dtype == np.float32
+            np.testing.assert_array_equal(result[name], times * expected)
+
+
+@pytest.mark.parametrize(
+    ("graph", "kind"), [(GRAPH, "uint8"), (READ_BY_THE_HOST, "float32"), (AN_OUTPUT, "float32")]
+)
+def test_a_source_is_told_who_reads_its_images(
+    toys: list[str], write: Write, sent: list[str], graph: str, kind: str
+) -> None:
+    list(load(write(graph), backend="opencl").items())
+    assert sent == [kind]
+
+
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch, backend: str
+) -> None:
+    monkeypatch.setattr(HostValues, "told_of_images", lambda *_: {"whole": True})
+    (result,) = load(write(READ_BY_THE_HOST), backend=backend).items()
+    np.testing.assert_array_equal(result["more"], 2 * (WHOLE / np.float32(255)))
+
+
+def test_whoever_looks_into_the_graph_sees_fractions(toys: list[str], write: Write) -> None:
+    pipeline = load(write(GRAPH), backend="opencl", cache=Cache())
+    result = next(iter(pipeline.items()))
+    (drawn,) = [view.array for view in views_of(result) if view.name == "image"]
+    for seen in (drawn, pipeline.inspect("frames.image")):
+        np.testing.assert_array_equal(seen, WHOLE / np.float32(255))
