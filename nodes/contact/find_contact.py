@@ -81,7 +81,8 @@ def find_contact(
     if not lines:
         return np.zeros(height.shape, np.uint8)
     # A line without a parent goes around a core, the others around its holes.
-    outlines = [line for line, (*_, parent) in zip(lines, nested[0], strict=True) if parent < 0]
+    parents = nested[0, :, 3].tolist()
+    outlines = [line for line, parent in zip(lines, parents, strict=True) if parent < 0]
     raised = (height > np.float32(leave) * level).view(np.uint8) * OPEN
     areas, cores = _fill(raised, outlines)
     found = [number for number in areas if cores[number] >= least_px]
