@@ -569,12 +569,16 @@ static void all_lit(
 // Order the doubtful pixels by kind, so that those which are done together try the same sets.
 static void sort_by_kind(const Doubtful *doubtful, const int K, int *order)
 {
+#if LANES == 1
+    order[0] = 0;
+#else
     int ends[2 << MOST];
     const int kinds = 2 << K;
     for (int kind = 0; kind < kinds; ++kind) ends[kind] = 0;
     for (int i = 0; i < doubtful->number; ++i) ++ends[doubtful->kind[i]];
     for (int kind = 1; kind < kinds; ++kind) ends[kind] += ends[kind - 1];
     for (int i = doubtful->number - 1; i >= 0; --i) order[--ends[doubtful->kind[i]]] = i;
+#endif
 }
 
 // The set of LEDs that explains some doubtful pixels best, LANES of them at most.
