@@ -247,7 +247,8 @@ class SimulatedSensor:
             x, y, depth = self.place(moment)
             rows, columns = self._window(x, y)
             at = self._x[columns], self._y[rows]
-            bright = self._brightness(x, y, depth)[rows, columns]
+            # In order, so that loops are compiled for one kind of array alone.
+            bright = np.ascontiguousarray(self._brightness(x, y, depth)[rows, columns])
             shape = self._film.surface(at[0] - np.float32(x), at[1] - np.float32(y), depth)
             pressed = _Pressed(rows, columns, *at, *shape, bright)
             # Only the last few: the truth of a frame is asked for soon after it was taken.
@@ -259,7 +260,7 @@ class SimulatedSensor:
         from tactograph.nodes.live._pressed_loops import light_around
 
         film = self._press(moment)
-        flat = self._bare[k, film.rows, film.columns]
+        flat = np.ascontiguousarray(self._bare[k, film.rows, film.columns])
         led, shape = self.lights[k], (film.height, film.p, film.q)
         light = light_around(film.x, film.y, led, *shape, flat, film.bright, self.strength[k])
         return light, (film.rows, film.columns)
