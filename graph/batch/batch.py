@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
 from tactograph.graph.batch.store import DONE, FAILED, Store, create_store, open_store
-from tactograph.graph.batch.worker import Chunk, Tally, find_map_types, folder_name
+from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, TactographError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
@@ -18,7 +18,6 @@ from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.result_origin import find_origin, named_files
 
-Answer = TypeVar("Answer")
 TRIES = 20
 """So many captures are tried to find out what maps look like."""
 

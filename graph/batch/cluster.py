@@ -10,12 +10,11 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
-Answer = TypeVar("Answer")
 DEATHS = 3
 """So often may the workers that hold a chunk die (each time as often as Dask allows)."""
 ANSWER = 30.0

@@ -8,20 +8,17 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
-from typing import TypeVar
 
 from tactograph.graph.backends.device_backend import open_device
-from tactograph.graph.batch.worker import Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 from tactograph.graph.run.cores import cores, shared_among
 
-Answer = TypeVar("Answer")
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
 FEWEST = 256
 """Captures that make up for the start of a process, which takes seconds."""
-DIED = f"its process died {TRIES + 1} times; run this capture alone to see why"
-DIED_ONCE = "its process died; run this capture alone to see why"
+ALONE = "run this capture alone to see why"
 
 
 def worth_starting(backends: Sequence[str], device: str | None, captures: int) -> int:
@@ -75,7 +72,7 @@ class Processes:
             return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
         except BrokenProcessPool:
             self._idle = None
-            raise InputError(f"{about[-1]}: {DIED_ONCE}") from None
+            raise InputError(f"{about[-1]}: its process died; {ALONE}") from None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield how each went.
@@ -99,7 +96,7 @@ class Processes:
             if deaths[died[0]] < TRIES:
                 waiting = chain(died, waiting)
             else:
-                yield fail_chunk(died[0], DIED)
+                yield fail_chunk(died[0], f"its process died {TRIES + 1} times; {ALONE}")
 
     def _until_death(
         self, chunks: Iterator[Chunk], number: int

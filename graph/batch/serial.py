@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
 
-from tactograph.graph.batch.worker import Chunk, Tally, do_chunks
-
-Answer = TypeVar("Answer")
+from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunks
 
 
 class Serial:

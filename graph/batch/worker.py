@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from tactograph.graph.batch.captures import at_hand, kept_at_hand
 from tactograph.graph.batch.job import Job
@@ -26,6 +26,7 @@ from tactograph.graph.run.result import Result
 from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.source_stream import SourceStream
 
+Answer = TypeVar("Answer")
 PIXEL_UNIT = "mm/px"
 _mine = threading.local()
 """The pipeline that this thread keeps: a pipeline belongs to one thread."""

@@ -83,8 +83,8 @@ def command(
     read = options.read(graph)
     captures = find_captures(over)
     cluster = _cluster(workers, scheduler, scheduler_file)
-    with ExitStack() as started:
-        who = cluster or _here(workers, read, options, len(captures), started)
+    with ExitStack() as closing:
+        who = cluster or _here(workers, read, options, len(captures), closing)
         job = make_job(
             read,
             read_words(read, values),
@@ -97,7 +97,7 @@ def command(
             strict=options.strict,
         )
         place = store_place(out, job)
-        started.enter_context(alone_in(place))
+        closing.enter_context(alone_in(place))
         store = open_batch(out, job, captures)
         damaged = reopen_damaged(store)
         if damaged:
@@ -128,7 +128,7 @@ def _cluster(
 
 
 def _here(
-    number: int | None, graph: Graph, options: RunOptions, captures: int, started: ExitStack
+    number: int | None, graph: Graph, options: RunOptions, captures: int, closing: ExitStack
 ) -> Workers:
     """This process, or several that start while it lays out the batch."""
     from tactograph.graph.batch.processes import Processes, worth_starting
@@ -136,7 +136,7 @@ def _here(
 
     backends = [options.backend] if options.backend else graph.backends
     number = number or worth_starting(backends, options.device, captures)
-    return started.enter_context(Processes(number)) if number > 1 else Serial()
+    return closing.enter_context(Processes(number)) if number > 1 else Serial()
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:

@@ -10,24 +10,23 @@ from numpy.typing import NDArray
 
 from tactograph.graph.errors import InputError
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.whole_images import as_fractions, goes_up
+from tactograph.graph.run.whole_images import as_fractions
 
 MOST_LIGHTS = 32
 """More images than that are taken for the rows of one."""
 
 
 class StandIns:
-    """The source nodes that a caller stands in for, and how each one's images travel."""
+    """The source nodes that a caller stands in for."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        waiting = [task for task in plan.tasks.values() if task.stand_in]
-        self._stay_whole = {task.id: goes_up(plan, task) for task in waiting}
+        self._waiting = {task.id for task in plan.tasks.values() if task.stand_in}
 
     @property
     def names(self) -> list[str]:
         """The nodes that wait for an array, by name."""
-        return sorted(self._stay_whole)
+        return sorted(self._waiting)
 
     def check(self, arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
         """The caller's arrays as stacks of images: views of them wherever that is possible.
@@ -37,7 +36,7 @@ class StandIns:
         InputError
             If one is missing, is not waited for, or is no stack of images.
         """
-        if self._stay_whole.keys() != arrays.keys():
+        if self._waiting != arrays.keys():
             raise InputError(
                 f"{self._plan.graph.name}: arrays are needed for {self.names}, "
                 f"and were given for {sorted(arrays)}"
@@ -45,13 +44,11 @@ class StandIns:
         return {name: _checked_stack(array).view() for name, array in arrays.items()}
 
     def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-        """What the nodes would have yielded; integers stay integers for the device alone."""
+        """What the nodes would have yielded."""
         return {name: self._yielded(name, stack) for name, stack in stacks.items()}
 
     def _yielded(self, name: str, stack: NDArray[Any]) -> Any:
         record = self._plan.tasks[name].node.output_record
-        if stack.dtype.kind == "u" and not self._stay_whole[name]:
-            stack = as_fractions(stack)
         return stack if record is None else record(stack)
 
 

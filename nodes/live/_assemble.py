@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Dark
 from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.live._led_in_frame import Film, light_of
+from tactograph.nodes.live._led_in_frame import Film, light_of, top_of
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2
@@ -65,7 +65,7 @@ class Assembler:
         self._new.add(frame.led)
 
     def _scale(self, frame: RawFrame) -> np.float32:
-        return np.float32(1 / (self.full or np.iinfo(frame.data.dtype).max))
+        return np.float32(1 / top_of(frame.data, self.full))
 
     @property
     def due(self) -> bool:

@@ -17,7 +17,7 @@ from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
 from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import MOST_SATURATED, OFF, Film, cells
+from tactograph.nodes.live._led_in_frame import MOST_SATURATED, OFF, Film, cells, top_of
 from tactograph.nodes.live._open_camera import (
     Capture,
     Library,
@@ -213,7 +213,7 @@ class ColourStream:
         # A few rows say as much of light from elsewhere as all do.
         sample = data[::5].copy()
         if (
-            np.count_nonzero(np.greater_equal(sample, self._top(data)))
+            np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
             > MOST_SATURATED * sample.size
         ):
             return "saturated"
@@ -224,7 +224,7 @@ class ColourStream:
 
     def _judge_brightness(self, data: Plane) -> str:
         """A dark frame is discarded; a colour that has changed is told, and followed."""
-        light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(self._top(data))
+        light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(top_of(data, self.full))
         share = light / self.film.scale
         gains = np.median(share.reshape(len(share), -1), axis=1)
         if gains.max() < OFF:
@@ -239,16 +239,13 @@ class ColourStream:
         newest = shots[-1]
         self.state.touches += 1
         return Touch(
-            planes_of(newest.data, self.order, self._top(newest.data)),
+            planes_of(newest.data, self.order, top_of(newest.data, self.full)),
             f"{self.state.touches:06}",
             newest.time,
             [RawFrame(shot.number, ALL_LIT, shot.time, shot.data) for shot in shots],
             replace(self.state, faults=Counter(self.state.faults)),
             self.sensor.truth(newest.time),
         )
-
-    def _top(self, data: Plane) -> float:
-        return self.full or float(np.iinfo(data.dtype).max)
 
     def _ordered(self, data: Plane) -> Plane:
         return data if self.order == "bgr" else data[..., ::-1]

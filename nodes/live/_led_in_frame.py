@@ -124,7 +124,7 @@ def see(frame: Plane, film: Film, full: float = 0.0, light: F4 | None = None) ->
     """
     if frame.shape != film.size:
         return Sight("wrong size")
-    if np.count_nonzero(frame >= _top(frame, full)) > MOST_SATURATED * frame.size:
+    if np.count_nonzero(frame >= top_of(frame, full)) > MOST_SATURATED * frame.size:
         return Sight("saturated")
     seen = (light_of(frame, full) if light is None else light) - film.dark
     patterns = film.scale.reshape(len(film.scale), -1)
@@ -287,10 +287,11 @@ def _another(mixed: list[NDArray[np.float64]], best: int) -> int:
 
 def light_of(frame: Plane, full: float = 0.0) -> F4:
     """Cells of a frame, as shares of the camera's largest value."""
-    return cells(frame) / np.float32(_top(frame, full))
+    return cells(frame) / np.float32(top_of(frame, full))
 
 
-def _top(frame: Plane, full: float) -> float:
+def top_of(frame: Plane, full: float) -> float:
+    """The camera's largest value: `full`, or if that is 0 that of the frame's type."""
     return full or float(np.iinfo(frame.dtype).max)
 
 

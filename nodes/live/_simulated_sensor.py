@@ -29,6 +29,7 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 
 FULL = 255
 EXPOSURE_S, EXPOSED = 0.02, 0.6
+"""An exposure that nobody chose, and the share of a frame's time that it takes at most."""
 DEPTHS = 9
 """Depths at which the film's shape is computed; between them it is interpolated."""
 RADII = 4096

@@ -159,7 +159,7 @@ def read_camera(
             settings |= {"refresh": refresh, "cycle": list(flashed.cycle)}
             state, skip = LiveState(settings=settings), motion == "skip"
             stream: Stream | ColourStream = Stream(
-                flashed, refresh, full, bool(whole), motion_limit, skip, state
+                flashed, refresh, full, whole, motion_limit, skip, state
             )
         else:
             colours = open_colour_sensor(
