@@ -1,18 +1,9 @@
 #include "common.clh"
+#include "lanes.clh"
 
-// Where between the centres of two cells a pixel lies.
-static float place_of(const int at, const int cells, const int factor)
-{
-    return clamp(((float)at + 0.5f) / (float)factor - 0.5f, 0.0f, (float)(cells - 1));
-}
-
-static float mixed(const float a, const float b, const float share)
-{
-    return a + (b - a) * share;
-}
-
-// The height of coarse cells, interpolated linearly.
-__kernel void enlarge_height(
+// The height of coarse cells, interpolated linearly between their centres.  A work-item does LANES
+// pixels of a row.
+LANED __kernel void enlarge_height(
     __global const float *restrict height,
     __global const float *restrict like,
     __global float *restrict out,
@@ -20,12 +11,21 @@ __kernel void enlarge_height(
     const int K, const int H, const int W,
     const int factor)
 {
-    GRID_2(y, x, H, W)
-    const float row = place_of(y, h, factor), column = place_of(x, w, factor);
-    const int above = (int)row, left = (int)column;
-    const int below = min(above + 1, h - 1), right = min(left + 1, w - 1);
-    const float across = column - (float)left;
-    const float top = mixed(height[above * w + left], height[above * w + right], across);
-    const float bottom = mixed(height[below * w + left], height[below * w + right], across);
-    out[y * W + x] = mixed(top, bottom, row - (float)above);
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const float row =
+        clamp(((float)y + 0.5f) / (float)factor - 0.5f, 0.0f, (float)(h - 1));
+    const floats none = 0.0f, last = (float)(w - 1);
+    const floats column = LESS_OF(
+        MORE_OF(((float)x + LANE_NUMBERS + 0.5f) / (float)factor - 0.5f, none), last);
+    const int above = (int)row;
+    const ints first = TO_INTS(column), edge = w - 1;
+    int left[LANES], right[LANES];
+    STORE_LANES(first, left);
+    STORE_LANES(LESS_OF(first + 1, edge), right);
+    __global const float *cells = height + above * w, *next = height + min(above + 1, h - 1) * w;
+    const floats across = column - TO_FLOATS(first);
+    const floats west = gather_floats(cells, left), south_west = gather_floats(next, left);
+    const floats top = west + (gather_floats(cells, right) - west) * across;
+    const floats bottom = south_west + (gather_floats(next, right) - south_west) * across;
+    store_floats(top + (bottom - top) * (row - (float)above), out + y * W + x, count);
 }

@@ -80,7 +80,7 @@ LANED __kernel void matt_light(
             __global float *made = light_ + k * size + at;
             if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MOST_DIFFUSE) {
                 // What a matt film has there, the harmonics stand beside.
-                const floats beside = shaded(&film, known + k, &facing, none);
+                const floats beside = shaded(&film, known + k, &facing);
                 store_floats((shown[k] - beside) * scale[k], made, count);
                 continue;
             }

@@ -29,4 +29,4 @@ def enlarge_height(
     return between_cells(height, like.shape[1:], factor)
 
 
-enlarge_height.opencl(grid="H W")
+enlarge_height.opencl(grid="H W", lanes="rows")

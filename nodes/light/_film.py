@@ -46,7 +46,7 @@ USUAL_RIM = 2.0
 """mm of film beyond the frame, where nothing is known of it."""
 
 TURN = 0.02
-"""Radians by which a normal is turned for a derivative."""
+"""Radians by which a normal is turned for the derivative of a coat's light."""
 LONGEST = 0.3
 """Longest step of a normal, in radians."""
 FLATTEST = 0.1
@@ -110,18 +110,28 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | No
     touched = touch_gain(film, z)
     if rest is None:
         rest = rest_below(film, x, y, z)
-    shade = None
-    if film.harmonics.any():
-        shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
-        x0, y0 = _below(film, x, y, z)
-        place = place_terms(x0 / film.reach, y0 / film.reach)
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
     for k, direct in enumerate(_reflected(film, n, x, y, z)):
         b = film.diffuse[k]
         made[k] = touched * (b + (1 - b) * direct / rest[k])
-        if shade is not None:
-            made[k] += ((film.harmonics[k] @ place) * shade).sum(0)
+    if film.harmonics.any():
+        shade = shades(n) * _fade(film, n)
+        for k, strength in enumerate(_strengths(film, x, y, z)):
+            made[k] += (strength * shade).sum(0)
     return made
+
+
+def _strengths(film: Film, x: Array, y: Array, z: Array) -> Iterator[Array]:
+    """Yield how strong the harmonics of equation F1 are at a place, 8 x N, LED by LED."""
+    x0, y0 = _below(film, x, y, z)
+    place = place_terms(x0 / film.reach, y0 / film.reach)
+    for terms in film.harmonics:
+        yield terms @ place
+
+
+def _fade(film: Film, n: Array) -> Array:
+    """Return w of equation F1."""
+    return np.asarray(np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1))
 
 
 def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
@@ -174,10 +184,8 @@ def turned(
     if rest is None:
         rest = rest_below(film, *place)
     before = predict(film, n, *place, rest)
-    by_s, by_t = (
-        (predict(film, _unit(n + TURN * np.stack(way)), *place, rest) - before) / TURN
-        for way in ((nz, none, -nx), (none, nz, -ny))
-    )
+    tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
+    by_s, by_t = changes(film, n, tangents, place, rest)
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
     shown = (light / touch_gain(film, place[2]) - diffuse) / direct
     weight = np.clip((shown - DIM) / (LIT - DIM), 0, 1) / np.maximum(light, LIT) ** 2
@@ -199,6 +207,55 @@ def turned(
     new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
     np.maximum(new[2], FLATTEST, out=new[2])
     return _unit(new)
+
+
+def changes(
+    film: Film,
+    n: Array,
+    tangents: tuple[Array, Array],
+    place: tuple[Array, Array, Array],
+    rest: Array,
+) -> tuple[Array, Array]:
+    """Return the derivatives of equation F1 by a normal along two tangents, K x N each.
+
+    Direct light of an LED behind the film changes as if it went on below zero.  The
+    arguments are those of `turned`.
+    """
+    if film.refraction == 1:
+        towards = list(_towards(film, place))
+        found = [np.stack([(along * to).sum(0) for to in towards]) for along in tangents]
+    else:
+        before, *after = (
+            np.stack(list(_reflected(film, normal, *place)))
+            for normal in (n, *(_unit(n + TURN * along) for along in tangents))
+        )
+        found = [(light - before) / TURN for light in after]
+    scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) / rest
+    s, t = (scale * change for change in found)
+    if film.harmonics.any():
+        by_s, by_t = (_shades_change(film, n, along) for along in tangents)
+        for k, strength in enumerate(_strengths(film, *place)):
+            s[k] += (strength * by_s).sum(0)
+            t[k] += (strength * by_t).sum(0)
+    return s, t
+
+
+def _towards(film: Film, place: tuple[Array, Array, Array]) -> Iterator[Array]:
+    """Yield the way to an LED over the cube of its length, 3 x N."""
+    for light in film.lights:
+        way = np.stack([there - at for there, at in zip(light, place, strict=True)])
+        square = (way * way).sum(0)
+        yield way / (square * np.sqrt(square))
+
+
+def _shades_change(film: Film, n: Array, along: Array) -> Array:
+    """Return the derivative of the harmonics, faded, by a normal along a tangent: 8 x N."""
+    (x, y, z), (dx, dy, dz) = n, along
+    by = [dx, dy, dz, dx * y + x * dy, dx * z + x * dz, dy * z + y * dz]
+    change = np.stack([*by, 2 * (x * dx - y * dy), 6 * z * dz])
+    fade = _fade(film, n)
+    fading = np.where((fade > 0) & (fade < 1), dz / FADE, 0)
+    return np.asarray(fade * change + fading * shades(n))
 
 
 def _unit(n: Array) -> Array:

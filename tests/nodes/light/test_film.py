@@ -8,8 +8,10 @@ import pytest
 from tactograph.nodes.light._film import (
     FADE,
     _reflected,
+    changes,
     is_affine,
     predict,
+    rest_below,
     turned,
 )
 from tactograph.nodes.light._near_light import vectors_at
@@ -98,6 +100,25 @@ def test_a_pupil_near_the_film_sees_the_film_at_rest_elsewhere() -> None:
     away = [np.linalg.norm(LEDS - [p[0], 0, h], axis=1) for p, h in ((x, 2.0), (seen, 0.0))]
     expected = (LEDS[:, 2] - 2) / LEDS[:, 2] * (away[1] / away[0]) ** 3
     assert predict(film, n, x, np.zeros(1), z)[:, 0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_light_changes_with_the_normal_as_its_derivatives_say(name: str) -> None:
+    film, (nx, ny, nz), step = FILMS[name], N, 1e-4
+    none = np.zeros_like(nx)
+    tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
+    place = X, Y, Z
+    lit = predict(film, N, *place) > film.diffuse[:, None] + 0.05
+    found = changes(film, N, tangents, place, rest_below(film, *place))
+    for along, change in zip(tangents, found, strict=True):
+        before, after = (
+            predict(film, n / np.linalg.norm(n, axis=0), *place)
+            for n in (N - step * along, N + step * along)
+        )
+        # A coat's are differences over a step of a fiftieth.
+        room = 1e-4 if film.refraction == 1 else 0.05
+        expected = (after - before) / (2 * step)
+        assert np.abs(change - expected)[lit].max() < room * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", FILMS)
