@@ -2,46 +2,27 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 
-from tactograph.graph.backends.device_backend import open_device
+from tactograph.graph.batch.fork_server import process_context, start_importing
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
-from tactograph.graph.run.cores import cores, shared_among
+from tactograph.graph.run.cores import share_of, take_over
 
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
-FEWEST = 256
-"""Captures that make up for the start of a process, which takes seconds."""
 ALONE = "run this capture alone to see why"
-
-
-def worth_starting(backends: Sequence[str], device: str | None, captures: int) -> int:
-    """How many processes do so many captures soonest, of a graph that prefers these back ends.
-
-    One for each core: each does more by itself than with a share of all.  A GPU has one.
-
-    Raises
-    ------
-    InputError
-        If `device` is the name of none that works.
-    """
-    opened = open_device(backends, device)[0]
-    if opened is not None and not opened.is_cpu:
-        return 1
-    return max(1, min(cores(), captures // FEWEST))
 
 
 class Processes:
     """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there.
 
-    In a ``with`` block they start at once, and import what they need while the batch is laid
-    out; else with the first thing that they are to do.
+    They start with the first thing that they are to do.  In a ``with`` block they begin at once
+    to import what they need, while the batch is laid out.
     """
 
     def __init__(self, number: int, do: Callable[[Chunk], Tally] = do_chunk) -> None:
@@ -51,7 +32,8 @@ class Processes:
         self.name = f"{number} processes"
 
     def __enter__(self) -> Processes:
-        self._idle = _started(self.number)
+        if not start_importing():
+            self._idle = _started(self.number)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -126,11 +108,11 @@ class Processes:
 
 def _started(number: int) -> ProcessPoolExecutor:
     """Start processes, with a share of the cores each, which import what a chunk needs."""
-    # fork would copy an OpenCL context, which no runtime allows.
-    pool = ProcessPoolExecutor(number, mp_context=multiprocessing.get_context("spawn"))
-    with shared_among(number):
-        for _ in range(number):
-            pool.submit(_be_there)
+    pool = ProcessPoolExecutor(
+        number, process_context(), initializer=take_over, initargs=(share_of(number),)
+    )
+    for _ in range(number):
+        pool.submit(_be_there)
     return pool
 
 

@@ -76,12 +76,14 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
     with ThreadPoolExecutor(1, "read") as reader, ThreadPoolExecutor(1, "write") as writer:
         written: Future[Tally] | None = None
         entries: dict[int, Entry] = {}
+        types: dict[str, MapType] = {}
         for turn in _one_ahead(_turns(chunks, reader)):
             # Opened again if a device failed: it may not recover otherwise.
             store, pipeline = _opened(turn.chunk.out, turn.chunk.stamp)
             if turn.coming is not None:
+                types = types if entries else store.map_types()
                 with (ready := turn.coming.result()).kept:
-                    entries[turn.number] = _attempt(pipeline, ready, store.map_types())
+                    entries[turn.number] = _attempt(pipeline, ready, types)
             if turn.is_last:
                 if written is not None:
                     yield written.result()

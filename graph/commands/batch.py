@@ -68,23 +68,25 @@ def command(
     Stopped anywhere, the same command goes on where it was.  A capture that fails is written
     down with its reason; exit code 1 says that there are some.
     """
-    from tactograph.graph.batch.batch import (
-        make_job,
-        open_batch,
-        open_chunks,
-        reopen_damaged,
-        run_batch,
-        store_place,
-    )
     from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.batch.store_lock import alone_in
-    from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
     captures = find_captures(over)
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
         who = cluster or _here(workers, read, options, len(captures), closing)
+        # Not before: to import these takes as long as the processes import what they need.
+        from tactograph.graph.batch.batch import (
+            make_job,
+            open_batch,
+            open_chunks,
+            reopen_damaged,
+            run_batch,
+            store_place,
+        )
+        from tactograph.graph.batch.store_lock import alone_in
+        from tactograph.graph.run.typed_values import read_words
+
         job = make_job(
             read,
             read_words(read, values),
@@ -131,11 +133,16 @@ def _here(
     number: int | None, graph: Graph, options: RunOptions, captures: int, closing: ExitStack
 ) -> Workers:
     """This process, or several that start while it lays out the batch."""
-    from tactograph.graph.batch.processes import Processes, worth_starting
-    from tactograph.graph.batch.serial import Serial
+    from tactograph.graph.batch.fork_server import start_importing
+    from tactograph.graph.batch.worth_starting import worth_starting
 
     backends = [options.backend] if options.backend else graph.backends
     number = number or worth_starting(backends, options.device, captures)
+    if number > 1:
+        start_importing()
+    from tactograph.graph.batch.processes import Processes
+    from tactograph.graph.batch.serial import Serial
+
     return closing.enter_context(Processes(number)) if number > 1 else Serial()
 
 

@@ -58,20 +58,21 @@ def check_settings(
         return {**defaults, **settings}
     found = {name: getattr(model, name) for name in node.parameters}
     for name, value in found.items():
-        _check_numbers(value, where(name))
+        if reason := _beyond_numbers(value):
+            raise GraphError(f"{where(name)}: {reason}")
     return found
 
 
-def _check_numbers(value: Any, where: str) -> None:
-    """Refuse a number whose square or inverse 32-bit floats, or 64-bit integers, cannot hold."""
+def _beyond_numbers(value: Any) -> str:
+    """Say if 32-bit floats cannot hold a number's square or inverse, or 64 bits a whole number."""
     for part in value if isinstance(value, list | tuple) else ():
-        _check_numbers(part, where)
+        if reason := _beyond_numbers(part):
+            return reason
     if isinstance(value, float) and value and not SMALLEST <= abs(value) <= LARGEST:
-        raise GraphError(
-            f"{where}: a number from {SMALLEST:g} to {LARGEST:g} (or 0) is needed, not {value:g}"
-        )
+        return f"a number from {SMALLEST:g} to {LARGEST:g} (or 0) is needed, not {value:g}"
     if isinstance(value, int) and abs(value) >= 2**63:
-        raise GraphError(f"{where}: the whole number is too large")
+        return "the whole number is too large"
+    return ""
 
 
 def _message(node: Node, where: Callable[[str], str], first: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 OURS = "TACTOGRAPH_CORES"
@@ -26,25 +26,31 @@ def cores() -> int:
     return _bound_to()
 
 
-@contextmanager
-def shared_among(workers: int) -> Iterator[None]:
-    """Give processes that are started inside the block an equal share of the cores each.
+def share_of(workers: int) -> dict[str, str]:
+    """Return this process' environment with what gives each of its workers a share of the cores.
 
     A variable that the user has set keeps its value.
     """
     share = str(max(1, cores() // workers))
-    new = {name: share for name in OTHERS if name not in os.environ}
-    before = os.environ.get(OURS)
-    os.environ.update(new, **{OURS: share})
+    return {**dict.fromkeys(OTHERS, share), **os.environ, OURS: share}
+
+
+@contextmanager
+def environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Let processes that are started inside the block have such an environment."""
+    before = dict(os.environ)
+    take_over(values)
     try:
         yield
     finally:
-        for name in new:
-            os.environ.pop(name, None)
-        if before is None:
-            os.environ.pop(OURS, None)
-        else:
-            os.environ[OURS] = before
+        take_over(before)
+
+
+def take_over(values: Mapping[str, str]) -> None:
+    """Have this environment and no other."""
+    for name in {*os.environ} - {*values}:
+        del os.environ[name]
+    os.environ.update(values)
 
 
 def _bound_to() -> int:

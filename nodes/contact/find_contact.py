@@ -120,10 +120,10 @@ def _fill(
 def _rest_noise(height: Height) -> float:
     """Standard deviation of the film at rest in mm; zero where nothing lies below rest."""
     step = max(1, int((height.size / SAMPLES) ** 0.5))
-    seen = height[::step, ::step]
-    below = seen[seen < 0]
-    if not below.size:
+    seen = height[::step, ::step].ravel()
+    below = np.count_nonzero(seen < 0)
+    if not below:
         return 0.0
-    # The median, ten times sooner than NumPy's own.
-    middle = (below.size - 1) // 2, below.size // 2
-    return TO_DEVIATION * float(-np.partition(below, middle)[[*middle]].mean())
+    # The median of those below, found among all: sooner than to pick them out first.
+    middle = (below - 1) // 2, below // 2
+    return TO_DEVIATION * float(-np.partition(seen, middle)[[*middle]].mean())

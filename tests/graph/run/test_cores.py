@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tactograph.graph.run.cores import cores, shared_among
+from tactograph.graph.run.cores import cores, environment, share_of
 
 TOLD = "from tactograph.graph.run.cores import cores; print(cores())"
 
@@ -31,22 +31,27 @@ def test_a_process_bound_to_one_core_starts_one_thread() -> None:
 def test_processes_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tactograph.graph.run.cores._bound_to", lambda: 8)
     before = dict(os.environ)
-    with shared_among(4):
+    with environment(share_of(4)):
         assert os.environ["TACTOGRAPH_CORES"] == "2"
         assert os.environ["POCL_MAX_PTHREAD_COUNT"] == "2"
-        with shared_among(16):
+        with environment(share_of(16)):
             assert cores() == 1
     assert dict(os.environ) == before
 
 
+def test_an_environment_is_taken_over_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TACTOGRAPH_CORES", "3")
+    with environment({"PATH": "/nowhere"}):
+        assert dict(os.environ) == {"PATH": "/nowhere"}
+    assert os.environ["TACTOGRAPH_CORES"] == "3"
+
+
 def test_a_process_started_there_starts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    with shared_among(1000):
+    with environment(share_of(1000)):
         assert told() == 1
 
 
 @pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "POCL_MAX_PTHREAD_COUNT"])
 def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setenv(name, "7")
-    with shared_among(2):
-        assert os.environ[name] == "7"
-    assert os.environ[name] == "7"
+    assert share_of(2)[name] == "7"

@@ -1,0 +1,28 @@
+"""As many processes are started as make up for it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from tactograph.graph.batch import worth_starting as module
+from tactograph.graph.batch.worth_starting import worth_starting
+
+
+@pytest.mark.parametrize(
+    ("captures", "is_cpu", "number"),
+    [(0, True, 1), (300, True, 1), (800, True, 3), (9000, True, 4), (9000, False, 1)],
+)
+def test_a_process_has_a_core_and_captures_enough(
+    monkeypatch: pytest.MonkeyPatch, captures: int, is_cpu: bool, number: int
+) -> None:
+    device = SimpleNamespace(is_cpu=is_cpu)
+    monkeypatch.setattr(module, "open_device", lambda *_: (device, ""))
+    monkeypatch.setattr(module, "cores", lambda: 4)
+    assert worth_starting(["opencl", "numpy"], None, captures) == number
+
+
+def test_without_a_device_the_cores_are_shared_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "cores", lambda: 4)
+    assert worth_starting(["numpy"], None, 9000) == 4
