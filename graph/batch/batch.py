@@ -9,7 +9,14 @@ from typing import Any, Protocol
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import DONE, FAILED, Store, create_store, open_store
+from tactograph.graph.batch.store import (
+    DONE,
+    FAILED,
+    Store,
+    captures_together,
+    create_store,
+    open_store,
+)
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, TactographError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
@@ -27,7 +34,7 @@ class Workers(Protocol):
 
     name: str
 
-    def ask(self, question: Callable[..., Answer], *about: str) -> Answer: ...
+    def ask(self, question: Callable[..., Answer], *about: Any) -> Answer: ...
 
     def run(self, chunks: Iterator[Chunk]) -> Iterator[Tally]: ...
 
@@ -39,7 +46,6 @@ def make_job(
     out: str,
     param: str = "capture",
     maps: Sequence[str] | None = None,
-    chunk: int = 16,
     backend: str | None = None,
     device: str | None = None,
     strict: bool = False,
@@ -97,7 +103,6 @@ def make_job(
         inputs={name: content_of(place) for name, place in {**read, **named}.items()},
         param=param,
         maps=() if folders else kept,
-        chunk=chunk,
         backend=backend,
         device=device,
         strict=strict,
@@ -113,17 +118,22 @@ def store_place(out: str, job: Job) -> str:
     return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
 
 
-def open_batch(out: str, job: Job, captures: Sequence[str]) -> Store:
+def open_batch(
+    out: str, job: Job, captures: Sequence[str], workers: Workers, chunk: int | None = None
+) -> Store:
     """Make the store, or continue one of the same job; add new captures.
 
-    A store in which no capture was finished, as a mistake in the first command leaves it, is
-    made anew for another job or other captures.  A batch's own folder is none of its captures.
+    Where `chunk` does not say how many captures are written together, the size of their maps
+    does, which `workers` find out.  A store in which no capture was finished, as a mistake in
+    the first command leaves it, is made anew for another job or other captures.  A batch's own
+    folder is none of its captures.
 
     Raises
     ------
     InputError
         If the store was made by another graph, other values or another calibration, or
-        cannot be written.
+        cannot be written; or if none of the first captures can be done: then it is not the
+        captures.
     """
     place = store_place(out, job)
     wanted = [capture for capture in captures if not _lies_in(capture, place, job.folders)]
@@ -131,12 +141,17 @@ def open_batch(out: str, job: Job, captures: Sequence[str]) -> Store:
         raise InputError(f"--over: nothing is there but what lies in --out {out}")
     store = open_store(place)
     if store is None or _holds_nothing_for(store, job, wanted):
-        store = create_store(place, job, overwrite=store is not None)
+        types = _map_types(job, wanted, workers) if job.maps else {}
+        together = chunk or captures_together(types.values())
+        store = create_store(place, job, together, overwrite=store is not None)
+        store.add_maps(types)
     elif store.job.identity != job.identity:
         raise InputError(
             f"{place}: was made with {_differences(store.job.identity, job.identity)}; "
             "give another --out, or remove it"
         )
+    elif chunk not in (None, store.chunk):
+        raise InputError(f"{place}: was made with --chunk {store.chunk}; leave --chunk out")
     there = set(store.captures)
     store.append([capture for capture in wanted if capture not in there])
     return store
@@ -181,7 +196,7 @@ def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
     chunks: dict[int, list[tuple[int, str]]] = {}
     for number, status in enumerate(statuses):
         if status not in finished:
-            chunks.setdefault(number // store.job.chunk, []).append((number, captures[number]))
+            chunks.setdefault(number // store.chunk, []).append((number, captures[number]))
     return [Chunk(place, store.stamp, tuple(each)) for each in chunks.values()]
 
 
@@ -193,25 +208,23 @@ def run_batch(
     Raises
     ------
     InputError
-        If none of the first captures can be done: then it is not the captures.
+        If maps are gone from the store, and none of the first captures can be done.
     """
     if chunks and not store.has_maps:
-        first = [capture for chunk in chunks for _, capture in chunk.captures][:TRIES]
-        store.add_maps(_map_types(place, store, first, workers))
+        first = [capture for chunk in chunks for _, capture in chunk.captures]
+        store.add_maps(_map_types(store.job, first, workers))
     yield from workers.run(iter(chunks))
 
 
-def _map_types(
-    place: str, store: Store, captures: Sequence[str], workers: Workers
-) -> dict[str, MapType]:
+def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str, MapType]:
     """What maps look like, from the first of the captures that can be done."""
-    reason = ""
-    for capture in captures:
+    reason, tried = "", captures[:TRIES]
+    for capture in tried:
         try:
-            return workers.ask(find_map_types, place, store.stamp, capture)
+            return workers.ask(find_map_types, job, capture)
         except TactographError as error:
             reason = str(error)
-    raise InputError(f"none of the first {len(captures)} captures can be done; the last: {reason}")
+    raise InputError(f"none of the first {len(tried)} captures can be done; the last: {reason}")
 
 
 def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:

@@ -57,7 +57,7 @@ class Cluster:
         self.name = f"Dask at {address or file}"
         self._client = self._connect()
 
-    def ask(self, question: Callable[..., Answer], *about: str) -> Answer:
+    def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Have a question answered, in this process: it has what the workers have."""
         return question(*about)
 

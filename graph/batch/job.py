@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Job:
-    """Everything that decides what a capture gives, and how the captures are cut up.
+    """Everything that decides what a capture gives.
 
     `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
     capture; `folders` where results go as folders, None if maps go into the store; `code`,
@@ -22,7 +22,6 @@ class Job:
     inputs: dict[str, str]
     param: str
     maps: tuple[str, ...]
-    chunk: int
     backend: str | None = None
     device: str | None = None
     strict: bool = False
@@ -35,7 +34,7 @@ class Job:
     def identity(self) -> dict[str, Any]:
         """What must not change between the parts of one store."""
         same = (
-            "hash", "given", "inputs", "param", "maps", "chunk", "backend", "folders", "code",
-            "versions", "computes_on",
+            "hash", "given", "inputs", "param", "maps", "backend", "folders", "code", "versions",
+            "computes_on",
         )  # fmt: skip
         return {name: value for name, value in asdict(self).items() if name in same}

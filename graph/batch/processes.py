@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
+from typing import Any
 
 from tactograph.graph.batch.fork_server import process_context, start_importing
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
@@ -40,7 +41,7 @@ class Processes:
         if self._idle is not None:
             self._idle.shutdown(cancel_futures=True)
 
-    def ask(self, question: Callable[..., Answer], *about: str) -> Answer:
+    def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Have a question answered by whichever process is first; all open the graph for it.
 
         Raises

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunks
 
@@ -12,7 +13,7 @@ class Serial:
 
     name = "this process"
 
-    def ask(self, question: Callable[..., Answer], *about: str) -> Answer:
+    def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Have a question answered, here."""
         return question(*about)
 

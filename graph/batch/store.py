@@ -16,7 +16,7 @@ import json
 import math
 import uuid
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -31,13 +31,17 @@ from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
 
-FORMAT = 1
+FORMAT = 2
 PENDING, DONE, FAILED = 0, 1, 2
 STATUS = ("pending", "done", "failed")
 MOST_CAPTURES = 10**7
 MOST_CHUNK = 4096
 MOST_PIXELS = 2**25
 """More than a batch can have: what a store's own description may make a reader allocate."""
+HELD = 2**26
+"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
+MOST_TOGETHER = 32
+"""Captures: more are lost at once when a worker dies, and leave others idle at the end."""
 PIECE = 2**21
 """Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
 _WORDS = ("capture", "reason", "figures", "warnings")
@@ -64,20 +68,33 @@ class Entry:
 
 
 class Store:
-    """A batch's store, open for reading and for writing whole chunks."""
+    """A batch's store, open for reading and for writing whole chunks.
+
+    Attributes
+    ----------
+    job
+        What is done with every capture.
+    chunk
+        So many captures are written together.
+    stamp
+        No other store has it.
+    """
 
     def __init__(self, group: zarr.Group) -> None:
         self._group = group
         self._open: dict[str, zarr.Array[Any]] = {}
         try:
             about: Any = group.attrs["tactograph"]
+            if about["format"] != FORMAT:
+                raise InputError(
+                    f"{group.store_path}: format {about['format']}; this reads {FORMAT}; give "
+                    "another --out"
+                )
             job = about["job"]
-            self.format, self.stamp = about["format"], about["stamp"]
+            self.stamp, self.chunk = about["stamp"], int(about["chunk"])
             self.job = Job(**{**job, "maps": tuple(job["maps"])})
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{group.store_path}: no store of a batch ({error})") from None
-        if self.format != FORMAT:
-            raise InputError(f"{group.store_path}: format {self.format}; this reads {FORMAT}")
         self._check_arrays()
 
     def _check_arrays(self) -> None:
@@ -129,8 +146,8 @@ class Store:
         if not self.has_maps:
             return [int(number) for number in done]
         whole = np.ones(len(self), bool)
-        for first in range(0, len(self), self.job.chunk):
-            here = slice(first, min(first + self.job.chunk, len(self)))
+        for first in range(0, len(self), self.chunk):
+            here = slice(first, min(first + self.chunk, len(self)))
             if ((here.start <= done) & (done < here.stop)).any():
                 whole[here] = self._are_whole(here)
         return [int(number) for number in done if not whole[number]]
@@ -160,8 +177,8 @@ class Store:
     def reopen(self, numbers: Sequence[int]) -> None:
         """Let captures count as never done."""
         for number in numbers:
-            first = number // self.job.chunk * self.job.chunk
-            here = slice(first, min(first + self.job.chunk, len(self)))
+            first = number // self.chunk * self.chunk
+            here = slice(first, min(first + self.chunk, len(self)))
             with self._refusing():
                 self._merge("status", here, {number: PENDING})
 
@@ -202,8 +219,8 @@ class Store:
             name,
             shape=(len(self), *kind.shape),
             dtype=kind.dtype,
-            chunks=(_captures_in_one(kind, self.job.chunk), *kind.shape),
-            shards=(self.job.chunk, *kind.shape),
+            chunks=(_captures_in_one(kind, self.chunk), *kind.shape),
+            shards=(self.chunk, *kind.shape),
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
             dimension_names=("capture", *axes),
@@ -222,8 +239,8 @@ class Store:
         InputError
             If the store cannot be written.
         """
-        first = min(entries) // self.job.chunk * self.job.chunk
-        here = slice(first, min(first + self.job.chunk, len(self)))
+        first = min(entries) // self.chunk * self.chunk
+        here = slice(first, min(first + self.chunk, len(self)))
         with self._refusing():
             for name in self.job.maps:
                 made = {n: e.maps[name] for n, e in entries.items() if name in e.maps}
@@ -311,7 +328,7 @@ class Store:
 
 def _captures_in_one(kind: MapType, chunk: int) -> int:
     """How many maps are compressed as one: as many as fit whole times into a shard."""
-    nbytes = max(1, math.prod(kind.shape) * np.dtype(kind.dtype).itemsize)
+    nbytes = max(1, _bytes_of(kind))
     return max(n for n in range(1, chunk + 1) if chunk % n == 0 and (n == 1 or n * nbytes <= PIECE))
 
 
@@ -320,11 +337,25 @@ def _undecodable() -> tuple[type[Exception], ...]:
     return (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 
 
-def create_store(place: str, job: Job, *, overwrite: bool = False) -> Store:
+def captures_together(types: Iterable[MapType]) -> int:
+    """How many captures to write together: as many as `HELD` holds the maps of, a power of two."""
+    fit = HELD // max(1, sum(_bytes_of(kind) for kind in types))
+    return max(1, min(MOST_TOGETHER, 1 << max(0, fit.bit_length() - 1)))
+
+
+def _bytes_of(kind: MapType) -> int:
+    return math.prod(kind.shape) * np.dtype(kind.dtype).itemsize
+
+
+def create_store(place: str, job: Job, chunk: int, *, overwrite: bool = False) -> Store:
     """Make an empty store.
 
     Parameters
     ----------
+    job
+        What is to be done with every capture.
+    chunk
+        Captures that are written together.
     overwrite
         Whether a store that is there is made anew.
 
@@ -345,12 +376,12 @@ def create_store(place: str, job: Job, *, overwrite: bool = False) -> Store:
             group.create_array(
                 name,
                 shape=(0,),
-                chunks=(job.chunk,),
+                chunks=(chunk,),
                 dtype=dtype,
                 fill_value=fill,
                 dimension_names=("capture",),
             )
-        about = {"format": FORMAT, "stamp": uuid.uuid4().hex, "job": asdict(job)}
+        about = {"format": FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk, "job": asdict(job)}
         group.attrs["tactograph"] = json.loads(json.dumps(about))
     except (OSError, ValueError, ImportError) as error:
         raise InputError(f"{place}: cannot be made: {error}") from None

@@ -29,7 +29,7 @@ from tactograph.graph.run.source_stream import SourceStream
 Answer = TypeVar("Answer")
 PIXEL_UNIT = "mm/px"
 _mine = threading.local()
-"""The pipeline that this thread keeps: a pipeline belongs to one thread."""
+"""The store and the pipeline that this thread keeps: a pipeline belongs to one thread."""
 
 
 @dataclass(frozen=True)
@@ -138,18 +138,18 @@ def _write(
     return Tally(len(chunk.captures) - len(reasons), len(reasons), reason, fallbacks)
 
 
-def find_map_types(out: str, stamp: str, place: str) -> dict[str, MapType]:
-    """The types of the graph's maps, from a capture.
+def find_map_types(job: Job, place: str) -> dict[str, MapType]:
+    """The types of a job's maps, from a capture.
 
     Raises
     ------
     TactographError
         If it cannot be done.
     """
-    store, pipeline = _opened(out, stamp)
-    with (ready := _read(pipeline, store.job, place)).kept:
+    pipeline = _pipeline_of(job)
+    with (ready := _read(pipeline, job, place)).kept:
         result = _run(pipeline, ready)
-    return {name: _type_of(result, name) for name in store.job.maps}
+    return {name: _type_of(result, name) for name in job.maps}
 
 
 def fail_chunk(chunk: Chunk, reason: str) -> Tally:
@@ -165,11 +165,18 @@ def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
         store = open_store(out)
         if store is None or store.stamp != stamp:
             raise InputError(f"{out}: the store of this batch is not there (any more)")
+        _mine.store, _mine.stamp = store, (out, stamp)
+    return _mine.store, _pipeline_of(_mine.store.job)
+
+
+def _pipeline_of(job: Job) -> Pipeline:
+    if getattr(_mine, "job", None) != job:
         # Should opening fail, nothing is taken for open.
-        _mine.stamp = None
-        _mine.store, _mine.pipeline = store, _open(store.job)
-        _mine.stamp = out, stamp
-    return _mine.store, _mine.pipeline
+        _mine.job = None
+        _mine.pipeline = _open(job)
+        _mine.job = job
+    pipeline: Pipeline = _mine.pipeline
+    return pipeline
 
 
 def _open(job: Job) -> Pipeline:
@@ -249,7 +256,7 @@ def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> En
                     f"{_by(types[name].shape)}; give images of another size another --out"
                 )
     except DeviceError as error:
-        _mine.stamp = None
+        _mine.job = None
         return Entry(FAILED, str(error))
     except TactographError as error:
         return Entry(FAILED, str(error))

@@ -38,8 +38,8 @@ EVERY = 10.0
 @click.option("--param", default="capture", show_default=True, help="Takes the capture.")
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
-    "--chunk", type=click.IntRange(1, 4096), default=16, show_default=True,
-    help="Captures that are done and written together.",
+    "--chunk", type=click.IntRange(1, 4096),
+    help="Captures that are written together.  [default: 64 MiB of maps, at most 32 captures]",
 )  # fmt: skip
 @click.option(
     "--workers", type=click.IntRange(1),
@@ -56,7 +56,7 @@ def command(
     out: str,
     param: str,
     maps: str | None,
-    chunk: int,
+    chunk: int | None,
     workers: int | None,
     scheduler: str | None,
     scheduler_file: str | None,
@@ -93,14 +93,13 @@ def command(
             out=out,
             param=param,
             maps=maps.split(",") if maps else None,
-            chunk=chunk,
             backend=options.backend,
             device=options.device,
             strict=options.strict,
         )
         place = store_place(out, job)
         closing.enter_context(alone_in(place))
-        store = open_batch(out, job, captures)
+        store = open_batch(out, job, captures, who, chunk)
         damaged = reopen_damaged(store)
         if damaged:
             plural = "s" if damaged > 1 else ""

@@ -346,6 +346,30 @@ def test_a_store_takes_no_captures_of_another_kind(
     assert re.search(what, err)
 
 
+def test_a_store_keeps_how_its_captures_are_cut_up(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    code, err = batch(tactograph, graph, over, place, "--chunk", 4)
+    assert (code, "was made with --chunk 3; leave --chunk out" in err) == (2, True)
+    make_capture(tmp_path / "day" / "capture_99", 99)
+    outcome = tactograph("batch", graph, "--over", over, "--out", place)
+    assert (outcome.code, opened(place).chunk) == (0, 3)
+    assert list(opened(place).statuses) == [DONE] * 8
+
+
+def test_a_store_of_another_format_is_refused(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    about = place / "zarr.json"
+    about.write_text(about.read_text().replace('"format": 2', '"format": 1'))
+    code, err = batch(tactograph, graph, over, place)
+    assert (code, "format 1; this reads 2; give another --out" in err) == (2, True)
+
+
 def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, write: Write) -> None:
     graph = read_graph(
         write(LIT.replace("  level:", "  notes:   {kind: path, default: null}\n  level:"))
@@ -369,14 +393,14 @@ def test_a_chunk_that_was_half_written_is_done_again(
         merge(self, name, here, values)  # type: ignore[arg-type]
 
     out = str(tmp_path / "out.zarr")
-    job = make_job(read_graph(graph), {}, out=out, chunk=3)
-    store = open_batch(out, job, find_captures([over]))
+    job = make_job(read_graph(graph), {}, out=out)
+    store = open_batch(out, job, find_captures([over]), Serial(), chunk=3)
     monkeypatch.setattr(Store, "_merge", dies)
     with pytest.raises(KeyboardInterrupt):
         list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
     assert list(opened(out).statuses) == [DONE] * 3 + [PENDING] * 4
     monkeypatch.setattr(Store, "_merge", merge)
-    store = open_batch(out, job, find_captures([over]))
+    store = open_batch(out, job, find_captures([over]), Serial())
     list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
     assert list(store.statuses) == [DONE] * 7
     np.testing.assert_array_equal(lit(store, 4), expected(captures[4]))
@@ -414,7 +438,7 @@ def test_captures_and_store_may_lie_elsewhere(graph: str, captures: list[Path]) 
         system.put(str(capture), f"/lab/{capture.name}", recursive=True)
     out = "memory://results.zarr"
     job = make_job(read_graph(graph), {}, out=out)
-    store = open_batch(out, job, find_captures(["memory://lab/*"]))
+    store = open_batch(out, job, find_captures(["memory://lab/*"]), Serial())
     list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
     assert store.captures == ["memory:///lab/capture_00", "memory:///lab/capture_01"]
     np.testing.assert_array_equal(lit(store, 1), expected(captures[1]))
@@ -532,9 +556,9 @@ def test_captures_survive_the_death_of_processes(
 ) -> None:
     made = [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(60)]
     out = str(tmp_path / "out.zarr")
-    job = make_job(read_graph(graph), {}, out=out, chunk=2)
-    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]))
+    job = make_job(read_graph(graph), {}, out=out)
     workers = Processes(2)
+    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]), workers, chunk=2)
     start = time.monotonic()
     done = 0
     for tally in run_batch(out, store, open_chunks(out, store, retry_failed=False), workers):
@@ -606,11 +630,9 @@ def test_a_capture_that_kills_its_process_is_found_out(
     graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:
     out = str(tmp_path / "out.zarr")
-    store = open_batch(
-        out, make_job(read_graph(graph), {}, out=out, chunk=1), find_captures([over])
-    )
-    chunks = open_chunks(out, store, retry_failed=False)
-    list(run_batch(out, store, chunks, Processes(2, poisoned)))
+    job, workers = make_job(read_graph(graph), {}, out=out), Processes(2, poisoned)
+    store = open_batch(out, job, find_captures([over]), workers, chunk=1)
+    list(run_batch(out, store, open_chunks(out, store, retry_failed=False), workers))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
     assert "its process died" in store.read(3).reason
 

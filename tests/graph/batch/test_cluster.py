@@ -18,6 +18,7 @@ from tactograph.graph import InputError
 from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
+from tactograph.graph.batch.serial import Serial
 from tactograph.graph.batch.store import DONE, Store
 from tactograph.graph.batch.worker import Chunk
 from tactograph.graph.files.read_graph import read_graph
@@ -77,8 +78,8 @@ def captures(tmp_path: Path) -> list[Path]:
 
 def begin(graph: str, tmp_path: Path) -> tuple[str, Store, list[Chunk]]:
     out = str(tmp_path / "out.zarr")
-    job = make_job(read_graph(graph), {}, out=out, chunk=2)
-    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]))
+    job = make_job(read_graph(graph), {}, out=out)
+    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]), Serial(), chunk=2)
     return out, store, open_chunks(out, store, retry_failed=False)
 
 

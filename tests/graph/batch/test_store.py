@@ -10,11 +10,18 @@ import zarr
 
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import DONE, Entry, create_store
+from tactograph.graph.batch.store import DONE, Entry, captures_together, create_store
+
+JOB = Job("", "", "", {}, {}, "capture", ("height",))
 
 
-def job(chunk: int) -> Job:
-    return Job("", "", "", {}, {}, "capture", ("height",), chunk)
+@pytest.mark.parametrize(
+    ("size", "together"),
+    [((24, 32), 32), ((480, 640), 32), ((1232, 1640), 4), ((4096, 3000), 1), ((9000, 9000), 1)],
+)
+def test_larger_maps_are_written_fewer_at_a_time(size: tuple[int, int], together: int) -> None:
+    height, shadow = (MapType(size, dtype, "", ("H", "W")) for dtype in ("float32", "uint8"))
+    assert captures_together([height, shadow]) == together
 
 
 @pytest.mark.parametrize(
@@ -30,7 +37,7 @@ def test_small_maps_are_compressed_together(
     tmp_path: Path, shape: tuple[int, int], chunk: int, together: int
 ) -> None:
     place = str(tmp_path / "out.zarr")
-    store = create_store(place, job(chunk))
+    store = create_store(place, JOB, chunk)
     store.add_maps({"height": MapType(shape, "float32", "mm", ("H", "W"))})
     array = zarr.open_group(place, mode="r")["height"]
     assert isinstance(array, zarr.Array)
@@ -41,7 +48,7 @@ def test_small_maps_are_compressed_together(
 def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
     """As those that were begun before small maps were put together."""
     place = str(tmp_path / "out.zarr")
-    store = create_store(place, job(4))
+    store = create_store(place, JOB, 4)
     store.append(["a", "b", "c", "d", "e"])
     zarr.open_group(place, mode="r+").create_array(
         "height", shape=(5, 2, 3), chunks=(1, 2, 3), shards=(4, 2, 3), dtype="float32",

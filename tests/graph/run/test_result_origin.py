@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.batch.batch import make_job, open_batch
+from tactograph.graph.batch.serial import Serial
 from tactograph.graph.declare import find_node as find
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.read_graph import read_graph
@@ -166,7 +167,7 @@ def test_a_batch_goes_on_only_with_what_began_it(
 ) -> None:
     graph = read_graph(write(GRAPH))
     first = make_job(graph, {}, out="x.zarr")
-    store = open_batch("x.zarr", first, ["a"])
+    store = open_batch("x.zarr", first, ["a"], Serial())
     store._array("status")[:] = 1
     if what == "code":
         (plug_in / "felt/_deeper.py").write_text("TWO = 4")
@@ -175,4 +176,4 @@ def test_a_batch_goes_on_only_with_what_began_it(
     else:
         Path("made.txt").write_text("another")
     with pytest.raises(InputError, match=said):
-        open_batch("x.zarr", make_job(graph, {}, out="x.zarr"), ["a", "b"])
+        open_batch("x.zarr", make_job(graph, {}, out="x.zarr"), ["a", "b"], Serial())
