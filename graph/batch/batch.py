@@ -8,15 +8,8 @@ from typing import Any, Protocol
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import (
-    DONE,
-    FAILED,
-    Store,
-    captures_together,
-    create_store,
-    open_store,
-)
+from tactograph.graph.batch.map_types import MapType, captures_together
+from tactograph.graph.batch.store import DONE, FAILED, Store, create_store, open_store
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, folder_name
 from tactograph.graph.errors import InputError, TactographError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import zarr
 
+HELD = 2**26
+"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
+MOST_TOGETHER = 32
+"""Captures: more are lost at once when a worker dies, and leave others idle at the end."""
 AXES = {"H": "y", "W": "x"}
 """An image's dimensions, and what they are called outside: y runs down, x to the right."""
 
@@ -24,6 +29,16 @@ class MapType:
     unit: str
     dims: tuple[str, ...]
     pixel: float | None = None
+
+    @property
+    def nbytes(self) -> int:
+        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
+
+
+def captures_together(types: Iterable[MapType]) -> int:
+    """How many captures to write together: as many as `HELD` holds the maps of, a power of two."""
+    fit = HELD // max(1, sum(kind.nbytes for kind in types))
+    return max(1, min(MOST_TOGETHER, 1 << max(0, fit.bit_length() - 1)))
 
 
 def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:

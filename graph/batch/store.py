@@ -16,7 +16,7 @@ import json
 import math
 import uuid
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -38,10 +38,6 @@ MOST_CAPTURES = 10**7
 MOST_CHUNK = 4096
 MOST_PIXELS = 2**25
 """More than a batch can have: what a store's own description may make a reader allocate."""
-HELD = 2**26
-"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
-MOST_TOGETHER = 32
-"""Captures: more are lost at once when a worker dies, and leave others idle at the end."""
 PIECE = 2**21
 """Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
 _WORDS = ("capture", "reason", "figures", "warnings")
@@ -328,23 +324,13 @@ class Store:
 
 def _captures_in_one(kind: MapType, chunk: int) -> int:
     """How many maps are compressed as one: as many as fit whole times into a shard."""
-    nbytes = max(1, _bytes_of(kind))
+    nbytes = max(1, kind.nbytes)
     return max(n for n in range(1, chunk + 1) if chunk % n == 0 and (n == 1 or n * nbytes <= PIECE))
 
 
 def _undecodable() -> tuple[type[Exception], ...]:
     """What the codecs raise at bytes that they did not write."""
     return (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
-
-
-def captures_together(types: Iterable[MapType]) -> int:
-    """How many captures to write together: as many as `HELD` holds the maps of, a power of two."""
-    fit = HELD // max(1, sum(_bytes_of(kind) for kind in types))
-    return max(1, min(MOST_TOGETHER, 1 << max(0, fit.bit_length() - 1)))
-
-
-def _bytes_of(kind: MapType) -> int:
-    return math.prod(kind.shape) * np.dtype(kind.dtype).itemsize
 
 
 def create_store(place: str, job: Job, chunk: int, *, overwrite: bool = False) -> Store:

@@ -170,7 +170,7 @@ MUTANTS = {
         "no steps": ("step < steps", "step < 0 * steps"),
         "harmonics do not bend": ("2.0f * bent.x - shade[0]", "0.0f * bent.x"),
         "half of a product": ("b < 6 ? 0.5f", "b < 6 ? 0.25f"),
-        "nothing fades": ("(beyond > none) & (beyond < one)", "beyond > none + 9.0f"),
+        "nothing fades": ("fades ? PER_FADE", "fades ? 0.0f * PER_FADE"),
         "the first stretch alone": ("first = STRETCH * (", "first = 0 * ("),
         "the row above": ("((float)row - 0.5f", "((float)(row - 1) - 0.5f"),
         "light from behind": ("MORE_OF(matt, none)", "matt"),

@@ -9,8 +9,8 @@ import pytest
 import zarr
 
 from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import DONE, Entry, captures_together, create_store
+from tactograph.graph.batch.map_types import MapType, captures_together
+from tactograph.graph.batch.store import DONE, Entry, create_store
 
 JOB = Job("", "", "", {}, {}, "capture", ("height",))
 
