@@ -133,7 +133,7 @@ def open_batch(
     if not wanted:
         raise InputError(f"--over: nothing is there but what lies in --out {out}")
     store = open_store(place)
-    if store is None or _holds_nothing_for(store, job, wanted):
+    if store is None or _holds_nothing_for(store, job, wanted, chunk or store.chunk):
         types = _map_types(job, wanted, workers) if job.maps else {}
         together = chunk or captures_together(types.values())
         store = create_store(place, job, together, overwrite=store is not None)
@@ -143,7 +143,7 @@ def open_batch(
             f"{place}: was made with {_differences(store.job.identity, job.identity)}; "
             "give another --out, or remove it"
         )
-    elif chunk not in (None, store.chunk):
+    elif chunk and chunk != store.chunk:
         raise InputError(f"{place}: was made with --chunk {store.chunk}; leave --chunk out")
     there = set(store.captures)
     store.append([capture for capture in wanted if capture not in there])
@@ -156,11 +156,12 @@ def _lies_in(capture: str, place: str, folders: str | None) -> bool:
     return capture == table or f"{capture}/".startswith(f"{place.rstrip('/')}/")
 
 
-def _holds_nothing_for(store: Store, job: Job, captures: Sequence[str]) -> bool:
+def _holds_nothing_for(store: Store, job: Job, captures: Sequence[str], chunk: int) -> bool:
     """Whether nothing is lost, and something put right, if the store is made anew."""
     if store.statuses.any():
         return False
-    return store.job.identity != job.identity or set(store.captures).isdisjoint(captures)
+    differs = store.job.identity != job.identity or store.chunk != chunk
+    return differs or set(store.captures).isdisjoint(captures)
 
 
 def reopen_damaged(store: Store) -> int:

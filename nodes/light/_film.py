@@ -23,7 +23,7 @@ the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,7 @@ DARKEST = 0.05
 """Smallest 1 - b that is divided by."""
 
 Array = NDArray[Any]
+Place = tuple[Array, Array, Array]
 
 
 def matt_film(lights: Array) -> Film:
@@ -107,11 +108,17 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | No
     ndarray
         K x N.
     """
-    touched = touch_gain(film, z)
     if rest is None:
         rest = rest_below(film, x, y, z)
+    return _light(film, n, (x, y, z), rest, _reflected(film, n, x, y, z))
+
+
+def _light(film: Film, n: Array, place: Place, rest: Array, reflected: Iterable[Array]) -> Array:
+    """Return equation F1, of what is `reflected` (F2), LED by LED."""
+    x, y, z = place
+    touched = touch_gain(film, z)
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
-    for k, direct in enumerate(_reflected(film, n, x, y, z)):
+    for k, direct in enumerate(reflected):
         b = film.diffuse[k]
         made[k] = touched * (b + (1 - b) * direct / rest[k])
     if film.harmonics.any():
@@ -154,7 +161,7 @@ def turned(
     film: Film,
     light: Array,
     n: Array,
-    place: tuple[Array, Array, Array],
+    place: Place,
     uneven: float = 0.0,
     rest: Array | None = None,
 ) -> Array:
@@ -183,9 +190,10 @@ def turned(
     none = np.zeros_like(nx)
     if rest is None:
         rest = rest_below(film, *place)
-    before = predict(film, n, *place, rest)
+    reflected = np.stack(list(_reflected(film, n, *place)))
+    before = _light(film, n, place, rest, reflected)
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
-    by_s, by_t = changes(film, n, tangents, place, rest)
+    by_s, by_t = _changes(film, n, tangents, place, rest, reflected)
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
     shown = (light / touch_gain(film, place[2]) - diffuse) / direct
     weight = np.clip((shown - DIM) / (LIT - DIM), 0, 1) / np.maximum(light, LIT) ** 2
@@ -209,27 +217,26 @@ def turned(
     return _unit(new)
 
 
-def changes(
+def _changes(
     film: Film,
     n: Array,
     tangents: tuple[Array, Array],
-    place: tuple[Array, Array, Array],
+    place: Place,
     rest: Array,
+    reflected: Array,
 ) -> tuple[Array, Array]:
     """Return the derivatives of equation F1 by a normal along two tangents, K x N each.
 
-    Direct light of an LED behind the film changes as if it went on below zero.  The
-    arguments are those of `turned`.
+    Direct light of an LED behind the film changes as if it went on below zero.
     """
     if film.refraction == 1:
-        towards = list(_towards(film, place))
+        ways = [_way(light, *place) for light in film.lights]
+        towards = [np.stack(to) / (square * away) for *to, square, away in ways]
         found = [np.stack([(along * to).sum(0) for to in towards]) for along in tangents]
     else:
-        before, *after = (
-            np.stack(list(_reflected(film, normal, *place)))
-            for normal in (n, *(_unit(n + TURN * along) for along in tangents))
-        )
-        found = [(light - before) / TURN for light in after]
+        turns = (_unit(n + TURN * along) for along in tangents)
+        after = (np.stack(list(_reflected(film, turn, *place))) for turn in turns)
+        found = [(light - reflected) / TURN for light in after]
     scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) / rest
     s, t = (scale * change for change in found)
     if film.harmonics.any():
@@ -238,14 +245,6 @@ def changes(
             s[k] += (strength * by_s).sum(0)
             t[k] += (strength * by_t).sum(0)
     return s, t
-
-
-def _towards(film: Film, place: tuple[Array, Array, Array]) -> Iterator[Array]:
-    """Yield the way to an LED over the cube of its length, 3 x N."""
-    for light in film.lights:
-        way = np.stack([there - at for there, at in zip(light, place, strict=True)])
-        square = (way * way).sum(0)
-        yield way / (square * np.sqrt(square))
 
 
 def _shades_change(film: Film, n: Array, along: Array) -> Array:
@@ -304,9 +303,7 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
         c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
         let_out = through(c_o)
     for light in film.lights:
-        dx, dy, dz = light[0] - x, light[1] - y, light[2] - z
-        square = dx * dx + dy * dy + dz * dz
-        away = np.sqrt(square)
+        dx, dy, dz, square, away = _way(light, x, y, z)
         lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
         if not coated:
             yield np.asarray(lit)
@@ -319,6 +316,13 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
         v_h = (vx * hx + vy * hy + vz * hz) * half
         base = film.base * (through(c_i) * let_out) / np.pi
         yield np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
+
+
+def _way(light: Array, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
+    """Return the way to an LED, its length squared, and its length."""
+    dx, dy, dz = light[0] - x, light[1] - y, light[2] - z
+    square = dx * dx + dy * dy + dz * dz
+    return dx, dy, dz, square, np.sqrt(square)
 
 
 def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:

@@ -359,6 +359,16 @@ def test_a_store_keeps_how_its_captures_are_cut_up(
     assert list(opened(place).statuses) == [DONE] * 8
 
 
+def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
+    graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    out = str(tmp_path / "out.zarr")
+    job, found = make_job(read_graph(graph), {}, out=out), find_captures([over])
+    open_batch(out, job, found, Serial(), chunk=3)
+    assert open_batch(out, job, found, Serial(), chunk=4).chunk == 4
+    assert open_batch(out, job, found, Serial()).chunk == 4
+
+
 def test_a_store_of_another_format_is_refused(
     tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:

@@ -54,4 +54,6 @@ def test_a_process_started_there_starts_no_more(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "POCL_MAX_PTHREAD_COUNT"])
 def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setenv(name, "7")
-    assert share_of(2)[name] == "7"
+    with environment(share_of(2)):
+        assert os.environ[name] == "7"
+    assert os.environ[name] == "7"
