@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import importlib.metadata
 import importlib.util
@@ -24,11 +23,10 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
+from tactograph.graph.run.module_imports import keep_imports, module_imports
 
 ENGINE = "tactograph.graph"
 INSTALLED = ("site-packages", "dist-packages")
-_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
-"""Where a statement holds others."""
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
@@ -63,6 +61,7 @@ def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Ori
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
     code = {node.name: code_of(node) for node in nodes}
+    keep_imports()
     found = versions()
     for package in {node.package for node in nodes}:
         found |= _versions_around(package)
@@ -120,7 +119,7 @@ def _closure(node: Node) -> set[Path]:
         if spec.submodule_search_locations is not None:
             files |= set(_data_files(file.parent))
         parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
-        for name in (*parents, *_imports(file, spec.name)):
+        for name in (*parents, *module_imports(file, spec.name)):
             if _belongs(name, module):
                 waiting.append(_spec(name))
     return files
@@ -160,42 +159,6 @@ def _spec(name: str) -> ModuleSpec | None:
         return importlib.util.find_spec(name)
     except (ImportError, ValueError, AttributeError):
         return None
-
-
-def _imports(file: Path, module: str) -> list[str]:
-    """The modules that a file may import, by their full names."""
-    if file.suffix != ".py":
-        return []
-    stat = file.stat()
-    return _imported(file, module, stat.st_mtime_ns, stat.st_size)
-
-
-@cache
-def _imported(file: Path, module: str, changed: int, size: int) -> list[str]:
-    try:
-        tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError):
-        return []
-    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found: dict[str, None] = {}
-    for statement in _statements(tree):
-        if isinstance(statement, ast.Import):
-            found.update(dict.fromkeys(alias.name for alias in statement.names))
-        elif isinstance(statement, ast.ImportFrom):
-            above = package.split(".")[: len(package.split(".")) + 1 - statement.level]
-            parts = [*(above if statement.level else []), *filter(None, [statement.module])]
-            base = ".".join(parts)
-            found[base] = None
-            found.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
-    return [name for name in found if name]
-
-
-def _statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """All statements below one, at any depth, but no expressions, which are most of a file."""
-    for block in _BLOCKS:
-        for part in getattr(tree, block, ()):
-            yield part
-            yield from _statements(part)
 
 
 def _data_files(folder: Path) -> Iterator[Path]:

@@ -1,0 +1,94 @@
+"""Which modules a source file may import.  What was found is kept from start to start."""
+
+from __future__ import annotations
+
+import ast
+import json
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
+
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+"""Where a statement holds others."""
+
+
+class _Found(NamedTuple):
+    """What a file imported when it was last looked at."""
+
+    changed: int
+    size: int
+    names: list[str]
+
+
+def module_imports(file: Path, module: str) -> list[str]:
+    """The modules that a module's file may import, by their full names.
+
+    A name may also be that of something in a module.
+    """
+    if file.suffix != ".py":
+        return []
+    stat, known = file.stat(), _known()
+    found = known.get(key := f"{module} {file}")
+    if found is None or (found.changed, found.size) != (stat.st_mtime_ns, stat.st_size):
+        found = _Found(stat.st_mtime_ns, stat.st_size, _imported(file, module))
+        known[key] = found
+        _new.append(key)
+    return found.names
+
+
+def keep_imports() -> None:
+    """Keep for other processes what was found since the last call."""
+    if _new and (file := _kept_in()) is not None:
+        known = list(_known().items())
+        there = {key: found for key, found in known if Path(key.partition(" ")[2]).exists()}
+        write_kept(file, json.dumps(there).encode())
+        _new.clear()
+
+
+_new: list[str] = []
+"""What is not kept yet."""
+
+
+@cache
+def _known() -> dict[str, _Found]:
+    """By module and file."""
+    file = _kept_in()
+    body = None if file is None else read_kept(file)
+    return {key: _Found(*found) for key, found in json.loads(body or b"{}").items()}
+
+
+def _kept_in() -> Path | None:
+    """Another Python may read a file differently."""
+    folder = kept_folder()
+    return None if folder is None else folder / f"imports-{sys.implementation.cache_tag}{SUFFIX}"
+
+
+def _imported(file: Path, module: str) -> list[str]:
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (SyntaxError, ValueError):
+        return []
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    found: dict[str, None] = {}
+    for statement in _statements(tree):
+        if isinstance(statement, ast.Import):
+            found.update(dict.fromkeys(alias.name for alias in statement.names))
+        elif isinstance(statement, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) + 1 - statement.level]
+            parts = [*(above if statement.level else []), *filter(None, [statement.module])]
+            base = ".".join(parts)
+            found[base] = None
+            found.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
+    return [name for name in found if name]
+
+
+def _statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """All statements below one, at any depth, but no expressions, which are most of a file."""
+    for block in _BLOCKS:
+        for part in getattr(tree, block, ()):
+            yield part
+            yield from _statements(part)
