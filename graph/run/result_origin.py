@@ -61,7 +61,6 @@ def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Ori
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
     code = {node.name: code_of(node) for node in nodes}
-    keep_imports()
     found = versions()
     for package in {node.package for node in nodes}:
         found |= _versions_around(package)
@@ -97,6 +96,7 @@ def code_of(node: Node) -> str:
     the packages' data files, and its kernels with their headers.
     """
     seen = {file: _hash(file) for file in _closure(node)}
+    keep_imports()
     kernels = kernel_text(node) if node.has_kernel else ""
     if not seen:  # what nobody can read is never the same
         return os.urandom(8).hex()

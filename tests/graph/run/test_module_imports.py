@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,11 @@ from tactograph.graph.run.module_imports import keep_imports, module_imports
 
 
 @pytest.fixture(autouse=True)
-def another_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def another_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No test knows what another has found."""
     monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
+    start_again()
+    yield
     start_again()
 
 
