@@ -11,6 +11,7 @@ from typing import Any, TextIO
 import click
 
 from tactograph.graph.errors import TactographError, printable
+from tactograph.graph.run.collect_seldom import collect_seldom
 
 COMMANDS = (
     "demo",
@@ -64,6 +65,7 @@ def run_command(words: list[str]) -> None:
 
 def main() -> None:
     """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else."""
+    collect_seldom()
     warnings.showwarning = _show_warning
     try:
         code: Any = _group.main(standalone_mode=False)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import logging
+import platform
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
+from tactograph.graph.batch.open_job import graph_of
+from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk, store_of
 from tactograph.graph.errors import InputError
+from tactograph.graph.run.result_origin import find_origin
 
 DEATHS = 3
 """So often may the workers that hold a chunk die (each time as often as Dask allows)."""
@@ -98,7 +102,7 @@ class Cluster:
     def _hand_out(self, waiting: deque[Chunk], running: dict[Any, Chunk]) -> None:
         """Keep every worker busy, and no more than that on its way."""
         for _ in range(min(self._room() - len(running), len(waiting))):
-            running[self._client.submit(do_chunk, waiting[0], pure=False)] = waiting[0]
+            running[self._client.submit(do_chunk_elsewhere, waiting[0], pure=False)] = waiting[0]
             waiting.popleft()
 
     def _room(self) -> int:
@@ -154,6 +158,36 @@ class Cluster:
             return Client(**self._where, timeout=ANSWER, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise InputError(f"{self.name}: no scheduler answers: {error}") from None
+
+
+def do_chunk_elsewhere(chunk: Chunk) -> Tally:
+    """Do a chunk where other code may be installed than where the batch was started.
+
+    Raises
+    ------
+    InputError
+        If that is so.
+    """
+    _check_origin(chunk.out, chunk.stamp)
+    return do_chunk(chunk)
+
+
+@cache
+def _check_origin(out: str, stamp: str) -> None:
+    """Refuse to add to a store what other code, or other versions, would make."""
+    store = store_of(out, stamp)
+    job, begun = store.job, store.origin
+    here = find_origin(graph_of(job), backend=job.backend, device=job.device)
+    for kind, then, now in (
+        ("code of", begun.code, here.code),
+        ("version of", begun.versions, here.versions),
+    ):
+        others = sorted(n for n in {*then, *now} if then.get(n) != now.get(n))
+        if others:
+            raise InputError(
+                f"this worker ({platform.node()}) has another {kind} {', '.join(others)} than "
+                "the batch was started with; install the same, or give another --out"
+            )
 
 
 def _check_scheduler_file(file: str) -> None:

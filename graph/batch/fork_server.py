@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import forkserver
-from multiprocessing.context import BaseContext
 
-from tactograph.graph.run.cores import cores, environment, share_of
-
-IMPORTED = ["tactograph.graph.batch.worker", "tactograph.graph.backends.launch", "cv2"]
-"""What takes long to import and starts no thread."""
+from tactograph.graph.run.cores import cores, environment, share_of, take_over
 
 
 def start_importing() -> bool:
     """Start the server: it imports while this process goes on.  Return if this system has one."""
-    if not _has_server():
+    if "forkserver" not in multiprocessing.get_all_start_methods():
         return False
-    multiprocessing.set_forkserver_preload(IMPORTED)
+    multiprocessing.set_forkserver_preload(["tactograph.graph.batch.imported_ahead"])
     with environment(share_of(cores())):
         forkserver.ensure_running()
     return True
 
 
-def process_context() -> BaseContext:
-    """How processes start: forked from the server, or anew where a system has none.
+def start_processes(number: int) -> ProcessPoolExecutor:
+    """Start processes with a share of the cores each: forked from the server where there is one.
 
     A fork of this process would copy an OpenCL context, which no runtime allows.
     """
-    return multiprocessing.get_context("forkserver" if start_importing() else "spawn")
-
-
-def _has_server() -> bool:
-    return "forkserver" in multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if start_importing() else "spawn")
+    return ProcessPoolExecutor(number, context, initializer=take_over, initargs=(share_of(number),))

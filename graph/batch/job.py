@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
+
+from tactograph.graph.batch.captures import absolute, content_of, is_url
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.dump_graph import dump_graph
+from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
+from tactograph.graph.plan import names
+from tactograph.graph.plan.draft import Draft
+from tactograph.graph.run.result_origin import Origin, named_files
 
 
 @dataclass(frozen=True)
 class Job:
-    """Everything that decides what a capture gives.
+    """What to do with a capture.
 
     `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
-    capture; `folders` where results go as folders, None if maps go into the store; `code`,
-    `versions` and `computes_on`, the device, are those of `Origin`.
+    capture; `inputs` what the files hold that all captures share; `folders` where results go
+    as folders, None if maps go into the store.
     """
 
     graph: str
@@ -26,15 +35,103 @@ class Job:
     device: str | None = None
     strict: bool = False
     folders: str | None = None
-    code: dict[str, str] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
-    computes_on: str = ""
 
-    @property
-    def identity(self) -> dict[str, Any]:
-        """What must not change between the parts of one store."""
-        same = (
-            "hash", "given", "inputs", "param", "maps", "backend", "folders", "code", "versions",
-            "computes_on",
-        )  # fmt: skip
-        return {name: value for name, value in asdict(self).items() if name in same}
+
+def identity_of(job: Job, origin: Origin) -> dict[str, Any]:
+    """What decides what a capture gives, and must not change between the parts of one store."""
+    same = ("hash", "given", "inputs", "param", "maps", "backend", "folders")
+    return {name: value for name, value in asdict(job).items() if name in same} | asdict(origin)
+
+
+def make_job(
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    out: str,
+    param: str = "capture",
+    maps: Sequence[str] | None = None,
+    backend: str | None = None,
+    device: str | None = None,
+    strict: bool = False,
+) -> Job:
+    """Say what is to be done with every capture.
+
+    Parameters
+    ----------
+    out
+        The store.  If its name does not end in ``.zarr`` it is a folder that takes what the
+        graph's own sinks write, by capture, and the store in it holds the rest.
+    param
+        The graph's parameter that takes a capture.
+    maps
+        The outputs to keep; None for all that are an H x W map.
+
+    Raises
+    ------
+    InputError
+        If the graph lacks the parameter or a map.
+    """
+    if param not in graph.params:
+        raise InputError(
+            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
+            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
+        )
+    if graph.params[param].kind != "path":
+        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
+    for name, option in ((param, "--over"), ("out", "--out")):
+        if name in given:
+            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
+    if not out.strip():
+        raise InputError("--out is empty; give NAME.zarr, or a folder")
+    folders = None if out.rstrip("/").endswith(".zarr") else absolute(out)
+    if folders is not None and (is_url(folders) or "out" not in graph.params):
+        raise InputError(
+            f"--out {out}: folders are written by the graph's sinks, to a local "
+            "place, through its parameter 'out'; else give a store, NAME.zarr"
+        )
+    paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
+    fixed = {
+        name: absolute(value) if name in paths and value is not None else value
+        for name, value in given.items()
+    }
+    draft = _draft(graph, fixed, param, sinks=folders is not None)
+    kept = _maps(draft, maps)
+    named = {n: str(file) for n, file in named_files(draft, {*fixed, param, "out"}).items()}
+    read = {n: str(v) for n, v in fixed.items() if n in paths and v is not None}
+    return Job(
+        graph=dump_graph(graph),
+        name=graph.name,
+        hash=graph.hash,
+        given={**fixed, param: "."},
+        inputs={name: content_of(place) for name, place in {**read, **named}.items()},
+        param=param,
+        maps=() if folders else kept,
+        backend=backend,
+        device=device,
+        strict=strict,
+        folders=folders,
+    )
+
+
+def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
+    """The graph's nodes and settings, once it is sure that no param but the capture is missing."""
+    each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
+    return names.bind(graph, {**given, **each}, sinks=sinks, stand_ins=frozenset())
+
+
+def _maps(draft: Draft, wanted: Sequence[str] | None) -> tuple[str, ...]:
+    """The outputs to keep."""
+    graph = draft.graph
+    ports = {
+        name: draft.tasks[value.node].node.outputs[value.port]
+        for name, value in draft.outputs.items()
+    }
+    arrays = [name for name, port in ports.items() if port.kind == "array"]
+    for name in wanted or ():
+        if name not in arrays:
+            raise InputError(
+                f"--maps: {graph.name} puts out no array '{name}'{did_you_mean(name, arrays)} "
+                f"(it puts out: {', '.join(arrays)})"
+            )
+    maps = wanted or (name for name in arrays if len(ports[name].dims) == 2)
+    return tuple(dict.fromkeys(maps))

@@ -9,10 +9,9 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 from typing import Any
 
-from tactograph.graph.batch.fork_server import process_context, start_importing
+from tactograph.graph.batch.fork_server import start_processes
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
-from tactograph.graph.run.cores import share_of, take_over
 
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
@@ -22,19 +21,22 @@ ALONE = "run this capture alone to see why"
 class Processes:
     """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there.
 
-    They start with the first thing that they are to do.  In a ``with`` block they begin at once
-    to import what they need, while the batch is laid out.
+    They are those of `idle`, which ends with a ``with`` block, or start with the first thing
+    that they are to do.
     """
 
-    def __init__(self, number: int, do: Callable[[Chunk], Tally] = do_chunk) -> None:
+    def __init__(
+        self,
+        number: int,
+        do: Callable[[Chunk], Tally] = do_chunk,
+        idle: ProcessPoolExecutor | None = None,
+    ) -> None:
         self.number = number
         self._do = do
-        self._idle: ProcessPoolExecutor | None = None
+        self._idle = idle
         self.name = f"{number} processes"
 
     def __enter__(self) -> Processes:
-        if not start_importing():
-            self._idle = _started(self.number)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -49,7 +51,7 @@ class Processes:
         InputError
             If the process dies of it.
         """
-        pool = self._idle = self._idle or _started(self.number)
+        pool = self._idle = self._idle or start_processes(self.number)
         try:
             asked = [pool.submit(question, *about) for _ in range(self.number)]
             return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
@@ -88,7 +90,7 @@ class Processes:
         running: dict[Future[Tally], Chunk] = {}
         ready: list[Chunk] = []
         idle, self._idle = self._idle, None
-        with idle or _started(number) as pool:
+        with idle or start_processes(number) as pool:
             try:
                 while True:
                     ready.extend(islice(chunks, number - len(running)))
@@ -105,17 +107,3 @@ class Processes:
                 return [*running.values(), *ready]
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _started(number: int) -> ProcessPoolExecutor:
-    """Start processes, with a share of the cores each, which import what a chunk needs."""
-    pool = ProcessPoolExecutor(
-        number, process_context(), initializer=take_over, initargs=(share_of(number),)
-    )
-    for _ in range(number):
-        pool.submit(_be_there)
-    return pool
-
-
-def _be_there() -> None:
-    """To be called in a process is to import this module there, and what it needs."""

@@ -15,10 +15,9 @@ from __future__ import annotations
 import json
 import math
 import uuid
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -27,13 +26,13 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 
 from tactograph.graph.batch.captures import is_url
-from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.entry import DONE, PENDING, Entry
+from tactograph.graph.batch.job import Job, identity_of
 from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
+from tactograph.graph.run.result_origin import Origin
 
-FORMAT = 2
-PENDING, DONE, FAILED = 0, 1, 2
-STATUS = ("pending", "done", "failed")
+FORMAT = 3
 MOST_CAPTURES = 10**7
 MOST_CHUNK = 4096
 MOST_PIXELS = 2**25
@@ -43,26 +42,6 @@ PIECE = 2**21
 _WORDS = ("capture", "reason", "figures", "warnings")
 
 
-@dataclass
-class Entry:
-    """What came of one capture."""
-
-    status: int
-    reason: str = ""
-    figures: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-    milliseconds: float = float("nan")
-    maps: dict[str, NDArray[Any]] = field(default_factory=dict)
-
-    @property
-    def checksum(self) -> int:
-        """CRC-32 of the figures and of the maps in order of name."""
-        found = zlib.crc32(json.dumps(self.figures).encode())
-        for name in sorted(self.maps):
-            found = zlib.crc32(self.maps[name].tobytes(), found)
-        return found
-
-
 class Store:
     """A batch's store, open for reading and for writing whole chunks.
 
@@ -70,6 +49,8 @@ class Store:
     ----------
     job
         What is done with every capture.
+    origin
+        By which code, in which versions, on which device.
     chunk
         So many captures are written together.
     stamp
@@ -89,9 +70,15 @@ class Store:
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
             self.job = Job(**{**job, "maps": tuple(job["maps"])})
+            self.origin = Origin(**about["origin"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{group.store_path}: no store of a batch ({error})") from None
         self._check_arrays()
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What must not change between its parts."""
+        return identity_of(self.job, self.origin)
 
     def _check_arrays(self) -> None:
         """Refuse a store that lacks an array, or speaks of more than a batch can have."""
@@ -333,13 +320,17 @@ def _undecodable() -> tuple[type[Exception], ...]:
     return (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 
 
-def create_store(place: str, job: Job, chunk: int, *, overwrite: bool = False) -> Store:
+def create_store(
+    place: str, job: Job, origin: Origin, chunk: int, *, overwrite: bool = False
+) -> Store:
     """Make an empty store.
 
     Parameters
     ----------
     job
         What is to be done with every capture.
+    origin
+        By which code, in which versions, on which device.
     chunk
         Captures that are written together.
     overwrite
@@ -367,7 +358,13 @@ def create_store(place: str, job: Job, chunk: int, *, overwrite: bool = False) -
                 fill_value=fill,
                 dimension_names=("capture",),
             )
-        about = {"format": FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk, "job": asdict(job)}
+        about = {
+            "format": FORMAT,
+            "stamp": uuid.uuid4().hex,
+            "chunk": chunk,
+            "job": asdict(job),
+            "origin": asdict(origin),
+        }
         group.attrs["tactograph"] = json.loads(json.dumps(about))
     except (OSError, ValueError, ImportError) as error:
         raise InputError(f"{place}: cannot be made: {error}") from None

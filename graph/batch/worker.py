@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-import platform
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from tactograph.graph.batch.captures import at_hand, kept_at_hand
+from tactograph.graph.batch.captures import at_hand
+from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import DONE, FAILED, Entry, Store, open_store
+from tactograph.graph.batch.open_job import forget_pipeline, pipeline_of
+from tactograph.graph.batch.store import Store, open_store
 from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
-from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
-from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.source_stream import SourceStream
 
 Answer = TypeVar("Answer")
 PIXEL_UNIT = "mm/px"
 _mine = threading.local()
-"""The store and the pipeline that this thread keeps: a pipeline belongs to one thread."""
+"""The store that this thread keeps."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +142,7 @@ def find_map_types(job: Job, place: str) -> dict[str, MapType]:
     TactographError
         If it cannot be done.
     """
-    pipeline = _pipeline_of(job)
+    pipeline = pipeline_of(job)
     with (ready := _read(pipeline, job, place)).kept:
         result = _run(pipeline, ready)
     return {name: _type_of(result, name) for name in job.maps}
@@ -162,57 +158,22 @@ def fail_chunk(chunk: Chunk, reason: str) -> Tally:
 
 def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
     if getattr(_mine, "stamp", None) != (out, stamp):
-        store = open_store(out)
-        if store is None or store.stamp != stamp:
-            raise InputError(f"{out}: the store of this batch is not there (any more)")
-        _mine.store, _mine.stamp = store, (out, stamp)
-    return _mine.store, _pipeline_of(_mine.store.job)
+        _mine.store, _mine.stamp = store_of(out, stamp), (out, stamp)
+    return _mine.store, pipeline_of(_mine.store.job)
 
 
-def _pipeline_of(job: Job) -> Pipeline:
-    if getattr(_mine, "job", None) != job:
-        # Should opening fail, nothing is taken for open.
-        _mine.job = None
-        _mine.pipeline = _open(job)
-        _mine.job = job
-    pipeline: Pipeline = _mine.pipeline
-    return pipeline
+def store_of(out: str, stamp: str) -> Store:
+    """Open the store that a chunk belongs to.
 
-
-def _open(job: Job) -> Pipeline:
-    with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
-        file = Path(folder) / f"{job.name}.yaml"
-        file.write_text(job.graph, encoding="utf-8")
-        graph = replace(read_graph(str(file)), places={})
-    _check_origin(graph, job)
-    paths = {name for name, param in graph.params.items() if param.kind == "path"}
-    given = {
-        name: kept_at_hand(value) if name in paths and value is not None else value
-        for name, value in job.given.items()
-    }
-    return open_pipeline(
-        graph,
-        given,
-        backend=job.backend,
-        device=job.device,
-        strict=job.strict,
-        sinks=job.folders is not None,
-    )
-
-
-def _check_origin(graph: Graph, job: Job) -> None:
-    """Refuse to add to a store what other code, or other versions, would make."""
-    here = find_origin(graph, backend=job.backend, device=job.device)
-    for kind, then, now in (
-        ("code of", job.code, here.code),
-        ("version of", job.versions, here.versions),
-    ):
-        others = sorted(n for n in {*then, *now} if then.get(n) != now.get(n))
-        if others:
-            raise InputError(
-                f"this worker ({platform.node()}) has another {kind} {', '.join(others)} than "
-                "the batch was started with; install the same, or give another --out"
-            )
+    Raises
+    ------
+    InputError
+        If it has gone, or another is in its place.
+    """
+    store = open_store(out)
+    if store is None or store.stamp != stamp:
+        raise InputError(f"{out}: the store of this batch is not there (any more)")
+    return store
 
 
 class _Ready(NamedTuple):
@@ -256,7 +217,7 @@ def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> En
                     f"{_by(types[name].shape)}; give images of another size another --out"
                 )
     except DeviceError as error:
-        _mine.job = None
+        forget_pipeline()
         return Entry(FAILED, str(error))
     except TactographError as error:
         return Entry(FAILED, str(error))

@@ -24,4 +24,9 @@ def worth_starting(backends: Sequence[str], device: str | None, captures: int) -
     opened = open_device(backends, device)[0]
     if opened is not None and not opened.is_cpu:
         return 1
+    return at_most(captures)
+
+
+def at_most(captures: int) -> int:
+    """How many that can be, whatever the graph."""
     return max(1, min(cores(), captures // FEWEST))

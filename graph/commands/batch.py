@@ -16,6 +16,7 @@ from tactograph.graph.commands import RunOptions, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
+    from tactograph.graph.batch.job import Job
     from tactograph.graph.batch.store import Store
     from tactograph.graph.batch.worker import Tally
     from tactograph.graph.files.flat_graph import Graph
@@ -70,21 +71,14 @@ def command(
     """
     from tactograph.graph.batch.captures import find_captures
 
-    read = options.read(graph)
     captures = find_captures(over)
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
-        who = cluster or _here(workers, read, options, len(captures), closing)
-        # Not before: to import these takes as long as the processes import what they need.
-        from tactograph.graph.batch.batch import (
-            make_job,
-            open_batch,
-            open_chunks,
-            reopen_damaged,
-            run_batch,
-            store_place,
-        )
-        from tactograph.graph.batch.store_lock import alone_in
+        # Whatever takes long is imported here while the processes import and open, not before.
+        if cluster is None:
+            _start_importing(workers, len(captures))
+        read = options.read(graph)
+        from tactograph.graph.batch.job import make_job
         from tactograph.graph.run.typed_values import read_words
 
         job = make_job(
@@ -97,9 +91,21 @@ def command(
             device=options.device,
             strict=options.strict,
         )
+        who = cluster or _here(workers, read, job, len(captures), closing)
+        from tactograph.graph.batch.batch import (
+            open_batch,
+            open_chunks,
+            reopen_damaged,
+            run_batch,
+            store_place,
+        )
+        from tactograph.graph.batch.store_lock import alone_in
+        from tactograph.graph.run.result_origin import find_origin
+
+        origin = find_origin(read, backend=options.backend, device=options.device)
         place = store_place(out, job)
         closing.enter_context(alone_in(place))
-        store = open_batch(out, job, captures, who, chunk)
+        store = open_batch(out, job, origin, captures, who, chunk)
         damaged = reopen_damaged(store)
         if damaged:
             plural = "s" if damaged > 1 else ""
@@ -128,21 +134,33 @@ def _cluster(
     return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
 
 
-def _here(
-    number: int | None, graph: Graph, options: RunOptions, captures: int, closing: ExitStack
-) -> Workers:
-    """This process, or several that start while it lays out the batch."""
+def _start_importing(number: int | None, captures: int) -> None:
+    """Have processes import what they need, should there be several."""
     from tactograph.graph.batch.fork_server import start_importing
+    from tactograph.graph.batch.worth_starting import at_most
+
+    if (number or at_most(captures)) > 1:
+        start_importing()
+
+
+def _here(number: int | None, graph: Graph, job: Job, captures: int, closing: ExitStack) -> Workers:
+    """This process, or several that open the job's pipeline while this one goes on."""
+    from tactograph.graph.batch.fork_server import start_processes
+    from tactograph.graph.batch.open_job import open_ahead
     from tactograph.graph.batch.worth_starting import worth_starting
 
-    backends = [options.backend] if options.backend else graph.backends
-    number = number or worth_starting(backends, options.device, captures)
-    if number > 1:
-        start_importing()
-    from tactograph.graph.batch.processes import Processes
-    from tactograph.graph.batch.serial import Serial
+    backends = [job.backend] if job.backend else graph.backends
+    number = number or worth_starting(backends, job.device, captures)
+    if number == 1:
+        from tactograph.graph.batch.serial import Serial
 
-    return closing.enter_context(Processes(number)) if number > 1 else Serial()
+        return Serial()
+    idle = start_processes(number)
+    for _ in range(number):
+        idle.submit(open_ahead, job, graph)
+    from tactograph.graph.batch.processes import Processes
+
+    return closing.enter_context(Processes(number, idle=idle))
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
@@ -188,7 +206,7 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, say how it went, and return how many failed."""
     from tactograph.graph.batch.captures import is_url
-    from tactograph.graph.batch.store import DONE, FAILED, STATUS
+    from tactograph.graph.batch.entry import DONE, FAILED, STATUS
     from tactograph.graph.files.whole_files import whole_file
 
     captures, entries = store.captures, store.read_all()

@@ -49,7 +49,7 @@ class Origin:
     device: str
 
 
-def find_origin(graph: Graph, *, backend: str | None, device: str | None) -> Origin:
+def find_origin(graph: Graph, *, backend: str | None = None, device: str | None = None) -> Origin:
     """Say what would make this graph's results here and now.
 
     Raises

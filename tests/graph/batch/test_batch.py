@@ -27,16 +27,19 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.batch import worker
-from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
+from tactograph.graph.batch.batch import Workers, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import find_captures
 from tactograph.graph.batch.cluster import Cluster
+from tactograph.graph.batch.entry import DONE, FAILED, PENDING, Entry
+from tactograph.graph.batch.job import make_job
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, FAILED, PENDING, Entry, Store, open_store
+from tactograph.graph.batch.store import Store, open_store
 from tactograph.graph.batch.store_lock import alone_in
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.result_origin import find_origin
 from tests.graph.conftest import Command, Write
 
 LIT = """
@@ -98,6 +101,15 @@ def opened(place: Path | str) -> Store:
 def batch(tactograph: Command, graph: str, over: str, out: Path, *more: object) -> tuple[int, str]:
     outcome = tactograph("batch", graph, "--over", over, "--out", out, "--chunk", 3, *more)
     return outcome.code, outcome.err
+
+
+def begin(
+    graph: str, over: str, out: str, workers: Workers | None = None, chunk: int | None = None
+) -> Store:
+    """A store for captures of which none is done."""
+    read = read_graph(graph)
+    job, origin = make_job(read, {}, out=out), find_origin(read)
+    return open_batch(out, job, origin, find_captures([over]), workers or Serial(), chunk)
 
 
 def test_every_capture_is_in_the_store_as_if_it_were_alone(
@@ -363,10 +375,9 @@ def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
     graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:
     out = str(tmp_path / "out.zarr")
-    job, found = make_job(read_graph(graph), {}, out=out), find_captures([over])
-    open_batch(out, job, found, Serial(), chunk=3)
-    assert open_batch(out, job, found, Serial(), chunk=4).chunk == 4
-    assert open_batch(out, job, found, Serial()).chunk == 4
+    begin(graph, over, out, chunk=3)
+    assert begin(graph, over, out, chunk=4).chunk == 4
+    assert begin(graph, over, out).chunk == 4
 
 
 def test_a_store_of_another_format_is_refused(
@@ -375,9 +386,9 @@ def test_a_store_of_another_format_is_refused(
     place = tmp_path / "out.zarr"
     batch(tactograph, graph, over, place)
     about = place / "zarr.json"
-    about.write_text(about.read_text().replace('"format": 2', '"format": 1'))
+    about.write_text(about.read_text().replace('"format": 3', '"format": 1'))
     code, err = batch(tactograph, graph, over, place)
-    assert (code, "format 1; this reads 2; give another --out" in err) == (2, True)
+    assert (code, "format 1; this reads 3; give another --out" in err) == (2, True)
 
 
 def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, write: Write) -> None:
@@ -389,7 +400,7 @@ def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, writ
     for text in ("one", "another"):
         notes.write_text(text)
         jobs.append(make_job(graph, {"notes": str(notes)}, out="x.zarr"))
-    assert jobs[0].identity != jobs[1].identity
+    assert jobs[0].inputs != jobs[1].inputs
 
 
 def test_a_chunk_that_was_half_written_is_done_again(
@@ -403,14 +414,13 @@ def test_a_chunk_that_was_half_written_is_done_again(
         merge(self, name, here, values)  # type: ignore[arg-type]
 
     out = str(tmp_path / "out.zarr")
-    job = make_job(read_graph(graph), {}, out=out)
-    store = open_batch(out, job, find_captures([over]), Serial(), chunk=3)
+    store = begin(graph, over, out, chunk=3)
     monkeypatch.setattr(Store, "_merge", dies)
     with pytest.raises(KeyboardInterrupt):
         list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
     assert list(opened(out).statuses) == [DONE] * 3 + [PENDING] * 4
     monkeypatch.setattr(Store, "_merge", merge)
-    store = open_batch(out, job, find_captures([over]), Serial())
+    store = begin(graph, over, out)
     list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
     assert list(store.statuses) == [DONE] * 7
     np.testing.assert_array_equal(lit(store, 4), expected(captures[4]))
@@ -447,8 +457,7 @@ def test_captures_and_store_may_lie_elsewhere(graph: str, captures: list[Path]) 
     for capture in captures[:2]:
         system.put(str(capture), f"/lab/{capture.name}", recursive=True)
     out = "memory://results.zarr"
-    job = make_job(read_graph(graph), {}, out=out)
-    store = open_batch(out, job, find_captures(["memory://lab/*"]), Serial())
+    store = begin(graph, "memory://lab/*", out)
     list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
     assert store.captures == ["memory:///lab/capture_00", "memory:///lab/capture_01"]
     np.testing.assert_array_equal(lit(store, 1), expected(captures[1]))
@@ -566,9 +575,8 @@ def test_captures_survive_the_death_of_processes(
 ) -> None:
     made = [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(60)]
     out = str(tmp_path / "out.zarr")
-    job = make_job(read_graph(graph), {}, out=out)
     workers = Processes(2)
-    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]), workers, chunk=2)
+    store = begin(graph, str(tmp_path / "many" / "*"), out, workers, chunk=2)
     start = time.monotonic()
     done = 0
     for tally in run_batch(out, store, open_chunks(out, store, retry_failed=False), workers):
@@ -640,8 +648,8 @@ def test_a_capture_that_kills_its_process_is_found_out(
     graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:
     out = str(tmp_path / "out.zarr")
-    job, workers = make_job(read_graph(graph), {}, out=out), Processes(2, poisoned)
-    store = open_batch(out, job, find_captures([over]), workers, chunk=1)
+    workers = Processes(2, poisoned)
+    store = begin(graph, over, out, workers, chunk=1)
     list(run_batch(out, store, open_chunks(out, store, retry_failed=False), workers))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
     assert "its process died" in store.read(3).reason

@@ -9,20 +9,20 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.batch.batch import make_job, open_batch, open_chunks, run_batch
-from tactograph.graph.batch.captures import find_captures
-from tactograph.graph.batch.cluster import Cluster
-from tactograph.graph.batch.serial import Serial
-from tactograph.graph.batch.store import DONE, Store
+from tactograph.graph.batch import cluster
+from tactograph.graph.batch.batch import open_chunks, run_batch
+from tactograph.graph.batch.cluster import Cluster, do_chunk_elsewhere
+from tactograph.graph.batch.entry import DONE
+from tactograph.graph.batch.store import Store
 from tactograph.graph.batch.worker import Chunk
-from tactograph.graph.files.read_graph import read_graph
-from tests.graph.batch.test_batch import LIT, expected, lit, make_capture
+from tests.graph.batch.test_batch import LIT, begin, expected, lit, make_capture
 from tests.graph.conftest import Write
 
 START = "from distributed.cli.dask_{0} import main; main()"
@@ -76,10 +76,9 @@ def captures(tmp_path: Path) -> list[Path]:
     return [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(40)]
 
 
-def begin(graph: str, tmp_path: Path) -> tuple[str, Store, list[Chunk]]:
+def open_chunks_of(graph: str, tmp_path: Path) -> tuple[str, Store, list[Chunk]]:
     out = str(tmp_path / "out.zarr")
-    job = make_job(read_graph(graph), {}, out=out)
-    store = open_batch(out, job, find_captures([str(tmp_path / "many" / "*")]), Serial(), chunk=2)
+    store = begin(graph, str(tmp_path / "many" / "*"), out, chunk=2)
     return out, store, open_chunks(out, store, retry_failed=False)
 
 
@@ -92,7 +91,7 @@ def assert_whole(store: Store, captures: list[Path]) -> None:
 def test_a_batch_outlives_its_workers_and_its_scheduler(
     write: Write, tmp_path: Path, captures: list[Path], machines: Machines
 ) -> None:
-    out, store, chunks = begin(write(LIT, "lit.yaml"), tmp_path)
+    out, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     cluster = Cluster(machines.address)
     tallies = run_batch(out, store, chunks, cluster)
     next(tallies)
@@ -109,20 +108,40 @@ def test_a_batch_outlives_its_workers_and_its_scheduler(
 def test_a_client_that_comes_back_goes_on_where_it_was(
     write: Write, tmp_path: Path, captures: list[Path], machines: Machines
 ) -> None:
-    out, store, chunks = begin(write(LIT, "lit.yaml"), tmp_path)
+    out, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     cluster = Cluster(machines.address)
     next(run_batch(out, store, chunks, cluster))
     cluster.close()
     time.sleep(0.2)
-    out, store, left = begin(write(LIT, "lit.yaml"), tmp_path)
+    out, store, left = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     assert len(left) < len(chunks), "nothing was done; the test says nothing"
     list(run_batch(out, store, left, Cluster(machines.address)))
     assert_whole(store, captures)
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from tactograph.graph.batch import cluster
-
     monkeypatch.setattr(cluster, "ANSWER", 0.5)
     with pytest.raises(InputError, match="no scheduler answers"):
         Cluster("tcp://127.0.0.1:9")
+
+
+def test_a_worker_with_other_code_is_refused(
+    write: Write,
+    tmp_path: Path,
+    captures: list[Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
+    other = replace(store.origin, code={**store.origin.code, "label_lit": "other"})
+    monkeypatch.setattr(cluster, "find_origin", lambda *_, **__: other)
+    for _ in range(2):
+        with pytest.raises(InputError, match="has another code of label_lit than the batch"):
+            do_chunk_elsewhere(chunks[0])
+    assert not store.statuses.any()
+
+
+def test_a_worker_with_the_same_code_does_its_chunk(
+    write: Write, tmp_path: Path, captures: list[Path]
+) -> None:
+    *_, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
+    assert do_chunk_elsewhere(chunks[0]).done == 2

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 
 import pytest
 
+from tactograph.graph.batch.fork_server import start_processes
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.errors import InputError
 
@@ -28,6 +30,23 @@ def test_processes_answer_also_after_one_has_died_of_a_question() -> None:
         with pytest.raises(InputError, match="cannot be answered"):
             workers.ask(answer, "foolish")
         assert workers.ask(answer, "easy again") == "easy again!"
+
+
+def is_imported(module: str) -> bool:
+    return module in sys.modules
+
+
+def test_what_takes_long_is_imported_before_a_process_starts() -> None:
+    with Processes(2) as workers:
+        assert workers.ask(is_imported, "tactograph.graph.batch.imported_ahead")
+
+
+def test_processes_that_were_started_before_are_those_that_work() -> None:
+    idle = start_processes(2)
+    pids = {idle.submit(os.getpid).result()}
+    with Processes(2, idle=idle) as workers:
+        pids |= {workers.ask(os.getpid) for _ in range(8)}
+    assert len(pids) <= 2
 
 
 def value_of(name: str) -> str:

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 import zarr
 
+from tactograph.graph.batch.entry import DONE, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType, captures_together
-from tactograph.graph.batch.store import DONE, Entry, create_store
+from tactograph.graph.batch.store import create_store
+from tactograph.graph.run.result_origin import Origin
 
 JOB = Job("", "", "", {}, {}, "capture", ("height",))
+ORIGIN = Origin({}, {}, "")
 
 
 @pytest.mark.parametrize(
@@ -37,7 +40,7 @@ def test_small_maps_are_compressed_together(
     tmp_path: Path, shape: tuple[int, int], chunk: int, together: int
 ) -> None:
     place = str(tmp_path / "out.zarr")
-    store = create_store(place, JOB, chunk)
+    store = create_store(place, JOB, ORIGIN, chunk)
     store.add_maps({"height": MapType(shape, "float32", "mm", ("H", "W"))})
     array = zarr.open_group(place, mode="r")["height"]
     assert isinstance(array, zarr.Array)
@@ -48,7 +51,7 @@ def test_small_maps_are_compressed_together(
 def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
     """As those that were begun before small maps were put together."""
     place = str(tmp_path / "out.zarr")
-    store = create_store(place, JOB, 4)
+    store = create_store(place, JOB, ORIGIN, 4)
     store.append(["a", "b", "c", "d", "e"])
     zarr.open_group(place, mode="r+").create_array(
         "height", shape=(5, 2, 3), chunks=(1, 2, 3), shards=(4, 2, 3), dtype="float32",

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from tactograph.graph.batch import worth_starting as module
-from tactograph.graph.batch.worth_starting import worth_starting
+from tactograph.graph.batch.worth_starting import at_most, worth_starting
 
 
 @pytest.mark.parametrize(
@@ -21,6 +21,7 @@ def test_a_process_has_a_core_and_captures_enough(
     monkeypatch.setattr(module, "open_device", lambda *_: (device, ""))
     monkeypatch.setattr(module, "cores", lambda: 4)
     assert worth_starting(["opencl", "numpy"], None, captures) == number
+    assert at_most(captures) >= number
 
 
 def test_without_a_device_the_cores_are_shared_too(monkeypatch: pytest.MonkeyPatch) -> None:

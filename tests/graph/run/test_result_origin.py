@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.graph.batch.batch import make_job, open_batch
+from tactograph.graph.batch.batch import open_batch
+from tactograph.graph.batch.job import make_job
 from tactograph.graph.batch.serial import Serial
 from tactograph.graph.declare import find_node as find
 from tactograph.graph.errors import InputError
@@ -93,7 +94,7 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def origin_of(graph: str) -> Origin:
-    return find_origin(read_graph(graph), backend=None, device=None)
+    return find_origin(read_graph(graph))
 
 
 @pytest.mark.parametrize("name", [name for name in FILES if name != "felt/_unread.py"])
@@ -166,8 +167,8 @@ def test_a_batch_goes_on_only_with_what_began_it(
     plug_in: Path, write: Write, monkeypatch: pytest.MonkeyPatch, what: str, said: str
 ) -> None:
     graph = read_graph(write(GRAPH))
-    first = make_job(graph, {}, out="x.zarr")
-    store = open_batch("x.zarr", first, ["a"], Serial())
+    first = find_origin(graph)
+    store = open_batch("x.zarr", make_job(graph, {}, out="x.zarr"), first, ["a"], Serial())
     store._array("status")[:] = 1
     if what == "code":
         (plug_in / "felt/_deeper.py").write_text("TWO = 4")
@@ -176,4 +177,6 @@ def test_a_batch_goes_on_only_with_what_began_it(
     else:
         Path("made.txt").write_text("another")
     with pytest.raises(InputError, match=said):
-        open_batch("x.zarr", make_job(graph, {}, out="x.zarr"), ["a", "b"], Serial())
+        open_batch(
+            "x.zarr", make_job(graph, {}, out="x.zarr"), find_origin(graph), ["a", "b"], Serial()
+        )

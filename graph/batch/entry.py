@@ -1,0 +1,33 @@
+"""What came of one capture."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+PENDING, DONE, FAILED = 0, 1, 2
+STATUS = ("pending", "done", "failed")
+
+
+@dataclass
+class Entry:
+    """What came of one capture."""
+
+    status: int
+    reason: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    milliseconds: float = float("nan")
+    maps: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+    @property
+    def checksum(self) -> int:
+        """CRC-32 of the figures and of the maps in order of name."""
+        found = zlib.crc32(json.dumps(self.figures).encode())
+        for name in sorted(self.maps):
+            found = zlib.crc32(self.maps[name].tobytes(), found)
+        return found

@@ -1,0 +1,84 @@
+"""The pipeline that does a job, opened once for all captures."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from tactograph.graph.batch.captures import kept_at_hand
+from tactograph.graph.batch.job import Job
+from tactograph.graph.errors import TactographError
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+
+_mine = threading.local()
+"""The pipeline that this thread keeps, and its job: a pipeline belongs to one thread."""
+
+
+def pipeline_of(job: Job) -> Pipeline:
+    """Open a job's pipeline, unless this thread has it open.
+
+    Raises
+    ------
+    TactographError
+        If it cannot be opened here.
+    """
+    if not _is_open(job):
+        _keep(job, graph_of(job))
+    pipeline: Pipeline = _mine.pipeline
+    return pipeline
+
+
+def open_ahead(job: Job, graph: Graph) -> None:
+    """Open a job's pipeline before it is needed, from a graph that is read already.
+
+    If it cannot be opened, whoever needs it learns that.
+    """
+    with suppress(TactographError):
+        if not _is_open(job):
+            _keep(job, graph)
+
+
+def graph_of(job: Job) -> Graph:
+    """Read the graph of a job that another process may have made."""
+    with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
+        file = Path(folder) / f"{job.name}.yaml"
+        file.write_text(job.graph, encoding="utf-8")
+        return replace(read_graph(str(file)), places={})
+
+
+def forget_pipeline() -> None:
+    """Have the pipeline opened again by whoever needs it next."""
+    _mine.job = None
+
+
+def _is_open(job: Job) -> bool:
+    return getattr(_mine, "job", None) == job
+
+
+def _keep(job: Job, graph: Graph) -> None:
+    # Should opening fail, nothing is taken for open.
+    forget_pipeline()
+    _mine.pipeline = _open(job, graph)
+    _mine.job = job
+
+
+def _open(job: Job, graph: Graph) -> Pipeline:
+    paths = {name for name, param in graph.params.items() if param.kind == "path"}
+    given = {
+        name: kept_at_hand(value) if name in paths and value is not None else value
+        for name, value in job.given.items()
+    }
+    return open_pipeline(
+        graph,
+        given,
+        backend=job.backend,
+        device=job.device,
+        strict=job.strict,
+        sinks=job.folders is not None,
+    )

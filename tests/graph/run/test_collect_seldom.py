@@ -1,0 +1,59 @@
+"""A process of its own looks for garbage seldom, finds it all the same, and ends without."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+import weakref
+from collections.abc import Iterator
+
+import pytest
+
+from tactograph.graph.run.collect_seldom import MIDDLE, YOUNG, collect_seldom
+
+
+@pytest.fixture
+def thresholds() -> Iterator[None]:
+    before = gc.get_threshold()
+    yield
+    gc.set_threshold(*before)
+
+
+class Knot:
+    """Garbage that counting references does not find."""
+
+    def __init__(self) -> None:
+        self.self = self
+
+
+def test_garbage_is_still_found(thresholds: None) -> None:
+    collect_seldom()
+    first = weakref.ref(Knot())
+    # What lives on is counted, what is garbage at once is not.
+    kept = [[] for _ in range(2 * YOUNG)]
+    assert first() is None, len(kept)
+
+
+def test_what_was_used_for_long_is_found_once_it_is_garbage(thresholds: None) -> None:
+    collect_seldom()
+    knot = Knot()
+    kept: list[list[int]] = [[] for _ in range(2 * YOUNG)]
+    old = weakref.ref(knot)
+    del knot
+    kept += [[] for _ in range(YOUNG * (MIDDLE + 2))]
+    assert old() is None
+
+
+ENDS = """
+import atexit, gc
+atexit.register(lambda: print(len(gc.get_objects()), gc.get_freeze_count()))
+from tactograph.graph.run.collect_seldom import collect_seldom
+collect_seldom()
+"""
+
+
+def test_a_process_that_ends_looks_through_nothing() -> None:
+    said = subprocess.run([sys.executable, "-c", ENDS], check=True, capture_output=True, text=True)
+    looked_through, left = map(int, said.stdout.split())
+    assert looked_through < 100 < left
