@@ -8,21 +8,57 @@
 #define FARTHEST_END 1.5f
 #define NEAREST_EDGE 1.2f
 #define NOTHING -1
+#define MOST 8
+// Within so many pixels of a shadow lies all light that tells where it ends.
+#define AROUND_END 4
 
-// The share (0 to 1) of its light that each pixel gets from each LED.
+// Any of the labels of `count` pixels.
+static int any_of(__global const uchar *labels, const int count)
+{
+#if LANES > 1
+    if (count == LANES) {
+        const uint4 four = as_uint4(LOAD_LANES(labels));
+        const uint any = four.x | four.y | four.z | four.w;
+        return (any | any >> 8 | any >> 16 | any >> 24) & 0xff;
+    }
+#endif
+    int found = 0;
+    for (int l = 0; l < count; ++l) found |= labels[l];
+    return found;
+}
+
+// The LEDs whose shadow may cover any of `count` pixels of a row, or a pixel `reach` beside them.
+static int shadows_near(
+    __global const uchar *shadow, const int row, const int column, const int count,
+    const int reach, const int H, const int W)
+{
+    const int end = min(column + count + reach, W), last = max(W - LANES, 0);
+    int found = 0;
+    for (int y = max(row - reach, 0); y <= min(row + reach, H - 1); ++y)
+        for (int x = max(column - reach, 0); x < end; x += LANES)
+            found |= any_of(shadow + y * W + min(x, last), min(LANES, W));
+    return found;
+}
+
+// The share (0 to 1) of its light that each pixel near an LED's shadow gets from the LED.
 __kernel void lit_part(
     __global const float *restrict light, __global const float *restrict slope,
     __global const float *restrict height, __global const float *restrict lights,
-    __global float *restrict part, const int K, const int H, const int W, const float pixel)
+    __global const uchar *restrict shadow, __global float *restrict part, const int K,
+    const int H, const int W, const float pixel)
 {
     const int size = H * W;
-    GRID_LANES(i, count, size)
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
+    const int near = shadows_near(shadow, row, column, count, AROUND_END, H, W);
+    if (!near) return;
+    const int i = row * W + column;
     const floats p = load_floats(slope + i, count), q = load_floats(slope + size + i, count);
     const floats steep = sqrt(1.0f + p * p + q * q), nothing = 0.0f, all = 1.0f;
     const floats z = load_floats(height + i, count), faintest = FAINTEST;
     floats x, y;
     places(i, H, W, pixel, &x, &y);
     for (int k = 0; k < K; ++k) {
+        if (!(near >> k & 1)) continue;
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats expected = (v.z - p * v.x - q * v.y) / steep;
         const floats share =
@@ -32,7 +68,7 @@ __kernel void lit_part(
     }
 }
 
-// Four pixels around a point, and how far between them it lies.
+// Four pixels around a point of the frame, and how far between them it lies.
 typedef struct {
     int a, b, c, d;
     float u, v;
@@ -40,11 +76,11 @@ typedef struct {
 
 static Around around(const float x, const float y, const int H, const int W)
 {
-    const int left = clamp((int)floor(x), 0, W - 1), upper = clamp((int)floor(y), 0, H - 1);
+    const int left = (int)x, upper = (int)y;
     const int right = min(left + 1, W - 1), lower = min(upper + 1, H - 1);
     const Around found = {
         upper * W + left, upper * W + right, lower * W + left, lower * W + right,
-        clamp(x - (float)left, 0.0f, 1.0f), clamp(y - (float)upper, 0.0f, 1.0f)};
+        x - (float)left, y - (float)upper};
     return found;
 }
 
@@ -59,6 +95,11 @@ static float between(
 static float part_at(__global const float *part, const Around at)
 {
     return between(at, part[at.a], part[at.b], part[at.c], part[at.d]);
+}
+
+static int are_dark(__global const uchar *shadow, const int k, const Around at)
+{
+    return (shadow[at.a] & shadow[at.b] & shadow[at.c] & shadow[at.d]) >> k & 1;
 }
 
 static int is_dark(__global const uchar *shadow, const int k, const int i)
@@ -99,46 +140,41 @@ static float2 march(
             }
             before = now;
         }
-        if (t > NEAREST_EDGE && darkness_at(shadow, k, at) < HALF) return (float2)(end, t);
+        if (t <= NEAREST_EDGE || are_dark(shadow, k, at)) continue;
+        if (darkness_at(shadow, k, at) < HALF) return (float2)(end, t);
     }
     return (float2)(end, -1.0f);
 }
 
-// Whether an LED's shadow covers any of `count` pixels of a row, or a pixel beside them.
-static int shadow_near(
-    __global const uchar *shadow, const int k, const int row, const int column, const int count,
-    const int H, const int W)
-{
-    ints labels = 0;
-    for (int y = max(row - 1, 0); y <= min(row + 1, H - 1); ++y)
-        for (int x = max(column - 1, 0); x <= min(column + 1, W - 1); ++x)
-            labels |= load_bytes(shadow + y * W + x, min(count, W - x));
-    return ANY((labels & (1 << k)) != 0);
-}
+// What the shadows of an LED say, one after another.
+typedef struct {
+    __global int *top, *foot;
+    __global float *rise;
+} Measured;
 
-// The edge whose shadow of LED k ends at a pixel, and how far it stands above.
-static void measure_at(
+// The edge whose shadow of LED k ends at a pixel, and how far it stands above; how many there are.
+static int measure_at(
     __global const uchar *shadow, __global const uchar *used, __global const float *slope,
     __global const float *height, __global const float *lights, __global const float *part,
-    __global int *top, __global float *rise, const int k, const int row, const int column,
-    const int H, const int W, const float pixel, const float step_, const float longest)
+    const Measured to, const int at, const int k, const int row, const int column, const int H,
+    const int W, const float pixel, const float step_, const float longest)
 {
     const int i = row * W + column, size = H * W;
-    if (is_dark(shadow, k, i) || popcount(used[i]) < 2) return;
+    if (is_dark(shadow, k, i) || popcount(used[i]) < 2) return 0;
     const float dx = lights[3 * k] / pixel + (float)(W - 1) / 2.0f - (float)column;
     const float dy = lights[3 * k + 1] / pixel + (float)(H - 1) / 2.0f - (float)row;
     const float plan = fmax(sqrt(dx * dx + dy * dy), 1e-6f);
     const float ux = dx / plan, uy = dy / plan;
     const int next = nearest((float)column + ux, (float)row + uy, H, W);
-    if (next == NOTHING || !is_dark(shadow, k, next)) return;
+    if (next == NOTHING || !is_dark(shadow, k, next)) return 0;
 
     const float2 ends = march(
         shadow, part + k * size, k, (float)column, (float)row, ux, uy, H, W, step_, longest);
-    if (ends.y < 0.0f) return;
+    if (ends.y < 0.0f) return 0;
     const float end = ends.x, beyond = ends.y + 0.25f;
     const float x = (float)column + ux * beyond, y = (float)row + uy * beyond;
     const int edge = nearest(x, y, H, W);
-    if (edge == NOTHING || is_dark(shadow, k, edge) || popcount(used[edge]) < 2) return;
+    if (edge == NOTHING || is_dark(shadow, k, edge) || popcount(used[edge]) < 2) return 0;
 
     const float downhill = slope[i] * ux + slope[size + i] * uy;
     const float to_end = pixel * end * clamp(downhill, -STEEPEST, STEEPEST);
@@ -146,53 +182,57 @@ static void measure_at(
         (rint(x) - (float)column) * ux + (rint(y) - (float)row) * uy - end;
     const float tangent =
         (lights[3 * k + 2] - (height[i] + to_end)) / ((plan - end) * pixel);
-    top[k * size + i] = edge;
-    rise[k * size + i] = length_ * pixel * tangent + to_end;
+    to.top[at] = edge;
+    to.foot[at] = i;
+    to.rise[at] = length_ * pixel * tangent + to_end;
+    return 1;
 }
 
-// For each LED and pixel: the edge whose shadow ends there, and how far it stands above.
+// For each LED and span of a row: what the shadows that end there say, one after another from the
+// span's first pixel on, and how many they are.
 __kernel void measure(
     __global const uchar *restrict shadow, __global const uchar *restrict used,
     __global const float *restrict slope, __global const float *restrict height,
     __global const float *restrict lights, __global const float *restrict part,
-    __global int *restrict top, __global float *restrict rise, const int K, const int H,
-    const int W, const float pixel, const float step_, const float longest)
+    __global int *restrict top, __global int *restrict foot, __global float *restrict rise,
+    __global int *restrict counts, const int K, const int H, const int W, const int span,
+    const float pixel, const float step_, const float longest)
 {
-    GRID_PARTS_OF_ROWS(line, x, count, K * H, W)
-    const int k = line / H, row = line % H;
-    for (int l = 0; l < count; ++l) top[line * W + x + l] = NOTHING;
-    if (!shadow_near(shadow, k, row, x, count, H, W)) return;
-    for (int l = 0; l < count; ++l)
-        measure_at(
-            shadow, used, slope, height, lights, part, top, rise, k, row, x + l, H, W, pixel,
-            step_, longest);
+    const int across = (W + span - 1) / span;
+    GRID_1(n, H * across)
+    const int row = n / across, start = span * (n - row * across), end = min(start + span, W);
+    const Measured to = {top, foot, rise};
+    int found[MOST];
+    for (int k = 0; k < K; ++k) found[k] = 0;
+    for (int x = start; x < end; x += LANES) {
+        const int count = min(LANES, end - x);
+        const int near = shadows_near(shadow, row, x, count, 1, H, W);
+        for (int k = 0; near && k < K; ++k)
+            for (int l = 0; l < (near >> k & 1 ? count : 0); ++l)
+                found[k] += measure_at(
+                    shadow, used, slope, height, lights, part, to,
+                    (k * H + row) * W + start + found[k], k, row, x + l, H, W, pixel, step_,
+                    longest);
+    }
+    for (int k = 0; k < K; ++k) counts[k * H * across + n] = found[k];
 }
 
-__kernel void count_rows(
-    __global const int *restrict top, __global int *restrict counts, const int rows, const int W)
-{
-    GRID_1(row, rows)
-    int count = 0;
-    for (int x = 0; x < W; ++x) count += top[row * W + x] != NOTHING;
-    counts[row] = count;
-}
-
-// The measurements of a row of an LED, one after another from the place kept for them.
-__kernel void gather_rows(
-    __global const int *restrict top_of, __global const float *restrict rise_of,
-    __global const int *restrict start, __global int *restrict top, __global int *restrict foot,
+// The measurements of all spans without gaps; those of a span end where `ends` says.
+__kernel void gather_spans(
+    __global const int *restrict top_of, __global const int *restrict foot_of,
+    __global const float *restrict rise_of, __global const int *restrict counts,
+    __global const int *restrict ends, __global int *restrict top, __global int *restrict foot,
     __global float *restrict rise, __global uchar *restrict led, const int K, const int H,
-    const int W)
+    const int W, const int span)
 {
-    GRID_1(row, K * H)
-    int at = start[row];
-    for (int x = 0; x < W; ++x) {
-        const int i = row * W + x;
-        if (top_of[i] == NOTHING) continue;
-        top[at] = top_of[i];
-        foot[at] = row % H * W + x;
-        rise[at] = rise_of[i];
-        led[at] = row / H + 1;
-        ++at;
+    const int across = (W + span - 1) / span;
+    GRID_1(n, K * H * across)
+    const int line = n / across, from = line * W + span * (n - line * across);
+    const int count = counts[n], at = ends[n] - count;
+    for (int c = 0; c < count; ++c) {
+        top[at + c] = top_of[from + c];
+        foot[at + c] = foot_of[from + c];
+        rise[at + c] = rise_of[from + c];
+        led[at + c] = line / H + 1;
     }
 }

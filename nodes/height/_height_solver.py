@@ -680,26 +680,13 @@ def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
     top, foot = (end[level + 1, finest] for end in at)
     pairs = top * (levels[-1].first + levels[-1].size) + foot
     order = stable_order(pairs)
-    begins = np.diff(pairs[order], prepend=-1) > 0
-    joined = np.empty_like(order)
-    joined[order] = count + np.cumsum(begins) - 1
+    begins = np.flatnonzero(np.diff(pairs[order], prepend=-1))
     own = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
     numbers = np.arange(own[0].size)
-    member_start, members = _grouped(
-        np.concatenate([numbers[:count], joined]),
-        np.concatenate([numbers[:count], finest]),
-        numbers.size,
-    )
+    member_start = np.concatenate([numbers[:count], count + begins, [count + order.size]])
+    members = np.concatenate([numbers[:count], finest[order]])
     order = stable_order(np.concatenate(own))
     knot_own, knot_other = (np.concatenate(ends)[order] for ends in (own, own[::-1]))
     knot_tie = np.concatenate([numbers, ~numbers])[order]
     found = member_start, members, knot_own, knot_tie, knot_other
     return _TieLevels(*(array.astype(np.int32) for array in found))
-
-
-def _grouped(
-    group: NDArray[Any], values: NDArray[Any], count: int
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Where each group's values begin, and the values sorted by group."""
-    start = np.append(0, np.cumsum(np.bincount(group, minlength=count)))
-    return start, values[stable_order(group)]

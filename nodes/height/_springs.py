@@ -204,11 +204,12 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
 
 def stable_order(keys: Pixels) -> Pixels:
     """The stable `np.argsort`, by the fast sort of numbers of which no two are alike."""
-    if keys.size and int(keys.max()) >= (2**63 - keys.size) // keys.size:
+    bits = keys.size.bit_length()
+    if keys.size and int(keys.max()) >> (63 - bits):
         return np.argsort(keys, kind="stable")  # numbered, they would not fit
-    numbered = keys.astype(np.int64) * keys.size + np.arange(keys.size)
+    numbered = (keys.astype(np.int64) << bits) + np.arange(keys.size)
     numbered.sort()
-    return numbered % max(keys.size, 1)
+    return numbered & ((1 << bits) - 1)
 
 
 def _smallest_matrix(grids: Grids) -> F4:
@@ -236,18 +237,19 @@ def soft_inverse(matrix: F4) -> F4:
     alone would move them far.
     """
     joined = np.diag(matrix) > 0
-    size = int(joined.sum())
-    inside = np.ix_(joined, joined)
-    inverse = np.zeros_like(matrix)
-    if size:
-        stiffness = float(np.trace(matrix, dtype=float)) / size
-        held = matrix[inside] + np.eye(size) * (1e-7 * stiffness)
-        if held.sum() > 1e-5 * stiffness * size:
-            inverse[inside] = np.linalg.inv(held)
-        else:
-            keep = np.eye(size) - 1 / size
-            inverse[inside] = keep @ np.linalg.inv(held + stiffness / size) @ keep
-    return inverse
+    if not joined.all():
+        inside = np.ix_(joined, joined)
+        inverse = np.zeros_like(matrix)
+        if joined.any():
+            inverse[inside] = soft_inverse(matrix[inside])
+        return inverse
+    size, held = len(matrix), matrix.astype(float)
+    stiffness = float(np.trace(held)) / size
+    held.flat[:: size + 1] += 1e-7 * stiffness
+    if held.sum() > 1e-5 * stiffness * size:
+        return np.linalg.inv(held).astype(np.float32)
+    keep = np.eye(size) - 1 / size
+    return (keep @ np.linalg.inv(held + stiffness / size) @ keep).astype(np.float32)
 
 
 def _padded(plane: F4, half: tuple[int, int]) -> F4:

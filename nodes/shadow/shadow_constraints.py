@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 HALF = np.float32(0.5)
 STEEPEST = np.float32(3)
 OUTSIDE = np.float32(-1e6)
+SPAN, SPAN_OF_LANES = 16, 64
+"""Pixels of a row in which a work-item of a device looks for the ends of shadows."""
 
 
 class Rays(NamedTuple):
@@ -190,27 +192,31 @@ def _march(
 
 @shadow_constraints.opencl()
 def _launch(run: Launch) -> None:
-    """Measure everywhere, count by rows, then gather in the order of LEDs, rows and columns."""
+    """Measure by spans of rows, then gather in the order of LEDs, rows and columns."""
     lights, height, width = sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     of = run.inputs
+    span = SPAN_OF_LANES if run.lanes > 1 else SPAN
+    spans = height * -(-width // span)
     part, rise = run.scratch(sizes), run.scratch(sizes)
-    top, counts = run.scratch(sizes, np.int32), run.scratch((lights * height,), np.int32)
+    top, foot = run.scratch(sizes, np.int32), run.scratch(sizes, np.int32)
+    counts = run.scratch((lights * spans,), np.int32)
     pixel = float(of["pixel"])
     run.kernel(
-        "lit_part", run.in_lanes(height, width),
-        of["light"], of["slope"], of["height"], of["lights"], part, *sizes, pixel,
+        "lit_part", run.in_row_lanes(height, width),
+        of["light"], of["slope"], of["height"], of["lights"], of["shadow"], part, *sizes, pixel,
     )  # fmt: skip
     run.kernel(
-        "measure", run.in_row_lanes(*sizes),
-        of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part, top, rise,
-        *sizes, pixel, run.settings["step_px"], run.settings["longest_px"],
+        "measure", (spans,),
+        of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part,
+        top, foot, rise, counts, *sizes, span,
+        pixel, run.settings["step_px"], run.settings["longest_px"],
     )  # fmt: skip
-    run.kernel("count_rows", counts.shape, top, counts, lights * height, width)
     ends = np.cumsum(run.download(counts), dtype=np.int32)
     run.found("C", int(ends[-1]))
-    start = run.put(np.concatenate([[0], ends[:-1]]).astype(np.int32))
     out = [run.outputs[name] for name in ShadowRises._fields]
-    run.kernel("gather_rows", counts.shape, top, rise, start, *out, *sizes)
+    run.kernel(
+        "gather_spans", counts.shape, top, foot, rise, counts, run.put(ends), *out, *sizes, span
+    )
 
 
 @shadow_constraints.example

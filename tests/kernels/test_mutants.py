@@ -395,8 +395,10 @@ MUTANTS = {
         "the edge not known": ("popcount(used[edge]) < 2", "popcount(used[edge]) < 1"),
         "the slope at the end ignored": ("* tangent + to_end", "* tangent"),
         "a distant LED": ("- (height[i] + to_end)", "- 0.0f * height[i]"),
-        "LEDs counted from 0": ("row / H + 1", "row / H"),
-        "shadows of the first LED alone": ("(labels & (1 << k)) != 0", "(labels & 1) != 0"),
+        "LEDs counted from 0": ("line / H + 1", "line / H"),
+        "shadows of the first LED alone": ("near >> k & 1 ? count", "near & 1 ? count"),
+        "measurements of a span alike": ("rise_of[from + c]", "rise_of[from]"),
+        "spans that begin where they end": ("ends[n] - count", "ends[n]"),
         "no longest shadow": ("t <= longest", "t <= 1e9f"),
     },
     "height_error": {
