@@ -11,6 +11,8 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.nodes import Mask, PixelSize
 
+REACHED = 2
+
 
 @node
 def rest_mask(
@@ -38,12 +40,10 @@ def rest_mask(
         H x W, 1 on the film at rest.
     """
     closed = cv2.morphologyEx(calm, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    count, parts = cv2.connectedComponents(closed, connectivity=4)
-    at_border = np.zeros(count, np.uint8)
-    for line in (parts[0], parts[-1], parts[:, 0], parts[:, -1]):
-        at_border[line] = 1
-    at_border[0] = 0
-    joined = at_border[parts]
+    # What a flood reaches that begins around the frame.
+    ringed = cv2.copyMakeBorder(closed, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
+    cv2.floodFill(ringed, None, (0, 0), REACHED, flags=4)
+    joined = (ringed[1:-1, 1:-1] == REACHED).astype(np.uint8)
     margin = round(margin_mm / pixel)
     square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     return np.asarray(cv2.erode(joined, square, borderValue=1), np.uint8)
