@@ -16,7 +16,7 @@ from tactograph.nodes.height._springs import conjugate_gradients, hierarchy
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-ENOUGH = 4e-10
+ENOUGH = 4e-9
 """The share of the steps' energy that may be left to gain."""
 
 
