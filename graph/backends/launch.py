@@ -156,11 +156,12 @@ class Launch:
         self._record.kernels.append(bound)
         self._events.append(bound())
 
-    def capture(self, launches: Callable[[], None]) -> Callable[[], None]:
+    def capture(self, launches: Callable[[], None]) -> Callable[..., None]:
         """Return what enqueues the kernels of `launches` as often as it is called.
 
         Their arguments are set now and once: enqueuing takes a fifth of the time.  One sequence
-        is captured at a time; the one before must not be enqueued any more.
+        is captured at a time; the one before must not be enqueued any more.  Called with `since`
+        and `to`, it enqueues those of them alone, counted from 0.
         """
         self.repeats = False
         self._captured, self._twins = [], Counter()
@@ -169,7 +170,11 @@ class Launch:
             captured = self._captured
         finally:
             self._captured = None
-        return lambda: self._events.extend(enqueue() for enqueue in captured)
+
+        def enqueue(since: int = 0, to: int | None = None) -> None:
+            self._events.extend(launch() for launch in captured[since:to])
+
+        return enqueue
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
         """A buffer for this launch alone, from the pool."""

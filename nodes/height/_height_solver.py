@@ -43,6 +43,8 @@ PARTS = 1024
 GAP = 32
 """Numbers before, between and behind the levels come in runs of so many, as rows do."""
 RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
+BEFORE_CYCLE = 3
+"""Launches of a step before those of its cycle: turn, reach, advance."""
 TAKEN, GOES_ON = 2, 3
 """Where it stands how many steps a solution has taken, and whether it goes on."""
 
@@ -181,11 +183,12 @@ class HeightSolver:
         last = self._levels[-1]
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
+        # So that the device has work while the rest is laid out.
+        self._gather(window)
         self._depth = min(deepest, len(self._levels) - 1)
         self.cells = self._stack(self._depth, gaps) if self._depth else None
         halved = self._levels[1 : 1 + self._depth]
         self._shares = [[run.scratch((c.rows, c.columns)) for _ in range(2)] for c in halved]
-        self._gather(window)
         self._tie(touch, total)
         there = [level.there for level in self._levels]
         self._levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
@@ -490,16 +493,26 @@ class HeightSolver:
         """
         run, gain = self._run, self._beginning(1)
         step = run.capture(lambda: self._step(stack, gain, enough, number))
+        # On large levels the way down needs no inverse of the coarsest: that goes first.
+        down = self._launches_down(stack)
+        step(to=down)
         self._invert(stack)
+        step(since=down)
         stands: Callable[[], NDArray[Any]] | None = None
-        for _ in range(steps + 1):
+        for taken in range(steps + 1):
             before = stands
-            step()
+            if taken:
+                step()
             stands = run.begin_download(gain)
             if before is not None and not before()[0, GOES_ON]:
                 break
         assert stands is not None
         return stands
+
+    def _launches_down(self, stack: Stack) -> int:
+        """How many launches of a step come before those on small levels."""
+        large = next(n for n, step in enumerate(stack.steps) if self._is_small(step))
+        return BEFORE_CYCLE + large
 
     def _beginning(self, loads: int) -> DeviceArray:
         """How solutions stand before their first cycle; springs.clh says what the numbers are."""

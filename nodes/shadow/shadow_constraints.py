@@ -213,6 +213,8 @@ def _launch(run: Launch) -> None:
     )  # fmt: skip
     ends = np.cumsum(run.download(counts), dtype=np.int32)
     run.found("C", int(ends[-1]))
+    if not ends[-1]:
+        return
     out = [run.outputs[name] for name in ShadowRises._fields]
     run.kernel(
         "gather_spans", counts.shape, top, foot, rise, counts, run.put(ends), *out, *sizes, span
