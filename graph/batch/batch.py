@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from tactograph.graph.batch.captures import absolute
 from tactograph.graph.batch.entry import DONE, FAILED
-from tactograph.graph.batch.job import Job, identity_of
+from tactograph.graph.batch.job import Job, identity_of, store_place
 from tactograph.graph.batch.map_types import MapType, captures_together
 from tactograph.graph.batch.store import Store, create_store, open_store
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, folder_name
@@ -27,11 +26,6 @@ class Workers(Protocol):
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer: ...
 
     def run(self, chunks: Iterator[Chunk]) -> Iterator[Tally]: ...
-
-
-def store_place(out: str, job: Job) -> str:
-    """Where the store of a batch lies."""
-    return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
 
 
 def open_batch(

@@ -113,6 +113,11 @@ def make_job(
     )
 
 
+def store_place(out: str, job: Job) -> str:
+    """Where the store of a batch lies."""
+    return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
+
+
 def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
     """The graph's nodes and settings, once it is sure that no param but the capture is missing."""
     each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}

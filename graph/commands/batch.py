@@ -78,7 +78,7 @@ def command(
         if cluster is None:
             _start_importing(workers, len(captures))
         read = options.read(graph)
-        from tactograph.graph.batch.job import make_job
+        from tactograph.graph.batch.job import make_job, store_place
         from tactograph.graph.run.typed_values import read_words
 
         job = make_job(
@@ -91,19 +91,18 @@ def command(
             device=options.device,
             strict=options.strict,
         )
-        who = cluster or _here(workers, read, job, len(captures), closing)
+        place = store_place(out, job)
+        who = cluster or _here(workers, read, job, len(captures), place, closing)
         from tactograph.graph.batch.batch import (
             open_batch,
             open_chunks,
             reopen_damaged,
             run_batch,
-            store_place,
         )
         from tactograph.graph.batch.store_lock import alone_in
         from tactograph.graph.run.result_origin import find_origin
 
         origin = find_origin(read, backend=options.backend, device=options.device)
-        place = store_place(out, job)
         closing.enter_context(alone_in(place))
         store = open_batch(out, job, origin, captures, who, chunk)
         damaged = reopen_damaged(store)
@@ -143,8 +142,13 @@ def _start_importing(number: int | None, captures: int) -> None:
         start_importing()
 
 
-def _here(number: int | None, graph: Graph, job: Job, captures: int, closing: ExitStack) -> Workers:
-    """This process, or several that open the job's pipeline while this one goes on."""
+def _here(
+    number: int | None, graph: Graph, job: Job, captures: int, place: str, closing: ExitStack
+) -> Workers:
+    """This process, or several that open the job's pipeline while this one goes on.
+
+    Where a store is there, nothing may be left to do: they then wait until they are asked.
+    """
     from tactograph.graph.batch.fork_server import start_processes
     from tactograph.graph.batch.open_job import open_ahead
     from tactograph.graph.batch.worth_starting import worth_starting
@@ -156,7 +160,7 @@ def _here(number: int | None, graph: Graph, job: Job, captures: int, closing: Ex
 
         return Serial()
     idle = start_processes(number)
-    for _ in range(number):
+    for _ in range(0 if Path(place).exists() else number):
         idle.submit(open_ahead, job, graph)
     from tactograph.graph.batch.processes import Processes
 

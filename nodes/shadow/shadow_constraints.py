@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Close, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import (
     F4,
     Height,
@@ -64,7 +64,10 @@ class Film(NamedTuple):
     y: F4
 
 
-@node(tolerance=Close(1e-5, 1e-5, why="square roots that a device rounds otherwise"))
+@node(
+    sizes={"K": SizeLimit(1, 8, "a label has 8 bits")},
+    tolerance=Close(1e-5, 1e-5, why="square roots that a device rounds otherwise"),
+)
 def shadow_constraints(
     light: Light,
     shadow: Labels,

@@ -12,8 +12,10 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import cv2
 import fsspec
@@ -231,6 +233,22 @@ def test_what_is_finished_is_not_done_again(
     np.testing.assert_array_equal(
         lit(opened(tmp_path / "out.zarr"), 7), expected(tmp_path / "day" / "capture_99")
     )
+
+
+def test_no_process_opens_the_graph_where_nothing_is_left_to_do(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    idle = MagicMock(spec=ProcessPoolExecutor)
+    idle.__enter__.return_value = idle
+    monkeypatch.setattr("tactograph.graph.batch.fork_server.start_processes", lambda _: idle)
+    batch(tactograph, graph, over, tmp_path / "out.zarr", "--workers", 1)
+    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--workers", 2) == (0, "")
+    assert not idle.submit.called
 
 
 def test_a_capture_that_fails_is_told_and_stops_no_other(
