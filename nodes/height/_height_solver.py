@@ -498,15 +498,13 @@ class HeightSolver:
         step(to=down)
         self._invert(stack)
         step(since=down)
-        stands: Callable[[], NDArray[Any]] | None = None
-        for taken in range(steps + 1):
+        stands = run.begin_download(gain)
+        for _ in range(steps):
             before = stands
-            if taken:
-                step()
+            step()
             stands = run.begin_download(gain)
-            if before is not None and not before()[0, GOES_ON]:
+            if not before()[0, GOES_ON]:
                 break
-        assert stands is not None
         return stands
 
     def _launches_down(self, stack: Stack) -> int:
