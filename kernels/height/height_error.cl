@@ -142,7 +142,7 @@ LANED __kernel void err_slopes(
     __global const float *restrict lights, __global const float *restrict others,
     __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
-    const float flat_noise, const float uneven, __global const float *restrict kinds,
+    const float flat_noise, const float shared, const float uneven, __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *bounced, __global const float *earlier)
 {
@@ -168,7 +168,7 @@ LANED __kernel void err_slopes(
     EACH_LED(k) {
         const int at = k * frame_size + from;
         const floats flat = flat_noise * load_floats(light + at, count);
-        const floats noisy = noise[k] * sqrt(1.0f + flat * flat);
+        const floats noisy = shared * noise[k] * sqrt(1.0f + flat * flat);
         const floats to_p = response.by_p[k], to_q = response.by_q[k];
         const floats noise_p = to_p * noisy, noise_q = to_q * noisy;
         pp += noise_p * noise_p;

@@ -12,7 +12,7 @@ from tactograph.nodes import F4, Light, Noise
 
 MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 """Blind to planes and to twists; its response to white noise of 1 is 6."""
-CALM, CALM_MEAN = 0.8, 0.5586
+KEPT, KEPT_MEAN = 0.8, 0.5586
 """The share of responses that are not edges, and their mean magnitude under a normal law."""
 LEVELS = np.linspace(0.04, 0.96, 24)
 """Light at which noise is looked at: not black and not saturated."""
@@ -58,5 +58,5 @@ def estimate_noise(image: Light) -> Noise:
 
 def _variance(left: F4) -> float:
     """Variance of a pixel from the smaller of the mask's responses."""
-    calm: NDArray[np.floating] = np.sort(left)[: max(1, int(CALM * left.size))]
-    return float(calm.mean(dtype=np.float64) / (CALM_MEAN * 6)) ** 2
+    calm: NDArray[np.floating] = np.sort(left)[: max(1, int(KEPT * left.size))]
+    return float(calm.mean(dtype=np.float64) / (KEPT_MEAN * 6)) ** 2

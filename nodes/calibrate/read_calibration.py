@@ -20,6 +20,7 @@ from tactograph.nodes import (
     Metrics,
     Misfit,
     Noise,
+    NoiseCorrelation,
     NullVector,
     PixelSize,
     Reflectance,
@@ -47,6 +48,7 @@ class Calibration(NamedTuple):
     null: NullVector
     spread: Spread
     noise: Noise
+    correlation: NoiseCorrelation
     film: Film
     lens: Lens
     misfit: Misfit
@@ -84,6 +86,7 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     # A file from before the film was described is that of a matt film.
     found.setdefault("lens", np.zeros(8, np.float32))
     found.setdefault("misfit", NO_MISFIT)
+    found.setdefault("correlation", 1.0)
     film = {name: found.pop(name) for name in Film._fields if name in found}
     matt = matt_film(film["lights"])
     return Calibration(film=matt._replace(**film), **found, quality=read_quality(file))

@@ -19,6 +19,7 @@ from tactograph.nodes import (
     Metrics,
     Misfit,
     Noise,
+    NoiseCorrelation,
     NullVector,
     PixelSize,
     Reflectance,
@@ -54,6 +55,13 @@ CALIBRATION = FileKind(
         ),
         "noise": Stored(
             "2", "a captured light I has the variance noise[0] I + noise[1]", low=0, high=1
+        ),
+        "correlation": Stored(
+            "",
+            "a mean over pixels has so many times the variance that independent noise leaves",
+            required=False,
+            low=1,
+            high=100,
         ),
         "others": Stored(
             "8 K 3",
@@ -151,6 +159,7 @@ def write_calibration(
     lens: Lens,
     quality: Metrics,
     misfit: Misfit | None = None,
+    correlation: NoiseCorrelation | None = None,
     *,
     file: NewFile,
     provenance: Provenance,
@@ -179,6 +188,8 @@ def write_calibration(
         How good the calibration is, for people and for ``result.json``.
     misfit
         What the film's model leaves on presses held out; without it, it is exact.
+    correlation
+        What pixels share of the noise; without it, nothing.
     file
         Where to; replaced as a whole.
 
@@ -200,6 +211,7 @@ def write_calibration(
         "spread": spread,
         **film._asdict(),
         "noise": noise,
+        "correlation": 1.0 if correlation is None else correlation,
         "lens": lens,
         "misfit": NO_MISFIT if misfit is None else misfit,
     }

@@ -39,6 +39,7 @@ def respond(
     rest: U1,
     uneven: np.float32,
     flat_noise: np.float32,
+    shared: np.float32,
     made: Response,
 ) -> None:
     """Enter the response of some rows.
@@ -104,7 +105,7 @@ def respond(
                 by_p[c] = -((ONE + p[c] * p[c]) * by_a + p[c] * q[c] * by_b)
                 by_q[c] = -(p[c] * q[c] * by_a + (ONE + q[c] * q[c]) * by_b)
                 flat = flat_noise * light[c]
-                noise = sigma[c] * np.sqrt(ONE + flat * flat)
+                noise = shared * sigma[c] * np.sqrt(ONE + flat * flat)
                 noise_p, noise_q = by_p[c] * noise, by_q[c] * noise
                 pp[c] += noise_p * noise_p
                 pq[c] += noise_p * noise_q

@@ -103,6 +103,7 @@ def response_of(
     rest: Mask,
     uneven: float,
     flat_noise: np.float32,
+    shared: np.float32,
 ) -> Response:
     """What small changes of the lights, and noise, do to the slopes."""
     from tactograph.nodes.height._error_loops import respond
@@ -110,7 +111,7 @@ def response_of(
     leds, *size = film.light.shape
     shapes = *((leds, *size) for _ in range(2)), (leds, 3, *size), *(size for _ in range(3))
     made = Response(*(np.empty(shape, np.float32) for shape in shapes))
-    of_film = only_read(lights), only_read(used), only_read(rest), np.float32(uneven), flat_noise
+    of_film = only_read(lights), only_read(used), only_read(rest), np.float32(uneven), flat_noise, shared
 
     def respond_in(rows: slice) -> None:
         respond(rows.start, rows.stop, film, *of_film, made)

@@ -29,6 +29,7 @@ from tactograph.nodes import (
     LightPositions,
     Mask,
     Misfit,
+    NoiseCorrelation,
     PixelSize,
     ShadowRises,
     Slope,
@@ -104,6 +105,7 @@ def height_error(
     misfit: Misfit | None = None,
     bounced: Light | None = None,
     earlier: Light | None = None,
+    correlation: NoiseCorrelation | None = None,
     *,
     robust: Annotated[float, Ge(0.1)] = 2.5,
     bend: Annotated[float, Ge(0)] = 0.25,
@@ -123,7 +125,8 @@ def height_error(
     two of them on pixels, too: they tell what the cells do not see.  The errors are
 
     - the noise of each LED's light, and of the flat frame by which it was divided,
-      independent from pixel to pixel;
+      independent from pixel to pixel.  Where neighbours share noise it is as much larger as that
+      of a mean over pixels is, since a height adds up slopes;
     - an error of the calibration, common to all pixels: by how much the film's light would
       differ from the one found, to first order, if the LEDs were where the calibration allows
       them to be too (on the film at rest it would not, by the flat frame);
@@ -167,6 +170,8 @@ def height_error(
     bounced, earlier
         K x H x W, the light that the film throws on itself, which `light` is without; and as the
         pass before had it.
+    correlation
+        What neighbours share of the noise, as `noise_correlation` gives it; without it, nothing.
     flat_noise
         Noise of the flat frame as a share of a touch's: 1 if it is one frame as taken, 0.6 if
         a calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
@@ -205,9 +210,8 @@ def height_error(
     coarsest = cells[-1].springs if cells else springs
     coarse = hierarchy(coarsest) if cells else levels
     film = film_inside(window, light, sigma, slope, height, pixel, bounced, earlier)
-    response = response_of(
-        film, lights, window.of(used), window.of(rest), uneven, np.float32(flat_noise)
-    )
+    noise = np.float32(flat_noise), _shared(correlation)
+    response = response_of(film, lights, window.of(used), window.of(rest), uneven, *noise)
     turn = _turns(system)
     turns = Turns(*(np.float32(aperture) * part for part in turn))
     rise_error = np.float32(rise_px * pixel)
@@ -267,6 +271,11 @@ def height_error(
     edge = window.of(_unresolved(height, pixel))
     out[window.rows, window.columns] = np.sqrt(deviation * deviation + edge * edge) * free
     return out
+
+
+def _shared(correlation: float | None) -> np.float32:
+    """Times the noise of a pixel, that a height's is as if its pixels had noise of their own."""
+    return np.float32(math.sqrt(correlation or 1.0))
 
 
 def _on_cells(springs: Springs, levels: int) -> list[Cells]:
@@ -503,7 +512,8 @@ def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[_Keys]) ->
     run.kernel(
         "err_slopes", run.in_row_lanes(*solver.shape), of["light"], of["sigma"], of["height"],
         of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
-        *frame, *solver.place, float(of["pixel"]), settings["flat_noise"], of["uneven"],
+        *frame, *solver.place, float(of["pixel"]), settings["flat_noise"],
+        _shared(of.get("correlation")), of["uneven"],
         kinds, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
         # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
         local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
@@ -561,4 +571,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
         "rises.led": rng.integers(1, lights + 1, number).astype(np.uint8),
         "mask": (rng.random(shape) < 0.95).astype(np.uint8),
+        "correlation": float(rng.uniform(1, 6)),
     }

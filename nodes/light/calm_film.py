@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import cv2
@@ -9,13 +10,15 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import Flips, node
-from tactograph.nodes import Light, Mask
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import Light, Mask, NoiseCorrelation
 
 
 @node(tolerance=Flips(1e-3, why="a threshold on a float32 mean"))
 def calm_film(
     light: Light,
     sigma: Light,
+    correlation: NoiseCorrelation | None = None,
     *,
     radius_px: Annotated[int, Interval(ge=0, le=8)] = 2,
     level: Annotated[float, Gt(0)] = 4.5,
@@ -24,12 +27,14 @@ def calm_film(
 
     Light is divided by the flat frame, so the untouched film has 1 everywhere.  The mean
     over a square window is as many times less noisy as the window is wide, so that even the
-    gentle skirts of a press differ from the film at rest.
+    gentle skirts of a press differ from the film at rest; less so where neighbours share noise.
 
     Parameters
     ----------
     light, sigma
         K x H x W; the standard deviation of each light.
+    correlation
+        What they share, as `noise_correlation` gives it; without it, nothing.
     radius_px
         The window is 2 radius_px + 1 wide; beyond the frame its border goes on.
     level
@@ -40,7 +45,7 @@ def calm_film(
     ndarray
         H x W, 1 where the film looks untouched.
     """
-    width = 2 * radius_px + 1
+    width, level = 2 * radius_px + 1, _level(level, correlation)
     calm = np.ones(light.shape[1:], bool)
     for plane, noise in zip(light, sigma, strict=True):
         departure = cv2.blur(plane - 1, (width, width), borderType=cv2.BORDER_REPLICATE)
@@ -48,4 +53,16 @@ def calm_film(
     return calm.astype(np.uint8)
 
 
-calm_film.opencl(grid="H W", lanes="rows")
+def _level(level: float, correlation: float | None) -> float:
+    """Standard deviations as they were if neighbours shared no noise."""
+    return level * math.sqrt(correlation or 1.0)
+
+
+@calm_film.opencl()
+def _launch(run: Launch) -> None:
+    count, rows, columns = (run.sizes[symbol] for symbol in "KHW")
+    run.kernel(
+        "calm_film", run.in_row_lanes(rows, columns),
+        run.inputs["light"], run.inputs["sigma"], run.outputs["calm_film"], count, rows, columns,
+        run.settings["radius_px"], _level(run.settings["level"], run.inputs.get("correlation")),
+    )  # fmt: skip

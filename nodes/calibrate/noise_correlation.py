@@ -1,0 +1,96 @@
+"""Measure how much of the camera's noise pixels have in common with their neighbours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import F4, Grain, Light, Noise, NoiseCorrelation
+from tactograph.nodes.calibrate.estimate_noise import KEPT, KEPT_MEAN, LEVELS
+from tactograph.nodes.capture._sheet import SheetLight, cut
+
+TILE = 32
+"""Pixels along the side of a tile of film."""
+MOST_TILES, FEWEST_TILES = 400, 24
+"""So many are looked at in a press under an LED; of fewer in all, nothing is said."""
+CALM, AS_CALM = 0.1, 0.65
+"""Share of the tiles in which nothing but noise differs from cell to cell, at least; and what the
+calmest show of white noise of variance 1."""
+CELL, APART = 4, 2
+"""Pixels along the side of a cell, and cells from one compared to the next."""
+FAINT = 0.02
+"""Smallest value of the flat frame that is divided by, as for `flat_field`."""
+MOST = 4.0
+"""A mosaic of colours has a colour in every fourth pixel at least: what differs more is film."""
+
+
+@node
+def noise_correlation(
+    image: SheetLight, flat: Light, noise: Noise, grain: Grain
+) -> NoiseCorrelation:
+    """Return how many times more variance a mean over pixels has than independent noise leaves.
+
+    Where a camera interpolates colours, or compresses, neighbours err alike.  A mean over them
+    then takes less of the noise away, and a mask that compares neighbours hardly sees it
+    (`estimate_noise`).  The square of the noise correlation ratio of Fruchter and Hook ("Drizzle:
+    a method for the linear reconstruction of undersampled images", 2002), from means of 4 x 4
+    pixels, on calm film.
+
+    Parameters
+    ----------
+    image
+        K x S x W, as captured: one capture, or presses on a sheet (`_sheet`).
+    flat
+        K x H x W, the film at rest.
+    noise
+        (shot, read), as `estimate_noise` gives it.
+    grain
+        Of the film; with the noise it is what a pixel is taken to err by.
+
+    Returns
+    -------
+    float
+        1 where every pixel has noise of its own.
+    """
+    ratios = []
+    for plane, rest in zip(image, flat, strict=True):
+        rest = np.maximum(rest, np.float32(FAINT))
+        for press in cut(plane, len(rest)):
+            lit = _in_tiles((press > LEVELS[0]) & (press < LEVELS[-1]), TILE).all(axis=1)
+            asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MOST_TILES]
+            light = press / rest
+            alone = (noise[0] * press + noise[1]) / rest**2 + (grain * light) ** 2
+            expected = _in_tiles(alone, TILE)[asked].mean(axis=1)
+            ratios.append(_variances(light)[asked] / expected)
+    found = np.concatenate(ratios)
+    if found.size < FEWEST_TILES:
+        return 1.0
+    return float(np.clip(np.quantile(found, CALM) / AS_CALM, 1, MOST))
+
+
+def _variances(light: F4) -> F4:
+    """For each tile the variance of a pixel that would make cells as noisy as they are.
+
+    By Immerkaer's mask (`estimate_noise`) with its taps apart, since neighbouring cells share
+    noise, too.
+    """
+    rows, columns = (size // TILE * TILE for size in light.shape)
+    size = columns // CELL, rows // CELL
+    cells = cv2.resize(light[:rows, :columns], size, interpolation=cv2.INTER_AREA)
+    taps = np.zeros(2 * APART + 1, np.float32)
+    taps[:: 2 * APART], taps[APART] = 1, -2
+    border = cv2.BORDER_REPLICATE
+    left = np.abs(cv2.sepFilter2D(cells, cv2.CV_32F, taps, taps, borderType=border))
+    calm = np.sort(_in_tiles(left, TILE // CELL))[:, : int(KEPT * (TILE // CELL) ** 2)]
+    return np.square(calm.mean(axis=1) * np.float32(CELL / (6 * KEPT_MEAN)))
+
+
+def _in_tiles(plane: NDArray[Any], side: int) -> NDArray[Any]:
+    """N x side^2, by tile; what does not fill a tile at the right and bottom is left out."""
+    rows, columns = (size // side for size in plane.shape)
+    whole = plane[: rows * side, : columns * side].reshape(rows, side, columns, side)
+    return whole.swapaxes(1, 2).reshape(rows * columns, side * side)
