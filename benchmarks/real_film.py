@@ -4,11 +4,13 @@
     python benchmarks/real_film.py --ablations      # reconstruct without each part of the film
     python benchmarks/real_film.py --only rigs      # or: real
     python benchmarks/real_film.py --only real --scale 4 --leds 6 --graphs precise
+    python benchmarks/real_film.py --only rigs --mosaic --rigs hand_ideal hand --graphs precise
 
 The real sensor (GelSight bench sensor, six LEDs, grids of steel balls; gelsightinc/sdkdemo, MIT)
 is calibrated with one scan and measured on the other, at full resolution or, by `--scale`, at a
 part of it; of a graph that states an error the share of it that holds is printed.  Each rig is
 calibrated with both ball presses, the grid on its film and the height of its pupil, if it has one.
+With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -85,6 +88,7 @@ def main() -> None:
     parser.add_argument("--leds", type=int, nargs="+", default=list(LEDS), choices=list(LEDS))
     parser.add_argument("--scale", type=int, default=1, help="pixels of a side put into one")
     parser.add_argument("--rigs", nargs="+", default=list(RIGS), choices=RIGS)
+    parser.add_argument("--mosaic", action="store_true", help="rigs seen by a colour camera")
     parser.add_argument("--graphs", nargs="+", default=None)
     parser.add_argument("--ablations", action="store_true", help="without each part of the film")
     given = parser.parse_args()
@@ -94,7 +98,10 @@ def main() -> None:
             data = given.data / "real/gelsight_six_led"
             real(data, given.leds, graphs, Path(folder), given.scale)
         if given.only != "real":
-            rigs(given.data / "raytraced", given.rigs, graphs, Path(folder))
+            seen = given.data / "raytraced"
+            if given.mosaic:
+                seen = through_a_mosaic(seen, given.rigs, Path(folder) / "mosaic")
+            rigs(seen, given.rigs, graphs, Path(folder))
 
 
 def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any:
@@ -249,6 +256,20 @@ def rigs(data: Path, names: list[str], graphs: tuple[str, ...], folder: Path) ->
                 for shape in SHAPES
             ]
             row(name, graph, *(_error(metrics) for metrics in found))
+
+
+def through_a_mosaic(data: Path, names: list[str], folder: Path) -> Path:
+    """The same captures by a camera that interpolates colours: neighbours share noise."""
+    taps = np.array([0.5, 1, 0.5], np.float32)
+    for name in names:
+        shutil.copytree(data / name, folder / name)
+        for file in (folder / name).rglob("led*.png"):
+            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+            seen = np.zeros(image.shape, np.float32)
+            seen[::2, ::2] = image[::2, ::2]
+            filled = cv2.sepFilter2D(seen, -1, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+            cv2.imwrite(str(file), np.round(filled).astype(image.dtype))
+    return folder
 
 
 def calibrate_rig(rig: Path, folder: Path) -> Path:

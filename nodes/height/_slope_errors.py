@@ -111,7 +111,8 @@ def response_of(
     leds, *size = film.light.shape
     shapes = *((leds, *size) for _ in range(2)), (leds, 3, *size), *(size for _ in range(3))
     made = Response(*(np.empty(shape, np.float32) for shape in shapes))
-    of_film = only_read(lights), only_read(used), only_read(rest), np.float32(uneven), flat_noise, shared
+    read = only_read(lights), only_read(used), only_read(rest)
+    of_film = *read, np.float32(uneven), flat_noise, shared
 
     def respond_in(rows: slice) -> None:
         respond(rows.start, rows.stop, film, *of_film, made)

@@ -408,6 +408,7 @@ MUTANTS = {
         "noise of p and q apart": ("along * first + across * second", "across * second"),
         "one draw for p and q": ("drawn_from(H * W + i,", "drawn_from(i,"),
         "the flat frame without noise": ("1.0f + flat * flat", "1.0f"),
+        "pixels with noise of their own": ("shared * noise[k]", "noise[k]"),
         "no common error": ("(other[0] - led[0]) * by.x", "0.0f * by.x"),
         "LEDs no higher": ("(other[2] - led[2]) * by.z", "0.0f * by.z"),
         "an exact model": ("1.4142136f * misfit[0]", "0.0f * misfit[0]"),

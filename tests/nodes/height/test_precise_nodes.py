@@ -258,6 +258,15 @@ def test_the_gentle_skirt_of_a_press_is_not_pinned_to_zero() -> None:
     assert z[column] < 0.002 < z[np.argmax(rest_mask(calm, PIXEL, margin_mm=0.0).any(axis=0))]
 
 
+def test_film_at_rest_is_calm_where_neighbours_share_noise() -> None:
+    """Noise of pixels in blocks of 2 x 2: a mean over many has four times the variance."""
+    blocks = np.random.default_rng(3).normal(0, 0.01, (4, SHAPE[0] // 2, SHAPE[1] // 2))
+    light = (1 + np.kron(blocks, np.ones((2, 2)))).astype(np.float32)
+    sigma = np.full_like(light, 0.01)
+    assert calm_film(light, sigma).mean() < 0.97
+    assert calm_film(light, sigma, 4.0).all()
+
+
 def test_one_pixel_is_outvoted() -> None:
     shadow = np.zeros(SHAPE, np.uint8)
     shadow[5:15, 5:15] = 0b10
@@ -296,7 +305,7 @@ def exact(lights: F4) -> F4:
     return np.repeat(lights[None], 8, axis=0)
 
 
-def error_of(z: F4, slope: F4, brightness: float) -> F4:
+def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
     """The error of a dome's height when `brightness` times more photons arrive."""
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     light = np.ones((4, *SHAPE), np.float32)
@@ -306,7 +315,7 @@ def error_of(z: F4, slope: F4, brightness: float) -> F4:
     return np.asarray(
         height_error(
             z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights,
-            exact(lights), PIXEL, UNEVEN, **noise_alone,
+            exact(lights), PIXEL, UNEVEN, correlation=correlation, **noise_alone,
         )
     )  # fmt: skip
 
@@ -317,6 +326,12 @@ def test_the_error_shrinks_with_the_root_of_the_light() -> None:
     inside = at_rest(z) == 0
     assert np.allclose(dim[inside], 10 * bright[inside], rtol=1e-2)
     assert not dim[~inside].any()
+
+
+def test_the_error_grows_with_the_noise_that_neighbours_share() -> None:
+    z, slope = dome()
+    alone, shared = error_of(z, slope, 1), error_of(z, slope, 1, correlation=4.0)
+    assert np.allclose(shared, 2 * alone, rtol=1e-2)
 
 
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
