@@ -177,7 +177,8 @@ def _check_neutral(declared: Node) -> None:
 
 def _check_derived(declared: Node) -> None:
     for symbol, parts in declared.derived.items():
-        if {symbol, parts.of} - set(declared.symbols) or parts.by not in declared.parameters:
+        named = {symbol, *parts.of.split()}
+        if named - set(declared.symbols) or parts.by not in declared.parameters:
             raise TypeError(
                 f"{declared.name}: size {symbol} = {parts} names no size or no parameter"
             )

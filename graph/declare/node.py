@@ -47,8 +47,8 @@ class Parts:
     of: str
     by: str
 
-    def size(self, whole: int, settings: Mapping[str, Any]) -> int:
-        return -(-whole // int(settings[self.by]))
+    def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
+        return -(-sizes[self.of] // int(settings[self.by]))
 
     def __str__(self) -> str:
         return f"{self.of} / {self.by}"
@@ -56,17 +56,17 @@ class Parts:
 
 @dataclass(frozen=True)
 class SizeRule:
-    """A size that follows from another and a parameter, as a function of both says.
+    """A size that follows from others ("H", or "H W") and a parameter, as a function of them says.
 
-    The function raises InputError where the two do not go together.
+    The function raises InputError where they do not go together.
     """
 
     of: str
     by: str
-    rule: Callable[[int, Any], int]
+    rule: Callable[..., int]
 
-    def size(self, whole: int, settings: Mapping[str, Any]) -> int:
-        return self.rule(whole, settings[self.by])
+    def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
+        return self.rule(*(sizes[symbol] for symbol in self.of.split()), settings[self.by])
 
     def __str__(self) -> str:
         return f"{self.of}, {self.by}"

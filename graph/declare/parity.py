@@ -273,7 +273,7 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
         else:
             sizes[symbol] = shape[0] * shape[1]
     for symbol, parts in node.derived.items():
-        sizes[symbol] = parts.size(sizes[parts.of], settings)
+        sizes[symbol] = parts.size(sizes, settings)
     return sizes
 
 

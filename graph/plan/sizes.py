@@ -112,9 +112,8 @@ class SizeClasses:
         """
         sizes = self.sizes_of(task, known) if task.node.derived else {}
         for symbol, parts in task.node.derived.items():
-            if parts.of in sizes:
-                by = f"{task.id} ({parts})"
-                bound = Bound(parts.size(sizes[parts.of], task.settings), by)
+            if sizes.keys() >= {*parts.of.split()}:
+                bound = Bound(parts.size(sizes, task.settings), f"{task.id} ({parts})")
                 self._bind_one(known, self.root[task.id, symbol], symbol, bound)
 
     def _bind_one(self, known: Known, root: Symbol, dim: str, bound: Bound) -> None:

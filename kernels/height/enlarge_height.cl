@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "lanes.clh"
+#include "cell_side.clh"
 
 // The height of coarse cells, interpolated linearly between their centres.  A work-item does LANES
 // pixels of a row.
@@ -12,11 +13,12 @@ LANED __kernel void enlarge_height(
     const int factor)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const float side = (float)cell_side(H, W, factor);
     const float row =
-        clamp(((float)y + 0.5f) / (float)factor - 0.5f, 0.0f, (float)(h - 1));
+        clamp(((float)y + 0.5f) / side - 0.5f, 0.0f, (float)(h - 1));
     const floats none = 0.0f, last = (float)(w - 1);
     const floats column = LESS_OF(
-        MORE_OF(((float)x + LANE_NUMBERS + 0.5f) / (float)factor - 0.5f, none), last);
+        MORE_OF(((float)x + LANE_NUMBERS + 0.5f) / side - 0.5f, none), last);
     const int above = (int)row;
     const ints first = TO_INTS(column), edge = w - 1;
     int left[LANES], right[LANES];

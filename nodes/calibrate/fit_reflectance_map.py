@@ -197,7 +197,11 @@ def refine_center(
 def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
     """Return slope and height of a press, as the graph `gelsight_mini` finds them."""
     light, known = bench.light[press], reflectance.astype(np.float32)
-    light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
+    light_c, flat_c, pixel_c = (
+        coarsen(light),
+        coarsen(bench.flat),
+        coarsen_pixel(bench.pixel, bench.flat),
+    )
     height = np.zeros(light_c.shape[1:], np.float32)
     for _ in range(ROUGH_PASSES):
         slope = solve_reflectance_map(light_c, flat_c, height, known)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from annotated_types import Interval
-
-from tactograph.graph import Parts, node
+from tactograph.graph import node
 from tactograph.nodes import CoarseHeight, Height, Light
 from tactograph.nodes.light._between_cells import between_cells
+from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
 
 
-@node(derived={"h": Parts("H", by="factor"), "w": Parts("W", by="factor")})
-def enlarge_height(
-    height: CoarseHeight, like: Light, *, factor: Annotated[int, Interval(ge=1, le=64)] = 4
-) -> Height:
+@node(derived=cells_by("factor"))
+def enlarge_height(height: CoarseHeight, like: Light, *, factor: CellSide = 0) -> Height:
     """Interpolate linearly between the cells that `coarsen` made.
 
     Parameters
@@ -24,9 +19,10 @@ def enlarge_height(
     like
         K x H x W; its size is that of the result, nothing else of it is read.
     factor
-        Side of a cell in pixels.
+        Side of a cell in pixels, as for `coarsen`.
     """
-    return between_cells(height, like.shape[1:], factor)
+    _count, rows, columns = like.shape
+    return between_cells(height, (rows, columns), cell_side(rows, columns, factor))
 
 
 enlarge_height.opencl(grid="H W", lanes="rows")

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Flips, Parts, SizeLimit, node
+from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, CoarseLight, Grain, Height
+from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
 
 WINDOW = 5
 """Side in cells over which calm light is averaged."""
@@ -29,14 +30,14 @@ TERMS_OF = (1, 3, 6, 10)
     neutral="height",
     tolerance=Flips(2e-3, 1e-3, why="a threshold on calm light, sums in float32"),
     sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
-    derived={"h": Parts("H", by="cell"), "w": Parts("W", by="cell")},
+    derived=cells_by("cell"),
 )
 def level_height(
     height: Height,
     light: CoarseLight,
     grain: Grain,
     *,
-    cell: Annotated[int, Interval(ge=1, le=64)] = 4,
+    cell: CellSide = 0,
     degree: Annotated[int, Interval(ge=0, le=3)] = 3,
 ) -> Height:
     """Subtract the smooth surface on which the film at rest lies.
@@ -56,7 +57,7 @@ def level_height(
     grain
         Of the film.
     cell
-        Side of a cell in pixels.
+        Side of a cell in pixels, as for `coarsen`.
     degree
         Of the polynomial in x and y.
 
@@ -65,6 +66,7 @@ def level_height(
     ndarray
         H x W in mm.
     """
+    cell = cell_side(height.shape[0], height.shape[1], cell)
     rows, columns = (
         np.minimum(np.arange(cells) * cell + cell // 2, size - 1)
         for cells, size in zip(light.shape[1:], height.shape, strict=True)
@@ -126,7 +128,7 @@ def _launch(run: Launch) -> None:
     """The heights of cells and their light come down, ten coefficients go up."""
     height, light, out = run.inputs["height"], run.inputs["light"], run.outputs["level_height"]
     rows, columns = run.sizes["H"], run.sizes["W"]
-    cell = int(run.settings["cell"])
+    cell = cell_side(rows, columns, run.settings["cell"])
     cells = run.sizes["h"], run.sizes["w"]
     found = np.zeros(len(_powers()), np.float32)
     grain = float(run.inputs["grain"])

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from annotated_types import Interval
 
-from tactograph.graph import Parts, node
+from tactograph.graph import node
 from tactograph.nodes import F4, CoarseLight, Light
+from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
 
 
-@node(derived={"h": Parts("H", by="factor"), "w": Parts("W", by="factor")})
+@node(derived=cells_by("factor"))
 def coarsen(
     light: Light,
     *,
-    factor: Annotated[int, Interval(ge=1, le=64)] = 4,
+    factor: CellSide = 0,
     take: Literal["mean", "corner"] = "mean",
 ) -> CoarseLight:
     """Return the mean, or one pixel, of every cell of ``factor`` by ``factor`` pixels.
@@ -28,7 +28,7 @@ def coarsen(
     light
         K x H x W.
     factor
-        Side of a cell in pixels.
+        Side of a cell in pixels; 0: 4, or 8 of an image of more than two megapixels.
     take
         ``corner`` takes the first pixel of a cell alone, which is enough, and far less to
         read, for what varies as little as the noise.
@@ -38,9 +38,10 @@ def coarsen(
     ndarray
         K x h x w, with h = H / factor and w = W / factor, rounded up.
     """
+    _count, rows, columns = light.shape
+    factor = cell_side(rows, columns, factor)
     if take == "corner":
         return np.ascontiguousarray(light[:, ::factor, ::factor])
-    _count, rows, columns = light.shape
     beyond = -rows % factor, -columns % factor
     if any(beyond):
         light = np.pad(light, ((0, 0), (0, beyond[0]), (0, beyond[1])), mode="edge")

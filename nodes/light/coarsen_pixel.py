@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from annotated_types import Interval
-
 from tactograph.graph import node
-from tactograph.nodes import PixelSize
+from tactograph.nodes import Light, PixelSize
+from tactograph.nodes.light._cell_side import CellSide, cell_side
 
 
 @node
-def coarsen_pixel(
-    pixel: PixelSize, *, factor: Annotated[int, Interval(ge=1, le=64)] = 4
-) -> PixelSize:
+def coarsen_pixel(pixel: PixelSize, like: Light, *, factor: CellSide = 0) -> PixelSize:
     """Return the side of a cell of ``factor`` by ``factor`` pixels in mm; see `coarsen`.
 
     Parameters
     ----------
     pixel
         mm per pixel.
+    like
+        K x H x W, the image whose cells they are; nothing but its size is read.
     factor
-        Pixels along the side of a cell.
+        Pixels along the side of a cell, as for `coarsen`.
     """
-    return pixel * factor
+    _count, rows, columns = like.shape
+    return pixel * cell_side(rows, columns, factor)

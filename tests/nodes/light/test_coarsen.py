@@ -42,7 +42,20 @@ def test_cells_of_one_pixel_change_nothing() -> None:
 
 
 def test_a_cell_is_so_many_pixels_wide() -> None:
-    assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
+    assert coarsen_pixel(0.05, like(40, 30), factor=4) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "side"), [(480, 640, 4), (1080, 1920, 4), (1200, 1920, 8)]
+)
+def test_cells_are_twice_as_wide_above_two_megapixels(rows: int, columns: int, side: int) -> None:
+    light = np.broadcast_to(np.arange(columns, dtype=np.float32), (1, rows, columns))
+    found = coarsen(light)
+    assert found.shape == (1, rows // side, columns // side)
+    assert found[0, 0, 1] == 1.5 * side - 0.5
+    assert coarsen_pixel(0.05, light) == pytest.approx(side * 0.05)
+    back = enlarge_height(found[0], light)
+    assert np.abs(back - light[0])[:, side:-side].max() < 1e-3
 
 
 def test_a_tilted_plane_comes_back_between_the_outermost_centres() -> None:
@@ -70,6 +83,15 @@ def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
         {"factor": 8, "take": "mean"},
     )
     assert compare(coarsen, device, case) is None
+
+
+@pytest.mark.parametrize("take", ["mean", "corner"])
+def test_both_back_ends_agree_on_megapixels(device: OpenCL, take: str) -> None:
+    sizes = {"K": 1, "H": 1205, "W": 1923, "h": 151, "w": 241}
+    settings = {"factor": 0}
+    assert compare(enlarge_height, device, Case(sizes, "random", "default", settings)) is None
+    settings = {"factor": 0, "take": take}
+    assert compare(coarsen, device, Case(sizes, "random", "default", settings)) is None
 
 
 def test_the_dark_level_of_a_cell_is_that_of_its_pixels() -> None:

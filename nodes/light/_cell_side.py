@@ -1,0 +1,35 @@
+"""How many pixels wide the cells of a coarser image are; `cell_side.clh` is the same."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from annotated_types import Interval
+
+from tactograph.graph import SizeRule
+
+CellSide = Annotated[int, Interval(ge=0, le=64)]
+"""In pixels; 0 follows the image."""
+MEGAPIXELS = 2 << 20
+"""Pixels of which an image has more where cells are twice as wide."""
+
+
+def cell_side(rows: int, columns: int, factor: int) -> int:
+    """Return the side in pixels: as given, or 4, and 8 of an image of more than two megapixels."""
+    return factor or (8 if rows * columns > MEGAPIXELS else 4)
+
+
+def _rows(rows: int, columns: int, factor: int) -> int:
+    return -(-rows // cell_side(rows, columns, factor))
+
+
+def _columns(rows: int, columns: int, factor: int) -> int:
+    return -(-columns // cell_side(rows, columns, factor))
+
+
+def cells_by(parameter: str) -> dict[str, SizeRule]:
+    """The sizes h and w of an image's cells, for a node whose `parameter` is a `CellSide`."""
+    return {
+        "h": SizeRule("H W", by=parameter, rule=_rows),
+        "w": SizeRule("H W", by=parameter, rule=_columns),
+    }
