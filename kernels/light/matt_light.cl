@@ -32,6 +32,7 @@ LANED __kernel void matt_light(
     const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
+    const int turns = film_refraction == 1.0f ? min(steps, 1) : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats none = 0.0f;
@@ -74,7 +75,7 @@ LANED __kernel void matt_light(
             weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
             shown[k] -= touched * diffuse;
         }
-        for (int step = 0; step < steps; ++step) n = turned(&film, shown, weight, known, n, eye);
+        for (int step = 0; step < turns; ++step) n = turned(&film, shown, weight, known, n, eye);
         const Facing facing = facing_of(&film, n, eye);
         for (int k = 0; k < K; ++k) {
             __global float *made = light_ + k * size + at;

@@ -76,7 +76,7 @@ def matt_light(
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
     steps
-        Of the normal.
+        Of the normal; one at most on a film without a coat, whose harmonics bend gently.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def _by_normal(
     x, y = u * nearer, v * nearer
     vectors = vectors_at(film.lights, u, v, seen)
     n, rest = _normal(slope), rest_below(film, x, y, z)
-    for _ in range(steps):
+    for _ in range(steps if film.refraction != 1 else min(steps, 1)):
         n = turned(film, light, n, (x, y, z), rest=rest)
     left = light - predict(film, n, x, y, z, rest)
     matt = np.einsum("kcn,cn->kn", vectors, n)

@@ -167,7 +167,7 @@ MUTANTS = {
         "height as seen": ("seen / (1.0f + film_camera * seen)", "seen"),
         "beside the ray": ("{u * nearer, v * nearer, z, u, v}", "{u, v, z, u, v}"),
         "the slope's sign": ("unit(-p, -q,", "unit(p, q,"),
-        "no steps": ("step < steps", "step < 0 * steps"),
+        "no steps": ("step < turns", "step < 0 * turns"),
         "harmonics do not bend": ("2.0f * bent.x - shade[0]", "0.0f * bent.x"),
         "half of a product": ("b < 6 ? 0.5f", "b < 6 ? 0.25f"),
         "nothing fades": ("fades ? PER_FADE", "fades ? 0.0f * PER_FADE"),
