@@ -20,7 +20,7 @@ FEWEST, PLENTY = 0.1, 0.3
 """Shares of the frame at rest: below the first nothing is done, below the second a plane is."""
 ROUNDS = 5
 """Of robust least squares; film that drapes around a touch looks calm, and counts little."""
-ENOUGH_CELLS = 32768
+ENOUGH_CELLS = 8192
 """For ten coefficients; of more cells every second row and column is taken, or every third."""
 TERMS_OF = (1, 3, 6, 10)
 """Terms of a polynomial in x and y, by its degree."""
@@ -114,8 +114,9 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     weight, found = np.ones(z.size), np.zeros(used)
     for _ in range(ROUNDS):
         sure = basis * weight[:, None]
-        held = 1e-9 * np.trace(sure.T @ basis) * np.eye(used)
-        found = np.linalg.solve(sure.T @ basis + held, sure.T @ z)
+        square = sure.T @ basis
+        held = 1e-9 * np.trace(square) * np.eye(used)
+        found = np.linalg.solve(square + held, sure.T @ z)
         left = z - basis @ found
         spread = 1.4826 * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / spread) ** 2)
