@@ -122,9 +122,9 @@ LANED __kernel void label_highlights(
 {
     const int size = H * W;
     GRID_LANES(i, count, size)
-    const floats least = 1e-10f, z = load_floats(height + i, count);
+    const floats least = 1e-10f, zero = 0.0f, z = load_floats(height + i, count);
     const float near = cos(lobe_deg * 0.017453293f);
-    floats x, y;
+    floats x, y, level = zero;
     Seen seen;
     places(i, H, W, pixel, &x, &y);
     for (int k = 0; k < K; ++k) {
@@ -132,9 +132,12 @@ LANED __kernel void label_highlights(
         seen.light[k] = load_floats(light + k * size + i, count);
         seen.weight[k] = 1.0f / MORE_OF(square, least);
         seen.towards[k] = light_vector(lights + 3 * k, x, y, z);
+        const floats away = seen.light[k] - seen.towards[k].z;
+        level += seen.weight[k] * away * away;
     }
-    ints marked = 0;
-    const ints doubted = fit(&seen, K, NONE).misfit > unlikely;
+    ints marked = 0, doubted = level > unlikely;
+    // Where the level film explains the light, so does the normal that explains it best.
+    if (K > 3 && ANY(doubted)) doubted &= fit(&seen, K, NONE).misfit > unlikely;
     if (K > 3 && ANY(doubted)) {
         floats best = INFINITY;
         for (int k = 0; k < K; ++k) {

@@ -62,10 +62,13 @@ def mark(first: int, last: int, images: Images, limits: Limits, room: Room, mark
 
 @compiled
 def _choose_unlikely(room: Room, count: int, unlikely: np.float32) -> int:
-    """Gather the pixels that all LEDs together do not explain; return how many they are."""
+    """Gather the pixels that all LEDs together do not explain; return how many they are.
+
+    Where level film explains their light, so does the normal that explains it best.
+    """
     pixels, chosen, found = room.pixels, room.chosen, 0
     for i in range(count):
-        if not room.best.misfit[i] > unlikely:
+        if not room.best.misfit[i] > unlikely or not _level_misfit(pixels, i) > unlikely:
             continue
         room.where[found] = i
         for k in range(len(pixels.light)):
@@ -76,6 +79,16 @@ def _choose_unlikely(room: Room, count: int, unlikely: np.float32) -> int:
                 chosen.vectors[k, found + axis] = pixels.vectors[k, i + axis]
         found += 1
     return found
+
+
+@inlined
+def _level_misfit(pixels: Pixels, i: int) -> np.float32:
+    """The chi-square that level film leaves."""
+    total = ZERO
+    for k in range(len(pixels.light)):
+        away = pixels.light[k, i] - pixels.vectors[k, i + Z]
+        total += pixels.weight[k, i] * away * away
+    return total
 
 
 @compiled

@@ -531,6 +531,10 @@ MUTANTS = {
         "others that disagree": ("& (others.misfit < likely)", ""),
         "all pixels doubted": ("marked = doubted ? marked : none;", ""),
         "noise of the prediction forgotten": ("noise * noise + doubt", "noise * noise"),
+        "level film explains more": (
+            "doubted = level > unlikely",
+            "doubted = level > 1e3f * unlikely",
+        ),
         "of any length": ("over = (length_ - 1.0f)", "over = 0.0f * (length_ - 1.0f)"),
         "the film level": (
             "light_vector(lights + 3 * k, x, y, z)",
