@@ -78,7 +78,7 @@ LightPositions = Annotated[F4, Port("K 3", "mm", low=-200, high=200)]
 """An LED per row, (x, y, z) in mm from the centre of the image on the film at rest."""
 Noise = Annotated[F4, Port("2", "1", low=1e-6, high=1e-4)]
 """(shot, read): the variance of a captured light I is shot * I + read."""
-NoiseCorrelation = Annotated[float, Port(unit="1", low=1, high=6)]
+NoiseCorrelation = Annotated[float, Port(unit="1", low=1, high=4)]
 """How many times more variance a mean over pixels has than independent noise would leave."""
 SlopeVariance = Annotated[F4, Port("2 H W", "1", low=1e-6, high=1)]
 """Variance of p and of q from the light's noise; 1e12 where the slope is not known."""

@@ -23,7 +23,7 @@ LANED __kernel void matt_light(
     __global float *restrict light_,
     __global float *restrict sigma_,
     const int K, const int H, const int W,
-    const int steps)
+    const int steps, const int uncoated_steps)
 {
     const int item = get_global_id(0), across = (W + STRETCH - 1) / STRETCH, row = item / across;
     if (row >= H) return;
@@ -32,7 +32,7 @@ LANED __kernel void matt_light(
     const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
-    const int turns = film_refraction == 1.0f ? min(steps, 1) : steps;
+    const int turns = film_refraction == 1.0f ? uncoated_steps : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats none = 0.0f;

@@ -200,7 +200,7 @@ def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
     light_c, flat_c, pixel_c = (
         coarsen(light),
         coarsen(bench.flat),
-        coarsen_pixel(bench.pixel, bench.flat),
+        coarsen_pixel(bench.pixel),
     )
     height = np.zeros(light_c.shape[1:], np.float32)
     for _ in range(ROUGH_PASSES):

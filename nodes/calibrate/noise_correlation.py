@@ -25,7 +25,10 @@ CELL, APART = 4, 2
 FAINT = 0.02
 """Smallest value of the flat frame that is divided by, as for `flat_field`."""
 MOST = 4.0
-"""A mosaic of colours has a colour in every fourth pixel at least: what differs more is film."""
+"""As much as these cells show of a mosaic that has a colour in every fourth pixel; what differs
+more is film."""
+LEAST = 1e-12
+"""Variance that is divided by."""
 
 
 @node
@@ -38,7 +41,8 @@ def noise_correlation(
     then takes less of the noise away, and a mask that compares neighbours hardly sees it
     (`estimate_noise`).  The square of the noise correlation ratio of Fruchter and Hook ("Drizzle:
     a method for the linear reconstruction of undersampled images", 2002), from means of 4 x 4
-    pixels, on calm film.
+    pixels, on calm film.  A film that settles with another texture after every touch counts as
+    noise, as far as its grain does not tell of it.
 
     Parameters
     ----------
@@ -56,6 +60,8 @@ def noise_correlation(
     float
         1 where every pixel has noise of its own.
     """
+    if min(flat.shape[1:]) < TILE:
+        return 1.0
     ratios = []
     for plane, rest in zip(image, flat, strict=True):
         rest = np.maximum(rest, np.float32(FAINT))
@@ -65,7 +71,7 @@ def noise_correlation(
             light = press / rest
             alone = (noise[0] * press + noise[1]) / rest**2 + (grain * light) ** 2
             expected = _in_tiles(alone, TILE)[asked].mean(axis=1)
-            ratios.append(_variances(light)[asked] / expected)
+            ratios.append(_variances(light)[asked] / np.maximum(expected, LEAST))
     found = np.concatenate(ratios)
     if found.size < FEWEST_TILES:
         return 1.0

@@ -9,7 +9,7 @@ from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
 
 
 @node(derived=cells_by("factor"))
-def enlarge_height(height: CoarseHeight, like: Light, *, factor: CellSide = 0) -> Height:
+def enlarge_height(height: CoarseHeight, like: Light, *, factor: CellSide = 4) -> Height:
     """Interpolate linearly between the cells that `coarsen` made.
 
     Parameters

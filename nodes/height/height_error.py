@@ -571,5 +571,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
         "rises.led": rng.integers(1, lights + 1, number).astype(np.uint8),
         "mask": (rng.random(shape) < 0.95).astype(np.uint8),
-        "correlation": float(rng.uniform(1, 6)),
+        "correlation": float(rng.uniform(1, 4)),
     }

@@ -21,7 +21,7 @@ FEWEST, PLENTY = 0.1, 0.3
 ROUNDS = 5
 """Of robust least squares; film that drapes around a touch looks calm, and counts little."""
 ENOUGH_CELLS = 8192
-"""For ten coefficients; of more cells every second row and column is taken, or every third."""
+"""For ten coefficients; of more cells every n-th row and column is taken."""
 TERMS_OF = (1, 3, 6, 10)
 """Terms of a polynomial in x and y, by its degree."""
 
@@ -37,7 +37,7 @@ def level_height(
     light: CoarseLight,
     grain: Grain,
     *,
-    cell: CellSide = 0,
+    cell: CellSide = 4,
     degree: Annotated[int, Interval(ge=0, le=3)] = 3,
 ) -> Height:
     """Subtract the smooth surface on which the film at rest lies.

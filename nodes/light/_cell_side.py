@@ -10,13 +10,13 @@ from tactograph.graph import SizeRule
 
 CellSide = Annotated[int, Interval(ge=0, le=64)]
 """In pixels; 0 follows the image."""
-MEGAPIXELS = 2 << 20
-"""Pixels of which an image has more where cells are twice as wide."""
+LARGE_PX = 2 << 20
+"""Pixels of which a large image has more; 1920 x 1080 are not."""
 
 
 def cell_side(rows: int, columns: int, factor: int) -> int:
-    """Return the side in pixels: as given, or 4, and 8 of an image of more than two megapixels."""
-    return factor or (8 if rows * columns > MEGAPIXELS else 4)
+    """Return the side in pixels: as given, or 4, and 8 of a large image."""
+    return factor or (8 if rows * columns > LARGE_PX else 4)
 
 
 def _rows(rows: int, columns: int, factor: int) -> int:

@@ -45,7 +45,7 @@ def calm_film(
     ndarray
         H x W, 1 where the film looks untouched.
     """
-    width, level = 2 * radius_px + 1, _level(level, correlation)
+    width, level = 2 * radius_px + 1, _level(level, correlation, radius_px)
     calm = np.ones(light.shape[1:], bool)
     for plane, noise in zip(light, sigma, strict=True):
         departure = cv2.blur(plane - 1, (width, width), borderType=cv2.BORDER_REPLICATE)
@@ -53,16 +53,18 @@ def calm_film(
     return calm.astype(np.uint8)
 
 
-def _level(level: float, correlation: float | None) -> float:
-    """Standard deviations as they were if neighbours shared no noise."""
-    return level * math.sqrt(correlation or 1.0)
+def _level(level: float, correlation: float | None, radius_px: int) -> float:
+    """Standard deviations of a mean as if neighbours shared no noise; one pixel has its own."""
+    shared = ((correlation or 1.0) - 1) * (1 - 1 / (2 * radius_px + 1) ** 2)
+    return level * math.sqrt(1 + shared)
 
 
 @calm_film.opencl()
 def _launch(run: Launch) -> None:
     count, rows, columns = (run.sizes[symbol] for symbol in "KHW")
+    radius = run.settings["radius_px"]
     run.kernel(
         "calm_film", run.in_row_lanes(rows, columns),
         run.inputs["light"], run.inputs["sigma"], run.outputs["calm_film"], count, rows, columns,
-        run.settings["radius_px"], _level(run.settings["level"], run.inputs.get("correlation")),
+        radius, _level(run.settings["level"], run.inputs.get("correlation"), radius),
     )  # fmt: skip

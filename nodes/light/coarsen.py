@@ -15,7 +15,7 @@ from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
 def coarsen(
     light: Light,
     *,
-    factor: CellSide = 0,
+    factor: CellSide = 4,
     take: Literal["mean", "corner"] = "mean",
 ) -> CoarseLight:
     """Return the mean, or one pixel, of every cell of ``factor`` by ``factor`` pixels.
@@ -28,7 +28,7 @@ def coarsen(
     light
         K x H x W.
     factor
-        Side of a cell in pixels; 0: 4, or 8 of an image of more than two megapixels.
+        Side of a cell in pixels; 0 follows the image (`_cell_side`): 4, or 8 of a large one.
     take
         ``corner`` takes the first pixel of a cell alone, which is enough, and far less to
         read, for what varies as little as the noise.

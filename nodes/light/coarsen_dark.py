@@ -13,7 +13,7 @@ CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 
 
 @node(derived=cells_by("factor"))
-def coarsen_dark(dark: Dark, *, factor: CellSide = 0) -> CoarseDark:
+def coarsen_dark(dark: Dark, *, factor: CellSide = 4) -> CoarseDark:
     """Return the mean of every cell of ``factor`` by ``factor`` pixels; see `coarsen`.
 
     Parameters

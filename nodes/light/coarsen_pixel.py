@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from tactograph.graph import node
+from tactograph.graph import InputError, node
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.light._cell_side import CellSide, cell_side
 
 
 @node
-def coarsen_pixel(pixel: PixelSize, like: Light, *, factor: CellSide = 0) -> PixelSize:
+def coarsen_pixel(
+    pixel: PixelSize, like: Light | None = None, *, factor: CellSide = 4
+) -> PixelSize:
     """Return the side of a cell of ``factor`` by ``factor`` pixels in mm; see `coarsen`.
 
     Parameters
@@ -16,9 +18,19 @@ def coarsen_pixel(pixel: PixelSize, like: Light, *, factor: CellSide = 0) -> Pix
     pixel
         mm per pixel.
     like
-        K x H x W, the image whose cells they are; nothing but its size is read.
+        K x H x W, the image whose cells they are; nothing but its size is read, and that
+        only if the factor is to follow it.
     factor
         Pixels along the side of a cell, as for `coarsen`.
+
+    Raises
+    ------
+    InputError
+        If the factor is to follow an image that is not given.
     """
+    if factor:
+        return pixel * factor
+    if like is None:
+        raise InputError("coarsen_pixel: factor 0 follows the image: name it with 'like'")
     _count, rows, columns = like.shape
     return pixel * cell_side(rows, columns, factor)

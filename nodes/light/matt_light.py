@@ -53,6 +53,7 @@ def matt_light(
     bounced: Light | None = None,
     *,
     steps: Annotated[int, Interval(ge=0, le=8)] = 2,
+    uncoated_steps: Annotated[int, Interval(ge=0, le=8)] = 2,
 ) -> MattLight:
     """Return the light that a matt film of the same shape would have.
 
@@ -76,7 +77,9 @@ def matt_light(
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
     steps
-        Of the normal; one at most on a film without a coat, whose harmonics bend gently.
+        Of the normal.
+    uncoated_steps
+        Of the normal on a film without a coat, whose harmonics bend gently.
 
     Returns
     -------
@@ -90,13 +93,15 @@ def matt_light(
     y = np.repeat(places(rows, np.float32(pixel)), columns)
     made = np.empty_like(flat[0]), np.empty_like(flat[1])
 
+    turns = steps if film.refraction != 1 else uncoated_steps
+
     def convert(part: slice) -> None:
         m, spread, expected, z = (a[..., part] for a in flat)
         scale = _scale(film, z)
         if is_affine(film):
             made[0][:, part] = m * scale - (film.diffuse / direct_share(film))[:, None]
         else:
-            made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, steps)
+            made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, turns)
         grain = np.float32(film.grain) * m
         made[1][:, part] = np.sqrt(spread * spread + grain * grain) * scale
 
@@ -114,6 +119,7 @@ def _launch(run: Launch) -> None:
         "matt_light", (height * -(-width // stretch),),
         of["light"], of["sigma"], of["slope"], of["height"], *film, of["pixel"], of.get("bounced"),
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
+        run.settings["uncoated_steps"],
         local=(run.group,), constants={"STRETCH": stretch},
     )  # fmt: skip
 
@@ -152,7 +158,7 @@ def _by_normal(
     x, y = u * nearer, v * nearer
     vectors = vectors_at(film.lights, u, v, seen)
     n, rest = _normal(slope), rest_below(film, x, y, z)
-    for _ in range(steps if film.refraction != 1 else min(steps, 1)):
+    for _ in range(steps):
         n = turned(film, light, n, (x, y, z), rest=rest)
     left = light - predict(film, n, x, y, z, rest)
     matt = np.einsum("kcn,cn->kn", vectors, n)

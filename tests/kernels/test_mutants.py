@@ -119,14 +119,14 @@ MUTANTS = {
         "rows only": ("total += every(sums, factor, j)", "total += every(sums, factor, 0)"),
         "a column twice": ("return (float16)(a.s26ae", "return (float16)(a.s159d"),
         "the corner's neighbour": (
-            "(column + l) * factor]",
-            "min((column + l) * factor + 1, W - 1)]",
+            "(column + l) * side]",
+            "min((column + l) * side + 1, W - 1)]",
         ),
         "beyond the border": ("min(row * factor + j, H - 1)", "(row * factor + j) % H"),
         "one plane for all": ("light + k * H * W", "light"),
     },
     "enlarge_height": {
-        "corners instead of centres": ("/ (float)factor - 0.5f", "/ (float)factor"),
+        "corners instead of centres": ("/ side - 0.5f", "/ side"),
         "rows not mixed": ("row - (float)above)", "0.0f)"),
         "the nearest column": (
             "STORE_LANES(LESS_OF(first + 1, edge), right)",

@@ -267,6 +267,11 @@ def test_film_at_rest_is_calm_where_neighbours_share_noise() -> None:
     assert calm_film(light, sigma, 4.0).all()
 
 
+def test_one_pixel_is_as_calm_as_its_own_noise_says() -> None:
+    light, sigma = np.full((3, *SHAPE), 1.07, np.float32), np.full((3, *SHAPE), 0.01, np.float32)
+    assert not calm_film(light, sigma, 4.0, radius_px=0).any()
+
+
 def test_one_pixel_is_outvoted() -> None:
     shadow = np.zeros(SHAPE, np.uint8)
     shadow[5:15, 5:15] = 0b10

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.parity import Case, compare
 from tactograph.nodes import F4
@@ -42,7 +43,7 @@ def test_cells_of_one_pixel_change_nothing() -> None:
 
 
 def test_a_cell_is_so_many_pixels_wide() -> None:
-    assert coarsen_pixel(0.05, like(40, 30), factor=4) == pytest.approx(0.2)
+    assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(
@@ -50,12 +51,17 @@ def test_a_cell_is_so_many_pixels_wide() -> None:
 )
 def test_cells_are_twice_as_wide_above_two_megapixels(rows: int, columns: int, side: int) -> None:
     light = np.broadcast_to(np.arange(columns, dtype=np.float32), (1, rows, columns))
-    found = coarsen(light)
+    found = coarsen(light, factor=0)
     assert found.shape == (1, rows // side, columns // side)
     assert found[0, 0, 1] == 1.5 * side - 0.5
-    assert coarsen_pixel(0.05, light) == pytest.approx(side * 0.05)
-    back = enlarge_height(found[0], light)
+    assert coarsen_pixel(0.05, light, factor=0) == pytest.approx(side * 0.05)
+    back = enlarge_height(found[0], light, factor=0)
     assert np.abs(back - light[0])[:, side:-side].max() < 1e-3
+
+
+def test_a_cell_that_follows_no_image_is_refused() -> None:
+    with pytest.raises(InputError, match="name it with 'like'"):
+        coarsen_pixel(0.05, factor=0)
 
 
 def test_a_tilted_plane_comes_back_between_the_outermost_centres() -> None:
