@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import convolve
 from scipy.optimize import nnls
 
 from tactograph.graph import node
-from tactograph.nodes import F4, Light, Noise
+from tactograph.nodes import Light, Noise
+from tactograph.nodes.calibrate._immerkaer import responses, variances
 
-MASK = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-"""Blind to planes and to twists; its response to white noise of 1 is 6."""
-KEPT, KEPT_MEAN = 0.8, 0.5586
-"""The share of responses that are not edges, and their mean magnitude under a normal law."""
 LEVELS = np.linspace(0.04, 0.96, 24)
 """Light at which noise is looked at: not black and not saturated."""
 FEWEST = 400
@@ -39,24 +34,18 @@ def estimate_noise(image: Light) -> Noise:
     ndarray
         Length 2.
     """
-    left = np.stack([np.abs(convolve(plane, MASK, mode="nearest")) for plane in image])
+    left = np.stack([responses(plane) for plane in image])
     number = np.digitize(image, LEVELS)
-    rows, variances, weights = [], [], []
+    rows, squares, weights = [], [], []
     for level in range(1, len(LEVELS)):
         chosen = number == level
         count = int(chosen.sum())
         if count >= FEWEST:
             rows.append([image[chosen].mean(), 1.0])
-            variances.append(_variance(left[chosen]))
-            weights.append(np.sqrt(count) / max(variances[-1], LEAST))
+            squares.append(float(variances(left[chosen])))
+            weights.append(np.sqrt(count) / max(squares[-1], LEAST))
     if not rows:
-        return np.array([0, max(_variance(left.ravel()), LEAST)], np.float32)
+        return np.array([0, max(float(variances(left.ravel())), LEAST)], np.float32)
     scale = np.array(weights) / max(weights)
-    found, _ = nnls(np.array(rows) * scale[:, None], np.array(variances) * scale)
+    found, _ = nnls(np.array(rows) * scale[:, None], np.array(squares) * scale)
     return np.array([found[0], max(found[1], LEAST)], np.float32)
-
-
-def _variance(left: F4) -> float:
-    """Variance of a pixel from the smaller of the mask's responses."""
-    calm: NDArray[np.floating] = np.sort(left)[: max(1, int(KEPT * left.size))]
-    return float(calm.mean(dtype=np.float64) / (KEPT_MEAN * 6)) ** 2

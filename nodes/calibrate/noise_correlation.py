@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Grain, Light, Noise, NoiseCorrelation
-from tactograph.nodes.calibrate.estimate_noise import KEPT, KEPT_MEAN, LEVELS
+from tactograph.nodes.calibrate._immerkaer import responses, variances
+from tactograph.nodes.calibrate.estimate_noise import LEVELS
 from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.light.light_noise import light_noise
 
 TILE = 32
 """Pixels along the side of a tile of film."""
@@ -22,8 +25,6 @@ CALM, AS_CALM = 0.1, 0.65
 calmest show of white noise of variance 1."""
 CELL, APART = 4, 2
 """Pixels along the side of a cell, and cells from one compared to the next."""
-FAINT = 0.02
-"""Smallest value of the flat frame that is divided by, as for `flat_field`."""
 MOST = 4.0
 """As much as these cells show of a mosaic that has a colour in every fourth pixel; what differs
 more is film."""
@@ -62,37 +63,30 @@ def noise_correlation(
     """
     if min(flat.shape[1:]) < TILE:
         return 1.0
+    black = np.zeros(flat.shape[1:], np.float32)
     ratios = []
-    for plane, rest in zip(image, flat, strict=True):
-        rest = np.maximum(rest, np.float32(FAINT))
-        for press in cut(plane, len(rest)):
-            lit = _in_tiles((press > LEVELS[0]) & (press < LEVELS[-1]), TILE).all(axis=1)
+    for press in cut(image, flat.shape[1]):
+        light, sigma = flat_field(press, flat, black), light_noise(press, flat, noise)
+        for seen, relative, camera in zip(press, light, sigma, strict=True):
+            lit = _in_tiles((seen > LEVELS[0]) & (seen < LEVELS[-1]), TILE).all(axis=1)
             asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MOST_TILES]
-            light = press / rest
-            alone = (noise[0] * press + noise[1]) / rest**2 + (grain * light) ** 2
+            alone = camera**2 + (grain * relative) ** 2
             expected = _in_tiles(alone, TILE)[asked].mean(axis=1)
-            ratios.append(_variances(light)[asked] / np.maximum(expected, LEAST))
+            ratios.append(_of_cells(relative)[asked] / np.maximum(expected, LEAST))
     found = np.concatenate(ratios)
     if found.size < FEWEST_TILES:
         return 1.0
     return float(np.clip(np.quantile(found, CALM) / AS_CALM, 1, MOST))
 
 
-def _variances(light: F4) -> F4:
+def _of_cells(light: F4) -> NDArray[Any]:
     """For each tile the variance of a pixel that would make cells as noisy as they are.
 
-    By Immerkaer's mask (`estimate_noise`) with its taps apart, since neighbouring cells share
-    noise, too.
+    The mask's taps are apart, since neighbouring cells share noise, too.
     """
     rows, columns = (size // TILE * TILE for size in light.shape)
-    size = columns // CELL, rows // CELL
-    cells = cv2.resize(light[:rows, :columns], size, interpolation=cv2.INTER_AREA)
-    taps = np.zeros(2 * APART + 1, np.float32)
-    taps[:: 2 * APART], taps[APART] = 1, -2
-    border = cv2.BORDER_REPLICATE
-    left = np.abs(cv2.sepFilter2D(cells, cv2.CV_32F, taps, taps, borderType=border))
-    calm = np.sort(_in_tiles(left, TILE // CELL))[:, : int(KEPT * (TILE // CELL) ** 2)]
-    return np.square(calm.mean(axis=1) * np.float32(CELL / (6 * KEPT_MEAN)))
+    cells = coarsen(light[None, :rows, :columns], factor=CELL)[0]
+    return variances(_in_tiles(responses(cells, APART), TILE // CELL)) * CELL**2
 
 
 def _in_tiles(plane: NDArray[Any], side: int) -> NDArray[Any]:

@@ -1,0 +1,29 @@
+"""Noise, by a mask blind to smooth light (Immerkaer, "Fast noise variance estimation", 1996)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve
+
+from tactograph.nodes import F4
+
+TAPS = np.array([1, -2, 1], np.float32)
+"""Along x and along y: blind to planes and to twists; white noise of 1 gives 6."""
+KEPT, KEPT_MEAN = 0.8, 0.5586
+"""The share of responses that are not edges, and their mean magnitude under a normal law."""
+
+
+def responses(plane: F4, apart: int = 1) -> F4:
+    """Magnitude of what the mask leaves of an image (H x W), its taps so many pixels apart."""
+    taps = np.zeros(2 * apart + 1, np.float32)
+    taps[::apart] = TAPS
+    return np.abs(convolve(plane, np.outer(taps, taps), mode="nearest"))
+
+
+def variances(left: F4) -> NDArray[Any]:
+    """The variance of a pixel from the smaller responses along the last axis (... x N)."""
+    calm = np.sort(left)[..., : max(1, int(KEPT * left.shape[-1]))]
+    return np.asarray(np.square(calm.mean(axis=-1, dtype=np.float64) / (KEPT_MEAN * 6)))
