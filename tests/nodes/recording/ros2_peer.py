@@ -38,6 +38,7 @@ class Peer:
 
         kinds = {each.__name__: each for each in (DiagnosticArray, Image, PointCloud2, String)}
         self.heard: dict[str, Any] = {}
+        self.moments: dict[tuple[int, int], dict[str, Any]] = {}
         self.topics = set(topics)
         self._context = rclpy.Context()
         self._context.init()
@@ -51,7 +52,13 @@ class Peer:
         self._end = time.monotonic() + TIMEOUT_S
 
     def _hears(self, topic: str) -> Callable[[Any], None]:
-        return lambda message: self.heard.update({topic: message})
+        def hear(message: Any) -> None:
+            self.heard[topic] = message
+            if hasattr(message, "header"):
+                stamp = message.header.stamp
+                self.moments.setdefault((stamp.sec, stamp.nanosec), {})[topic] = message
+
+        return hear
 
     @property
     def waits(self) -> bool:
@@ -142,13 +149,22 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
 
 
 def listen(topics: str, frame: str) -> dict[str, Any]:
-    """Hear topics until something touches the film; publish a colour image meanwhile, if any."""
+    """Hear topics until something touches the film; publish a colour image meanwhile, if any.
+
+    What has a stamp is that of one touch: on a busy machine the latest message of one topic may be
+    a second later than that of another.
+    """
     from sensor_msgs.msg import Image
 
-    peer = Peer(json.loads(topics))
+    kinds = json.loads(topics)
+    peer = Peer(kinds)
     publisher = peer.node.create_publisher(Image, "/pad/frames", 4)
-    (contacts,) = (topic for topic in peer.topics if topic.endswith("contacts"))
-    while peer.waits or (peer.in_time and not peer.heard[contacts].width):
+    stamped = {topic for topic, kind in kinds.items() if kind != "String"}
+    (contacts,) = (topic for topic in stamped if topic.endswith("contacts"))
+    touch: dict[str, Any] | None = None
+    while peer.waits or (peer.in_time and touch is None):
+        whole = (each for each in list(peer.moments.values()) if set(each) == stamped)
+        touch = next((each for each in whole if each[contacts].width), None)
         if frame:
             colours = np.load(frame)
             message = Image(height=colours.shape[0], width=colours.shape[1], encoding="bgr8")
@@ -156,7 +172,7 @@ def listen(topics: str, frame: str) -> dict[str, Any]:
             message.step, message.data = colours[0].nbytes, colours.tobytes()
             publisher.publish(message)
         time.sleep(0.03)
-    return peer.close()
+    return peer.close() | {topic: plain(message) for topic, message in (touch or {}).items()}
 
 
 def command(*words: str) -> dict[str, Any]:
