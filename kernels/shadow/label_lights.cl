@@ -512,9 +512,9 @@ static void list_doubtful(
     const Pixels *here, const floats squares, const float price, const int at, const int count,
     Doubtful *doubtful)
 {
-    // Leaving an LED out costs its price at least.
-    const ints doubt = (here->forced != 0) | !(squares <= price), nothing = 0;
-    if (!ANY(doubt)) return;
+    // Leaving an LED out costs its price and its light at least.
+    const ints may_be = (here->forced != 0) | !(squares <= price), nothing = 0;
+    if (!ANY(may_be)) return;
     ints kind = 0;
     for (int k = 0; k < here->K; ++k) {
         const ints bit = 1 << k;
@@ -523,9 +523,10 @@ static void list_doubtful(
     const ints may = (here->forced == 0) & (squares < INFINITY), others = 1 << here->K;
     const floats never = INFINITY, cost = may ? squares : never;
     kind = may ? kind : here->forced | others;
-    int doubts[LANES], kinds[LANES];
+    const ints doubt = kind != 0;
+    if (!ANY(doubt)) return;
+    int kinds[LANES];
     float costs[LANES];
-    STORE_LANES(doubt, doubts);
     STORE_LANES(kind, kinds);
     STORE_LANES(cost, costs);
     int number = doubtful->number;
@@ -533,7 +534,7 @@ static void list_doubtful(
         doubtful->at[number] = at + l;
         doubtful->kind[number] = kinds[l];
         doubtful->cost[number] = costs[l];
-        number += doubts[l] != 0;
+        number += kinds[l] != 0;
     }
     doubtful->number = number;
 }

@@ -102,7 +102,7 @@ MUTANTS = {
         "variances swapped": ("put(spread.p", "put(spread.q"),
         "unknown pixels not dark": ("? here->forced : dim", "? dim : dim"),
         "shadows only where all are lit": ("ANY(best->used != all)", "!ANY(best->used != all)"),
-        "no other set": ("number += doubts[l] != 0", "number += 0"),
+        "no other set": ("number += kinds[l] != 0", "number += 0"),
         "all LEDs left to others": ("if (stay[l]) at[l] = -1", "if (0) at[l] = -1"),
         "the cost of all LEDs forgotten": ("cost = may ? squares : never", "cost = never"),
         "the cost of another pixel": ("cost[order[min(l, count - 1)]]", "cost[order[0]]"),
