@@ -10,7 +10,12 @@ import pyopencl as cl
 
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
-from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source, scalar_type
+from tactograph.graph.backends.kernel_source import (
+    kernel_file,
+    kernel_signatures,
+    kernel_source,
+    scalar_type,
+)
 from tactograph.graph.backends.programs import build
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
@@ -52,7 +57,7 @@ def _build(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, 
     except cl.RuntimeError as error:
         lines = [line for line in str(error).splitlines() if "error" in line.lower()]
         reason = lines[0] if lines else str(error)
-        raise NodeError(f"kernels/{node.name}.cl does not compile: {reason}") from None
+        raise NodeError(f"{kernel_file(node)} does not compile: {reason}") from None
     # Pipelines share a program, but a kernel holds the arguments of its own next launch.
     return {
         kernel.function_name: Kernel(kernel, signatures[kernel.function_name])

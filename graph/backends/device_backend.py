@@ -57,7 +57,7 @@ class DeviceBackend(Protocol):
     driver
         What runs it, and which version: another may give other numbers.
     serial
-        Tells it and its compiled kernels from any other in this process.
+        Unique identifier of this device, and its compiled kernels, within the process.
     error
         What the device's library raises.
     lanes

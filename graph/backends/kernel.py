@@ -16,7 +16,8 @@ from tactograph.graph.backends.kernel_source import Argument
 class Kernel:
     """A kernel whose arguments have the types that they had at its first launch.
 
-    Told of them, pyopencl sets all arguments in the time that a single number takes otherwise.
+    With the argument types declared, pyopencl sets all arguments in the time that one number
+    takes without them.
     `signature` is what its source says that it takes.
     """
 

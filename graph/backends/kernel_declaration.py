@@ -49,7 +49,7 @@ def can_run_anywhere(device: DeviceTraits) -> Obstacle | None:
 
 @dataclass(frozen=True)
 class Kernels:
-    """What ``kernels/<name>.cl`` holds for a node; see `Node.opencl` for the fields."""
+    """What ``kernels/ROOM/NAME.cl`` holds for a node; see `Node.opencl` for the fields."""
 
     grid: tuple[str, ...] | None = None
     lanes: Lanes | None = None

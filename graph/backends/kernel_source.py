@@ -38,8 +38,19 @@ def kernel_source(node: Node) -> str:
         If there is no such file, or its kernel does not match the node's declaration.
     """
     if node.kernels.grid is not None:
-        _check(node, _read(node, f"{node.name}.cl"))
+        _check(node)
     return kernel_text(node)
+
+
+def kernel_file(node: Node) -> str:
+    """What the node's ``.cl`` file is called in messages.
+
+    Raises
+    ------
+    NodeError
+        If there is no such file.
+    """
+    return _find(node, f"{node.name}.cl")[0]
 
 
 def kernel_text(node: Node) -> str:
@@ -70,10 +81,6 @@ def _with_headers(node: Node, file: str, written: set[str]) -> str:
             parts.append(_with_headers(node, header[1], written))
         parts.append(f'#line {number + 1} "{name}"')
     return "\n".join([*parts, ""])
-
-
-def _read(node: Node, file: str) -> str:
-    return _find(node, file)[1]
 
 
 def _find(node: Node, file: str) -> tuple[str, str]:
@@ -170,7 +177,7 @@ def kernel_signatures(text: str) -> dict[str, list[Argument]]:
 
 
 def _macros(plain: str) -> dict[str, str]:
-    """What stands for something else, without what stands for another thing elsewhere: PIXEL."""
+    """Macros and typedefs with a single meaning; PIXEL, which has several, is left out."""
     found: dict[str, set[str]] = {}
     for name, text in (*_MACRO.findall(plain), *((new, old) for old, new in _TYPE.findall(plain))):
         found.setdefault(name, set()).add(text.strip())
@@ -188,20 +195,21 @@ def _argument(piece: str) -> Argument:
     return c_type + star, name.rstrip("_")
 
 
-def _check(node: Node, text: str) -> None:
+def _check(node: Node) -> None:
+    file, text = _find(node, f"{node.name}.cl")
     found = kernel_signatures(text).get(node.name)
     if found is None:
-        raise NodeError(f"kernels/{node.name}.cl holds no kernel '{node.name}'")
+        raise NodeError(f"{file} holds no kernel '{node.name}'")
     expected = [(c_type, name.rstrip("_")) for c_type, name in expected_arguments(node)]
     for index, (wanted, there) in enumerate(zip(expected, found, strict=False), start=1):
         if wanted != there:
             raise NodeError(
-                f"kernels/{node.name}.cl: argument {index} is '{' '.join(there)}', "
+                f"{file}: argument {index} is '{' '.join(there)}', "
                 f"but the declaration says '{' '.join(wanted)}'"
             )
     if len(expected) != len(found):
         raise NodeError(
-            f"kernels/{node.name}.cl: the kernel takes {len(found)} arguments, "
+            f"{file}: the kernel takes {len(found)} arguments, "
             f"but the declaration says {len(expected)}: "
             f"{', '.join(name for _, name in expected)}"
         )

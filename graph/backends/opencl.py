@@ -26,23 +26,23 @@ class OpenCL(Queue):
 
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         super().__init__(device, lanes)
-        self._compiled: dict[int, Compiled] = {}
+        self._compiled: dict[Node, Compiled] = {}
 
     def compile(self, node: Node) -> Compiled:
-        """Compile a node's kernels, or return them; pyopencl caches binaries on disk.
+        """Compile a node's kernels, or return them if they are compiled already.
 
         Raises
         ------
         NodeError
             If the source does not match the declaration, or does not compile.
         """
-        if id(node) not in self._compiled:
+        if node not in self._compiled:
             compiled = Compiled(node, self)
             # A launch function may want its kernels with constants, and never without.
             if node.kernels.launch is None:
                 compiled.kernels_with({})
-            self._compiled[id(node)] = compiled
-        return self._compiled[id(node)]
+            self._compiled[node] = compiled
+        return self._compiled[node]
 
     def prepare(
         self,

@@ -143,7 +143,7 @@ def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str,
             return workers.ask(find_map_types, job, capture)
         except TactographError as error:
             reason = str(error)
-    raise InputError(f"none of the first {len(tried)} captures can be done; the last: {reason}")
+    raise InputError(f"none of the first {len(tried)} captures can be processed: {reason}")
 
 
 def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:

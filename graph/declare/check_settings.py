@@ -49,7 +49,7 @@ def check_settings(
                 f"{did_you_mean(name, node.parameters)}"
             )
     try:
-        model = settings_model(node.name, _Key(node)).model_validate(dict(settings))
+        model = model_of(node).model_validate(dict(settings))
     except ValidationError as error:
         wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
         if wrong:
@@ -85,33 +85,15 @@ def _message(node: Node, where: Callable[[str], str], first: Any) -> str:
     return f"{where(name)}: {said[0].lower()}{said[1:]}, not {shown}"
 
 
-class _Key:
-    """Lets a Node, which is no hashable value, key the cache by identity."""
-
-    def __init__(self, node: Node) -> None:
-        self.node = node
-
-    def __hash__(self) -> int:
-        return id(self.node)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and other.node is self.node
-
-
 @cache
-def settings_model(name: str, key: _Key) -> type[BaseModel]:
+def model_of(node: Node) -> type[BaseModel]:
     """The pydantic model of a node's parameters; also the source of the JSON schema."""
     fields: dict[str, Any] = {
         p.name: (_lenient(p.annotation), ... if p.required else p.default)
-        for p in key.node.parameters.values()
+        for p in node.parameters.values()
     }
     config = ConfigDict(extra="forbid", allow_inf_nan=False, protected_namespaces=())
-    return create_model(name, __config__=config, **fields)
-
-
-def model_of(node: Node) -> type[BaseModel]:
-    """The parameters of `node` as a pydantic model."""
-    return settings_model(node.name, _Key(node))
+    return create_model(node.name, __config__=config, **fields)
 
 
 def _lenient(annotation: Any) -> Any:

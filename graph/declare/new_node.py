@@ -83,7 +83,7 @@ def write_into_package(name: str, folder: Path) -> tuple[list[Path], str]:
 
 def _write(name: str, files: dict[Path, str], **about: object) -> list[Path]:
     if keyword.iskeyword(name):
-        raise InputError(f"'{name}' is a word of Python's own; give another name")
+        raise InputError(f"'{name}' is a Python keyword; give another name")
     if not NAME.fullmatch(name):
         raise InputError(f"'{name}': a node's name is of lower-case letters, digits and _")
     if name in node_names():

@@ -3,7 +3,7 @@
 Positional arguments are input ports, keyword-only arguments are parameters, the return
 annotation gives the output port, or a record of ports.  A function that returns an iterator
 is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
-`Node.opencl` declares that ``kernels/<name>.cl`` holds the same algorithm.
+`Node.opencl` declares that ``kernels/ROOM/NAME.cl`` holds the same algorithm.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ class Parts:
 
 @dataclass(frozen=True)
 class SizeRule:
-    """A size that follows from others ("H", or "H W") and a parameter, as a function of them says.
+    """A size computed from other sizes ("H", or "H W") and one parameter.
 
-    The function raises InputError where they do not go together.
+    `rule` computes it, and raises InputError where they do not go together.
     """
 
     of: str
@@ -88,7 +88,7 @@ class Parameter:
 _serials = itertools.count(1)
 
 
-@dataclass
+@dataclass(eq=False)
 class Node:
     """The declaration of a node, callable as the plain NumPy function it wraps."""
 
@@ -202,14 +202,18 @@ class Node:
         return tuple(seen)
 
     @cached_property
+    def free_symbols(self) -> tuple[str, ...]:
+        """The size symbols that neither an input nor a `derived` rule gives."""
+        given = {dim for port in self.inputs.values() for dim in port.dims} | {*self.derived}
+        return tuple(symbol for symbol in self.symbols if symbol not in given)
+
+    @cached_property
     def finds_sizes(self) -> bool:
         """Whether only the data determine the size of an output.
 
         The host waits for a device then, in the midst of the launch.
         """
-        given = {d for port in self.inputs.values() for d in port.dims}
-        made = {d for port in self.outputs.values() for d in port.dims if isinstance(d, str)}
-        return not self.source and not made <= given | set(self.derived)
+        return not self.source and bool(self.free_symbols)
 
     @property
     def may_be_absent(self) -> list[str]:
@@ -250,7 +254,7 @@ class Node:
         can_run: CanRun = can_run_anywhere,
         source: str | os.PathLike[str] | None = None,
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
-        """Declare the OpenCL implementation in ``kernels/<name>.cl``.
+        """Declare the OpenCL implementation in ``kernels/ROOM/NAME.cl``.
 
         Parameters
         ----------
@@ -294,11 +298,11 @@ class Node:
         return function
 
     def idle(self, function: Callable[..., bool]) -> Callable[..., bool]:
-        """Register when the node returns its neutral input as it is, to the bit, or else nothing.
+        """Register a predicate that says when the node is a no-op.
 
-        It is called with those inputs, other than the neutral one, that its arguments name; a
-        field of a record is ``film_albedo``, as in a kernel.  A device then launches nothing, and
-        hands the array on, or leaves out an output that may be absent.
+        The node then returns its neutral input unchanged, or no output if that may be absent; a
+        device launches nothing.  The predicate is called with those inputs, other than the neutral
+        one, that its arguments name; a field of a record is ``film_albedo``, as in a kernel.
         """
         if not isinstance(self.neutral, str) and not all(p.optional for p in self.outputs.values()):
             raise TypeError(
@@ -309,11 +313,11 @@ class Node:
         return function
 
     def rehearsal(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Register a maker of an item as the source yields them, for what cannot wait.
+        """Register a function that makes a dummy item for a source that cannot wait.
 
-        The graph runs once on it, without its sinks, before the source is begun: so kernels
-        are compiled before a camera opens.  It is called with the node's settings, and told of
-        images what the node is (`Whole`).
+        The graph runs once on it, without its sinks, before the source starts, so kernels are
+        compiled before a camera opens.  The function is called with the node's settings, and with
+        whether images may stay integers if the node is told (`Whole`).
         """
         self.make_rehearsal = function
         return function

@@ -12,7 +12,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 from typing import Annotated, Any, Literal
@@ -69,9 +69,6 @@ class PortType:
             return f"number [{self.unit}]"
         assert self.dtype is not None
         return f"{self.dtype.name} {' x '.join(map(str, self.dims))} [{self.unit}]"
-
-    def renamed(self, name: str) -> PortType:
-        return replace(self, name=name)
 
 
 def is_record(annotation: Any) -> bool:

@@ -69,6 +69,6 @@ def _checked(stream: IO[bytes], size: int) -> NDArray[Any]:
     if dtype.hasobject:
         raise ValueError("it holds a pickle")
     if any(side < 0 for side in shape) or math.prod(shape) * dtype.itemsize > size:
-        raise ValueError(f"its header speaks of {shape}, which its {size} bytes do not hold")
+        raise ValueError(f"its header declares {shape}, but the file has only {size} bytes")
     stream.seek(0)
     return npy.read_array(stream, allow_pickle=False)

@@ -154,7 +154,7 @@ def refuse_idle(name: str, group: Group) -> None:
             raise GraphError(f"{where}: the group '{name}' has no node '{node}'{hint}")
         same = output in body.nodes or output in body.uses
         if same and node != output:
-            raise GraphError(f"{where}: '{output}' is a node of the group; it is another's name")
+            raise GraphError(f"{where}: output '{output}' has the name of another node")
 
 
 def _uses(

@@ -165,9 +165,9 @@ def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
     if isinstance(node, ScalarNode):
         natural = node.tag == _implicit_tag(node.value, plain=node.style is None)
         if any("\ud800" <= character <= "\udfff" for character in node.value):
-            raise GraphError(f"{place}: half of a character (a surrogate) is no text")
+            raise GraphError(f"{place}: an unpaired surrogate is not a character")
         if printable(node.value) != node.value:
-            raise GraphError(f"{place}: a control character is no text")
+            raise GraphError(f"{place}: control characters are not allowed")
     else:
         natural = node.tag in _COLLECTIONS
     if not natural:
@@ -187,7 +187,7 @@ def _mapping(
         place = Place(name, mark.line + 1, mark.column + 1, dotted((*path, key)))
         _refuse_extras(key_node, place, seen)
         if key in data:
-            raise GraphError(f"{place}: the key stands twice")
+            raise GraphError(f"{place}: duplicate key")
         data[key] = _plain(value_node, (*path, key), name, places, seen)
         places[(*path, key)] = place
     return data

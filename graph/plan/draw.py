@@ -86,14 +86,8 @@ def edges(plan: Plan, *, transfers: bool = True) -> list[tuple[str, str, str]]:
         for value in step.reads:
             maker = value.node
             moved = moves.get(value)
-            if moved is not None and step is not moved:
-                kind = (
-                    "array"
-                    if step.name not in plan.tasks
-                    else _kind(plan, step, value.node, value.port)
-                )
-                if kind == "array" and on_device[maker] != step.on_device:
-                    maker = moved.name
+            if moved is not None and step is not moved and on_device[maker] != step.on_device:
+                maker = moved.name
             found[maker, step.name, value.port] = None
     return list(found)
 
@@ -105,10 +99,6 @@ def recalls(plan: Plan) -> list[tuple[str, str, str]]:
         for task in plan.tasks.values()
         for value in task.recalls.values()
     ]
-
-
-def _kind(plan: Plan, step: Step, node: str, port: str) -> str:
-    return plan.tasks[node].node.outputs[port].kind
 
 
 def _quoted(text: str) -> str:

@@ -133,8 +133,8 @@ def _reads(
         bare, previous = split_previous(reference)
         if previous and name not in node.optional_inputs:
             raise GraphError(
-                f"{where}: '{name}' of {node.name} is needed for the first item too, which has "
-                f"none before it; '{reference}' can only feed an input that may be left out"
+                f"{where}: the input '{name}' of {node.name} is required, and the first item has "
+                f"no previous value; only an optional input can read '{reference}'"
             )
         if previous:
             recalls[name] = _resolve(bare, graph, found, passed, where)
@@ -239,7 +239,7 @@ def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
     except nx.NetworkXNoCycle:
         return
     walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
-    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph runs in a circle: {walk}")
+    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph has a cycle: {walk}")
 
 
 def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -193,11 +193,8 @@ def _joints(
 def _found(draft: Draft) -> Iterator[Symbol]:
     """The sizes that only the data tell: of outputs alone, and not of a source."""
     for task in draft.tasks.values():
-        node = task.node
-        given = {dim for port in node.inputs.values() for dim in port.dims} | {*node.derived}
-        for symbol in node.symbols if not node.source else ():
-            if symbol not in given:
-                yield task.id, symbol
+        if not task.node.source:
+            yield from ((task.id, symbol) for symbol in task.node.free_symbols)
 
 
 def _find(root: dict[Symbol, Symbol], symbol: Symbol) -> Symbol:

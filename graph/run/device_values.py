@@ -40,7 +40,7 @@ class DeviceValues:
 
     @property
     def serial(self) -> str:
-        """Tells this device and its compiled kernels from any other."""
+        """Unique identifier of the device and its compiled kernels."""
         return self._device.serial
 
     def get(self, value: Value) -> DeviceArray | None:

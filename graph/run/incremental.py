@@ -203,9 +203,8 @@ class Incremental:
 
     def _key(self, task: Task, step: Step) -> str:
         node = task.node
-        told = {dim for port in node.inputs.values() for dim in port.dims} | {*node.derived}
         # A size that no input tells follows from what the sources gave.
-        is_free = task.filled or any(symbol not in told for symbol in node.symbols)
+        is_free = task.filled or bool(node.free_symbols)
         sources = sorted((n, key) for n, key in self._outside.items() if n in self._keys)
         reads = {} if task.filled else task.reads
         return key_of(

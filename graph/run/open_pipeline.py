@@ -49,7 +49,7 @@ def load(
     device
         A part of the name of the OpenCL device to use.
     strict
-        Refuse to run anything elsewhere than it was wanted.
+        Refuse to run if a node would fall back to another back end.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
@@ -67,7 +67,7 @@ def load(
     Returns
     -------
     Pipeline
-        What runs elsewhere than it was wanted is told by a warning.
+        Each fallback to another back end raises a warning that says why.
 
     Raises
     ------

@@ -14,7 +14,6 @@ from tactograph.graph.plan.plan import Plan, Step
 MOST_EVENTS = 200_000
 """A trace of a stream without an end stops there."""
 _LANES = {"device": 1, "transfers": 2}
-_FIRST_THREAD = 3
 
 
 class Trace:

@@ -165,7 +165,7 @@ class Tuning:
         self._take(node, lambda _, entry: replace(entry, neutral=neutral))
 
     def reset(self, node: str) -> None:
-        """Take a node as the file has it."""
+        """Reset a node to its settings in the file."""
 
         def as_read(name: str, entry: Entry) -> Entry:
             base = self.base.nodes[name]
@@ -273,7 +273,7 @@ class Tuning:
             if self.shown.asked is self._asked:
                 return self.shown
             time.sleep(0.01)
-        raise TimeoutError("nothing came of what was asked for")
+        raise TimeoutError("no result arrived in time")
 
     @property
     def _known(self) -> dict[str, Any]:

@@ -210,7 +210,7 @@ def read_tmd(file: Path) -> F4:
         raise InputError(f"{file}: ends within its header")
     columns, rows = TMD_SIZES.unpack_from(content, comment_end + 1)[:2]
     if columns < 1 or rows < 1 or len(content) < start + 4 * columns * rows:
-        raise InputError(f"{file}: says {columns} x {rows} heights, which it does not hold")
+        raise InputError(f"{file}: declares {columns} x {rows} heights, but the file is shorter")
     heights = np.frombuffer(content, "<f4", columns * rows, start)
     return np.asarray(heights.reshape(rows, columns), np.float32)
 

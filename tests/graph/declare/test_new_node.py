@@ -100,7 +100,7 @@ def test_a_second_node_of_a_package_says_what_to_register(
     [
         (["light/flat_field"], "there is a node 'flat_field' already"),
         (["light/Flat"], "lower-case"),
-        (["light/class"], "a word of Python's own"),
+        (["light/class"], "a Python keyword"),
         (["light/a-b"], "lower-case"),
         (["brighten", "--package", "1nodes"], "cannot be a package"),
     ],

@@ -1,4 +1,4 @@
-"""Pass 1: every name in a graph means something, and nothing runs in a circle."""
+"""Pass 1: every name in a graph means something, and there is no cycle."""
 
 from __future__ import annotations
 
@@ -107,15 +107,15 @@ nodes:
 outputs: {c: c}
 """
     said = refusal(write(text))
-    assert "the graph runs in a circle: " in said
-    walk = said.partition("circle: ")[2].split(" -> ")
+    assert "the graph has a cycle: " in said
+    walk = said.partition("cycle: ")[2].split(" -> ")
     assert walk[0] == walk[-1]
     assert sorted(walk[1:]) == ["a", "b", "c"]
 
 
 def test_a_node_that_reads_itself_is_a_cycle(write: Write) -> None:
     text = "format: 1\nnodes: {a: {op: rest_at_border, in: {height: a}}}\noutputs: {a: a}"
-    assert "circle: a -> a" in refusal(write(text))
+    assert "cycle: a -> a" in refusal(write(text))
 
 
 def test_neutral_nodes_that_pass_on_one_another_are_a_cycle(write: Write) -> None:
