@@ -1,9 +1,9 @@
-"""The optics, one file a node, and here the quantities that flow between them.
+"""The optics, one file per node, and the quantities that flow between the nodes.
 
-Axes: x right, y down, z towards the camera.  Height is in mm above the film at rest, slope
-is dimensionless (mm per mm), light is the irradiance one LED causes, 0 to 1 of full scale as
-captured, 1 on the film at rest once divided by the flat field.  LEDs are numbered from 1;
-the letter K counts them.
+Axes: x right, y down, z towards the camera.  Height is in mm above the film at rest.  Slope
+is dimensionless (mm per mm).  Light is the irradiance that one LED causes: 0 to 1 of full
+scale as captured, 1 on the film at rest once divided by the flat field.  LEDs are numbered
+from 1; K is their number.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Height = Annotated[F4, Port("H W", "mm", low=-1, high=5)]
 CoarseLight = Annotated[F4, Port("K h w", "1")]
 """Light of cells of several pixels, see `coarsen`."""
 ResizedLight = Annotated[F4, Port("K h w", "1")]
-"""Light on another grid of pixels than that which came in."""
+"""Light on a pixel grid other than the input's."""
 CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 """What the camera sees with all LEDs off, on such cells."""
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
@@ -38,7 +38,7 @@ CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
 """Standard deviation of the height; zero on the film at rest."""
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
-"""A bit per LED: bit k-1 stands for LED k."""
+"""One bit per LED: bit k-1 stands for LED k."""
 Confidence = Annotated[F4, Port("H W", "1", high=1)]
 """Probability that a pixel's labels are right."""
 Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
@@ -52,20 +52,23 @@ Albedo = Annotated[float, Port(unit="1", high=0.95)]
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 """1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
-"""Eight other places of the LEDs, as far off as they may well be: the mean square of what they
-change is the variance that the LEDs' calibration leaves."""
+"""Eight sets of LED positions sampled from the calibration's uncertainty.  The mean square of
+their effect is the variance it causes."""
 Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
-"""(k1, k2, cx, cy, a, b, gx, gy): how the camera departs from an even grid, see `light._lens`;
-zeros where it does not."""
+"""(k1, k2, cx, cy, a, b, gx, gy): the lens's departure from an even grid, see `light._lens`;
+all zero for an ideal lens."""
 Grain = Annotated[float, Port(unit="1", high=0.03)]
-"""Standard deviation of the light from the model, beyond the camera's noise, as a share of it."""
+"""Standard deviation of the light from the model beyond camera noise, as a share of the light."""
 Uneven = Annotated[float, Port(unit="1", high=0.05)]
 """Standard deviation of the brightness of touched film from its model, the same for all LEDs."""
 Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
-"""(level, width, light, bounce, tilt): what the film's model leaves, noise apart.  A normal errs by
-`level` radians, over `width` mm alike; all of an object lean too much, or too little, by `tilt`
-radians; of an LED's light so much is left, as if the film were matt; and such a share of the light
-that the film throws on itself may be wrong."""
+"""(level, width, light, bounce, tilt): errors of the film's model, apart from noise.
+
+- level: standard deviation of a normal, in radians.
+- width: distance in mm over which errors of the normals are correlated.
+- light: standard deviation of an LED's light, relative to a matt film at rest.
+- bounce: relative error of the light reflected from film to film.
+- tilt: error of the slant common to all normals of an object, in radians."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
@@ -73,21 +76,21 @@ Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
 Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
 """Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
 Metrics = dict[str, float]
-"""Named figures, as result.json holds them."""
+"""Named figures, as in result.json."""
 LightPositions = Annotated[F4, Port("K 3", "mm", low=-200, high=200)]
-"""An LED per row, (x, y, z) in mm from the centre of the image on the film at rest."""
+"""One LED per row: (x, y, z) in mm from the centre of the image on the film at rest."""
 Noise = Annotated[F4, Port("2", "1", low=1e-6, high=1e-4)]
 """(shot, read): the variance of a captured light I is shot * I + read."""
 NoiseCorrelation = Annotated[float, Port(unit="1", low=1, high=4)]
-"""How many times more variance a mean over pixels has than independent noise would leave."""
+"""Variance of a mean over pixels, relative to that with independent noise."""
 SlopeVariance = Annotated[F4, Port("2 H W", "1", low=1e-6, high=1)]
-"""Variance of p and of q from the light's noise; 1e12 where the slope is not known."""
+"""Variance of p and of q due to noise of the light; 1e12 where the slope is unknown."""
 LutLight = Annotated[F4, Port("N K", "1")]
 """Light of the calibration pixels: the tables' keys."""
 LutSlope = Annotated[F4, Port("N 2", "mm/mm", low=-2, high=2)]
 """Slope of the calibration pixels: the tables' values."""
 LutLit = Annotated[U1, Port("N", "LED bits", high=255)]
-"""The LEDs that reach each calibration pixel; says to which tables it belongs."""
+"""The LEDs that reach each calibration pixel; they determine its tables."""
 
 
 class KnownSlopes(NamedTuple):
@@ -98,22 +101,22 @@ class KnownSlopes(NamedTuple):
 
 
 class Film(NamedTuple):
-    """LEDs, film and camera: all that says how light depends on the surface (`light/_film`)."""
+    """LEDs, film and camera: everything that relates light to the surface (`light/_film`)."""
 
     lights: LightPositions
     others: LightPlaces
     diffuse: Annotated[F4, Port("K", "1", high=0.4)]
     """b_k: the share of LED light that is diffused in the gel."""
     harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
-    """Harmonics of the normal, by terms in the place."""
+    """Coefficients of the harmonics of the normal, by terms in the position."""
     flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
-    """Smallest n_z that was pressed."""
+    """Smallest n_z on the calibration presses."""
     reach: Annotated[float, Port(unit="mm", low=5, high=20)]
-    """Half the width of the film that the camera sees: the unit of the place."""
+    """Half the width of the film that the camera sees: the unit of position."""
     gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
     """Light of touched film, relative to untouched film."""
     contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
-    """Height from which film counts as touched."""
+    """Height above which film counts as touched."""
     base: Annotated[float, Port(unit="1", low=0.3, high=1)]
     """k_d: the albedo of the matt base under the coat."""
     roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
@@ -121,17 +124,17 @@ class Film(NamedTuple):
     refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
     """The coat's refractive index; 1: no coat."""
     albedo: Albedo
-    """rho: the share of light that the film throws back, for light from film to film."""
+    """rho: the film's albedo for light reflected from film to film."""
     rim: Annotated[float, Port(unit="mm", low=0, high=4)]
-    """How far the film goes on beyond the frame."""
+    """How far the film extends beyond the frame."""
     camera: Vergence
     grain: Grain
-    """What texture, dirt and an imperfect model add to the noise of the light."""
+    """Noise added to the light by texture, dirt and an imperfect model."""
     uneven: Uneven
 
 
 class ShadowRises(NamedTuple):
-    """Heights measured by shadows: pixel `top` lies `rise` above pixel `foot`, C times."""
+    """C heights measured by shadows: pixel `top` lies `rise` above pixel `foot`."""
 
     top: Annotated[I4, Port("C", "pixel number")]
     foot: Annotated[I4, Port("C", "pixel number")]

@@ -11,6 +11,7 @@ import tempfile
 from typing import Any
 
 import numba
+import numpy as np
 from numba import njit
 
 from tactograph.graph import warn
@@ -19,6 +20,8 @@ compiled = njit(cache=True, nogil=True, error_model="numpy")
 """A loop: other threads go on meanwhile, and a division by zero gives what it gives in NumPy."""
 inlined = njit(cache=True, nogil=True, error_model="numpy", inline="always")
 """A function of single pixels, of which a loop makes vectors if it calls nothing."""
+NOTHING = np.int64(0)
+"""As an argument.  A plain 0 is a constant, for which numba compiles a function once more."""
 
 
 def compiled_for(signature: Any) -> Any:

@@ -24,7 +24,6 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     from tactograph.graph.files.groups import alike, uses_of
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.run.open_pipeline import placeholders
     from tactograph.graph.run.typed_values import read_settings
 
     read = with_changes(read_graph(graph), read_settings(settings))
@@ -32,7 +31,7 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     device, reason = open_device(bound)
     # `check` does not say where nodes run, so it need not load a device.
     anywhere = replace(read, prefer=("numpy",))
-    plan = make_plan(anywhere, placeholders(read), device=device, no_device=reason)
+    plan = make_plan(anywhere, read.placeholders, device=device, no_device=reason)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
     say(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
     for line in _written(read, plan):

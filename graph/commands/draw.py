@@ -26,10 +26,9 @@ def command(
     from tactograph.graph.files.whole_files import whole_file
     from tactograph.graph.plan.draw import to_dot, to_mermaid
     from tactograph.graph.plan.draw_svg import to_svg
-    from tactograph.graph.run.open_pipeline import placeholders
 
     read = options.read(graph)
-    plan = options.open(read, placeholders(read)).plan
+    plan = options.open(read, read.placeholders).plan
     if out is None:
         say(to_dot(plan), nl=False)
         return

@@ -22,11 +22,10 @@ def command(
     from rich.console import Console
     from rich.table import Table
 
-    from tactograph.graph.run.open_pipeline import placeholders
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
-    given = {**placeholders(read), **read_words(read, values)}
+    given = {**read.placeholders, **read_words(read, values)}
     plan = options.open(read, given).plan
     table = Table(title=f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}")
     for heading in ("node", "op", "back end", "when", "why"):

@@ -137,8 +137,12 @@ class Graph:
             prefer=("numpy",),
             nodes={name: replace(entry, backend=None) for name, entry in self.nodes.items()},
         )
-        needed = {name: NOT_GIVEN for name, param in self.params.items() if param.required}
-        return to_svg(make_plan(anywhere, needed, device=None))
+        return to_svg(make_plan(anywhere, self.placeholders, device=None))
+
+    @property
+    def placeholders(self) -> dict[str, Any]:
+        """Values that stand for needed params where only the plan matters, not the data."""
+        return {name: NOT_GIVEN for name, param in self.params.items() if param.required}
 
     @cached_property
     def hash(self) -> str:

@@ -14,7 +14,7 @@ from tactograph.graph.declare.find_node import find_node, own_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.changes import plain, with_changes
-from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import Source, read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.cache import Cache
@@ -161,11 +161,6 @@ def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
                 f" (it has: {', '.join(graph.outputs) or 'none'})"
             )
     return replace(graph, outputs={name: graph.outputs[name] for name in wanted})
-
-
-def placeholders(graph: Graph) -> dict[str, Any]:
-    """Values that stand for needed params where only the plan matters, not the data."""
-    return {name: NOT_GIVEN for name, param in graph.params.items() if param.required}
 
 
 def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:

@@ -25,6 +25,7 @@ from tactograph.nodes.calibrate._light_fit import (
     LIFT_MM,
     SPREAD,
     Rest,
+    huber,
     places_within,
 )
 from tactograph.nodes.light._film import (
@@ -450,11 +451,6 @@ def _robust(left: F8) -> F8:
     return np.asarray(np.minimum(1, HUBER / np.maximum(np.abs(left), HUBER)))
 
 
-def _huber(left: F8) -> float:
-    far = np.abs(left)
-    return float(np.where(far < HUBER, far * far, HUBER * (2 * far - HUBER)).sum())
-
-
 def _rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame less that of the model, what all LEDs share taken out: K x M."""
     return _rest_less(rest, _rest_model(rest, now))
@@ -539,9 +535,9 @@ def _cost(problem: _Problem, now: Fitted) -> float:
     balls, rest, names, shift_mm, width_mm, scale, certain = problem
     total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
     left = _weighted(balls, predicted(balls, now) - balls.light)
-    total += problem.each * _huber(left / scale)
+    total += problem.each * huber(left / scale)
     if rest is not None:
-        total += _huber(_rest_left(rest, now) / certain)
+        total += huber(_rest_left(rest, now) / certain)
     total += float(now.leds[:, 3].mean() ** 2)
     total += sum(away**2 for away, _ in _albedos(now, names))
     return total + sum((away / sure) ** 2 for _, away, sure in _priors(now, names, width_mm))

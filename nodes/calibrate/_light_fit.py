@@ -204,7 +204,7 @@ def place_leds(
 
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
     """What `place_leds` leaves of what it minimises."""
-    return _huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
+    return huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
 
 
 def other_places(
@@ -311,11 +311,11 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
         normal = slopes.T @ (slopes * weight[:, None])
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * left)) / scale
-        cost = _huber(left)
+        cost = huber(left)
         while damping < 1e8:
             trial = unknown + np.linalg.solve(normal + damping * np.eye(scale.size), down) / scale
             tried = residual(trial)
-            gain = cost - _huber(tried)
+            gain = cost - huber(tried)
             if gain >= 0:
                 break
             damping *= 10
@@ -342,7 +342,7 @@ def _all_residuals(
     )
 
 
-def _huber(left: F8) -> float:
+def huber(left: F8) -> float:
     far = np.abs(left)
     return float(np.where(far < HUBER, far * far, HUBER * (2 * far - HUBER)).sum())
 

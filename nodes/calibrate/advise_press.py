@@ -1,4 +1,4 @@
-"""Say what a calibration has seen, and what to press next."""
+"""Report what the presses cover and what to press next."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ REGIONS = (
     ("at the left", "in the middle", "at the right"),
     ("at the lower left", "at the bottom", "at the lower right"),
 )
-"""The film in nine parts, in words."""
+"""Names of the nine parts of the film."""
 DIRECTIONS = (
     "right", "lower right", "lower side", "lower left",
     "left", "upper left", "upper side", "upper right",
 )  # fmt: skip
-"""Sides of a ball, clockwise from x; a slope that falls to the right is on the right."""
+"""Sides of a ball, clockwise from x.  Where the film falls to the right is the right side."""
 TOUCHED = 0.15
-"""Share of a part of the film that contacts must cover."""
+"""Share of each part of the film that contacts must cover."""
 STEEP = 1.0
-"""Slope that should be covered in every direction."""
+"""Slope up to which every direction should be covered."""
 
 
 class PressAdvice(NamedTuple):
-    """Figures for programs, and a sentence for people."""
+    """Figures for programs, and one sentence for people."""
 
     quality: Metrics
     advice: str
@@ -37,21 +37,21 @@ class PressAdvice(NamedTuple):
 
 @node
 def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabels) -> PressAdvice:
-    """Return how much of the film and of the slopes the presses cover, and what is missing.
+    """Measure how much of the film and of the slopes the presses cover, and name what is missing.
 
     Parameters
     ----------
     flat
         K x H x W; only its size is used.
     slope, mask, lit
-        Of the presses that are used, on a sheet: 2 x S x W, S x W, S x W.
+        The used presses on a sheet: 2 x S x W, S x W, S x W.
 
     Returns
     -------
     PressAdvice
-        ``film_covered_percent`` of the nine parts of the film; ``slopes_covered_percent``
-        of the slopes up to 1 in eight directions.  A sentence such as "press at the lower
-        left: no contact reaches there".
+        ``film_covered_percent``, the share of the film's nine parts;
+        ``slopes_covered_percent``, the share of the slopes up to 1 in eight directions; and a
+        sentence such as "press at the lower left: no contact reaches there".
     """
     count, rows, _ = flat.shape
     touched = _touched(mask, rows)
@@ -66,7 +66,7 @@ def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabe
 
 
 def _touched(mask: U1, rows: int) -> F8:
-    """The share of each of nine parts of the film that some contact covers."""
+    """The share of each of the film's nine parts that contacts cover."""
     film = np.maximum.reduce([part > 0 for part in cut(mask, rows)])
     bands = [np.array_split(band, 3, axis=1) for band in np.array_split(film, 3, axis=0)]
     return np.array([[part.mean() if part.size else 1 for part in band] for band in bands])

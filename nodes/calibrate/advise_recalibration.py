@@ -1,4 +1,4 @@
-"""Say what a new film has changed, what is left, and whether a full calibration is due."""
+"""Report what a new film changes, the remaining error, and whether to calibrate fully."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 
 REFERENCES = "film_heldout_deg", "heldout_normal_deg"
-"""Errors of a full calibration on presses held out, in degrees, by kind."""
+"""Figures that hold a full calibration's error on held-out presses, in degrees."""
 WORSE = 1.5
-"""Times the full calibration's error, ..."""
+"""Error, relative to the full calibration's, above which another full calibration is due, ..."""
 GOOD = 0.5
-"""... but at least so many degrees, from which another full calibration is due."""
+"""... if it also exceeds this many degrees."""
 THICKER = 1.0
-"""mm that the gel may differ by: beyond, an LED's light reaches the film otherwise."""
+"""Change of the gel's thickness in mm above which LED light takes another path to the film."""
 UNEVEN = 0.2
-"""Share by which LEDs may differ in what they have lost: beyond, one is weak or has moved."""
+"""Relative difference between the LEDs' changes above which one is weak or has moved."""
 STEEP = 0.1
-"""Slope of a dent that stays: its product with a touch's slope is not in the flat frame."""
+"""Largest slope of a dent that the flat frame can correct.  Above it, the product of the dent's
+slope and a touch's matters, which the flat frame does not hold."""
 NOTICEABLE = 0.02
-"""Slope from which it is a dent: smooth departures of another film are less steep."""
+"""Slope from which a departure is a dent; smooth differences between films are less steep."""
 
 
 class Recalibration(NamedTuple):
-    """The figures, and a sentence."""
+    """The figures, and one sentence."""
 
     quality: Metrics
     advice: str
@@ -40,17 +41,17 @@ def advise_recalibration(
     refitted: Metrics,
     before: Metrics,
 ) -> Recalibration:
-    """Return what has changed as figures, and what to do as a sentence.
+    """Report what has changed in figures, and what to do in one sentence.
 
     Parameters
     ----------
     strength, dent
-        Light of each LED, K, and the film's height, H x W in mm, relative to the old film, as
-        `film_change` gives them.
+        Light of each LED, K, and height of the film, H x W in mm, both relative to the old
+        film, as `film_change` returns them.
     pixel
         mm per px.
     refitted
-        What the fit to the check press found; nothing if there was none.
+        Figures of the fit to the check press; empty if there was none.
     before
         The figures of the old calibration.
 
@@ -58,7 +59,8 @@ def advise_recalibration(
     -------
     Recalibration
         All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and
-        ``dent_slope`` of the deepest dent, 0 if there is none; ``full_calibration_due``, 0 or 1.
+        ``dent_slope``, the largest height and slope of a dent, 0 if there is none;
+        ``full_calibration_due``, 0 or 1.
     """
     height, slope = _dent(dent, pixel)
     full = next((before[name] for name in REFERENCES if name in before), None)
@@ -75,7 +77,7 @@ def advise_recalibration(
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, float]:
-    """Height in mm and slope of what stands out of the film, 0 if nothing does."""
+    """Largest height in mm and slope of a dent, 0 if there is none."""
     by_y, by_x = np.gradient(dent, pixel)
     slope = np.hypot(by_x, by_y)
     if slope.max() < NOTICEABLE:

@@ -1,4 +1,4 @@
-"""Take a film for a matt one, where nothing tells more of it."""
+"""Assume a matt film where nothing more is known about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The slopes of the calibration ball, from its place and radius."""
+"""The slopes of the calibration ball, from its position and radius."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tactograph.nodes import F4, Height, Light, Mask, PixelSize, Slope
 
 
 class KnownBall(NamedTuple):
-    """The slope and height of a ball in the film, and the pixels where they hold."""
+    """Slope and height of a ball pressed into the film, and the pixels where they hold."""
 
     slope: Slope
     mask: Mask
@@ -32,14 +32,14 @@ def ball_slopes(
     """Return the slope of a ball of known radius inside its contact circle (paper 3.1).
 
     With z = sqrt(R^2 - r^2), p = -(x - c_x) / z and q = -(y - c_y) / z.  The ball rises
-    z - sqrt(R^2 - c^2) above the film at rest, c being the radius of its contact.
+    z - sqrt(R^2 - c^2) above the film at rest, where c is the radius of its contact.
 
     Parameters
     ----------
     light
         K x H x W; only its size is used.
     center
-        x, y of the ball's centre in px, pixel centres at integers.
+        x, y of the ball's centre in px; pixel centres lie at integers.
     contact
         Radius of the contact circle in px.
     pixel
@@ -47,12 +47,12 @@ def ball_slopes(
     radius_mm
         The ball's radius.
     margin_px
-        Width of the rim that is left out: pixels there see ball and film mixed.
+        Width of the rim that is left out, because its pixels mix ball and film.
 
     Returns
     -------
     KnownBall
-        Slope 2 x H x W, the mask of the contact, height H x W in mm; zero outside.
+        Slope 2 x H x W, mask of the contact, height H x W in mm; all zero outside the contact.
     """
     height, width = light.shape[1:]
     y, x = np.mgrid[:height, :width].astype(np.float32)

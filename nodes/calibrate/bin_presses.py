@@ -1,4 +1,4 @@
-"""Put pixels of large images together, as many as a calibration does not need apart."""
+"""Bin the pixels of large images to the resolution that a calibration needs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 
 ENOUGH_PX = 16.0
-"""Radius in px that a ball keeps."""
+"""Smallest radius of a ball in px after binning."""
 ENOUGH_PIXELS = 3e5
-"""Pixels that an image keeps."""
+"""Fewest pixels of an image after binning."""
 
 
 class BinnedPresses(NamedTuple):
-    """Presses on a sheet, the film at rest, and what is known of the balls, on larger pixels."""
+    """Binned presses on a sheet, the binned film at rest, and the known circles of the balls."""
 
     image: Annotated[F4, Port("K s w", "1")]
     flat: CoarseLight
@@ -41,11 +41,11 @@ def bin_presses(
     *,
     pixels: Annotated[float, Gt(0)] = ENOUGH_PIXELS,
 ) -> BinnedPresses:
-    """Return everything that a calibration is made from on pixels of n x n.
+    """Bin all inputs of a calibration by n x n pixels.
 
-    A ball of 16 px radius and an image of 300,000 pixels say all that a film model asks;
-    images up to 640 x 480 do not change.  Of rows and columns that n does not divide the
-    last ones are left out, and the middle of the image moves by less than a pixel.
+    A film model needs no more than a ball of 16 px radius and an image of 300,000 pixels.
+    Images up to 640 x 480 do not change.  Rows and columns that do not fill a bin at the end
+    are left out, which moves the middle of the image by less than a (binned) pixel.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ def bin_presses(
     pixel
         mm per px.
     radius, known
-        P in mm, and P x 3 in px: the balls.  Without them the pixels do not change.
+        The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
     pixels
-        That the image keeps at least.
+        Fewest pixels of the binned image.
     """
     if radius is None or known is None:
         return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel)
@@ -82,7 +82,7 @@ def bin_presses(
 
 
 def _binned(image: NDArray[np.float32], factor: int, size: tuple[int, int]) -> NDArray[np.float32]:
-    """The means of factor x factor pixels."""
+    """Means over factor x factor pixels."""
     columns, rows = size
     cut_off = image[:, : rows * factor, : columns * factor]
     planes = [cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in cut_off]

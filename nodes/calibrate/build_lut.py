@@ -13,10 +13,10 @@ FEWEST = 100
 
 
 class Lut(NamedTuple):
-    """The K-light table and the K tables without one light each, as one list of pixels.
+    """The K-light table and the K tables that each lack one light, as one list of pixels.
 
     A pixel belongs to the K-light table if all LEDs reach it, and to the table without
-    LED k if all the others do.
+    LED k if all other LEDs do.
     """
 
     light: LutLight
@@ -28,9 +28,9 @@ class Lut(NamedTuple):
 def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
     """List light and slope of every calibration pixel that at least K-1 LEDs reach.
 
-    The table of the paper's Figure 4 and those of section 3.3.  The latter must hold every
-    pixel that THEIR lights reach, also where the LED left out does not: built from fully
-    lit pixels only they end before the steep side begins.
+    This makes the table of the paper's Figure 4 and those of section 3.3.  The latter must hold
+    every pixel that THEIR lights reach, even where the LED left out does not: built from fully
+    lit pixels only, they would end before the steep side begins.
 
     Parameters
     ----------

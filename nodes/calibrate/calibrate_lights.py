@@ -1,4 +1,4 @@
-"""Find where the LEDs are, from the untouched film and objects of known shape."""
+"""Find the LEDs' positions from the untouched film and objects of known shape."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tactograph.nodes.capture._sheet import (
 
 
 class LightsFit(NamedTuple):
-    """The LEDs, and what the fit leaves over."""
+    """The LEDs and the residual of the fit."""
 
     lights: LightPositions
     strength: Annotated[F4, Port("K", "1")]
@@ -52,22 +52,22 @@ def calibrate_lights(
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> LightsFit:
-    """Fit the LEDs' positions to known shapes' light and to the fall-off over the film.
+    """Fit the LEDs' positions to the light of known shapes and to the fall-off over the film.
 
-    Robust least squares (Huber) over two kinds of evidence: on the object, the light
-    relative to the film at rest is n.v (`_near_light`, N1); on the film at rest, each LED's
-    light falls off as L_z / |L - P_0|^3, up to a gain that all share.  An LED is described
-    by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant one, and a strength;
-    the places of the objects are refined with them.
+    Robust least squares (Huber) combines two kinds of evidence.  On the object, the light
+    relative to the film at rest is n.v (`_near_light`, N1).  On the film at rest, each LED's
+    light falls off as L_z / |L - P_0|^3, up to a gain common to all LEDs.  An LED is described
+    by a strength and by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant LED.
+    The fit also refines the positions of the objects.
 
     Parameters
     ----------
     light
-        K x S x W of the object, relative to the film at rest: one capture, or a sheet of
+        K x S x W, the object relative to the film at rest: one capture, or a sheet of
         several (`_sheet`).
     flat
-        K x H x W, the film at rest.  Where it is uniform there was none: then the positions
-        come from the object alone, and `light` is what was captured.
+        K x H x W, the film at rest.  A uniform one means that none was taken: then the
+        positions come from the object alone, and `light` is the light as captured.
     slope, mask, height
         2 x S x W, S x W, S x W in mm: the object, where known.
     lit
@@ -75,17 +75,18 @@ def calibrate_lights(
     pixel
         mm per px.
     steepest
-        Pixels steeper than this (mm per mm) are left out: there shape is least certain.
+        Pixels steeper than this (mm per mm) are left out, because the shape is least certain
+        there.
     shift_px
-        Standard deviation of the object's place along x and along y.
+        Standard deviation of the object's position along x and along y.
 
     Returns
     -------
     LightsFit
         Positions K x 3 in mm from the middle of the image; strength K, the light of the film
-        at rest in the middle of the image, where the flat frame is missing (else 1); the
-        root mean square that the fit leaves on the objects, of length K; eight other places
-        of the LEDs, 8 x K x 3 in mm, that the fit allows.
+        at rest in the middle of the image, if the flat frame is missing (else 1); root mean
+        square residual on the objects, K; eight sets of LED positions sampled from the
+        uncertainty of the fit, 8 x K x 3 in mm.
 
     Raises
     ------

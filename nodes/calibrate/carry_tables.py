@@ -1,4 +1,4 @@
-"""Carry the light of a calibration's tables over to another film."""
+"""Transfer the light of a calibration's tables to another film."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, 
 from tactograph.nodes.light._film import predict
 
 DARKEST = 0.05
-"""Light by the old film from which the ratio of both films is believed."""
+"""Light predicted for the old film above which the ratio of both films is used."""
 
 
 class TablePixels(NamedTuple):
-    """The pixels of the tables as a sheet of one row."""
+    """The pixels of the tables, as a sheet of one row."""
 
     light: SheetLight
     slope: SheetSlope
@@ -28,17 +28,18 @@ class TablePixels(NamedTuple):
 def carry_tables(
     lut_light: LutLight, lut_slope: LutSlope, lut_lit: LutLit, old: Film, new: Film
 ) -> TablePixels:
-    """Return the table's pixels with the light that their slopes have on the new film.
+    """Return the tables' pixels with the light that their slopes have on the new film.
 
-    The light of each pixel is multiplied by what both films' models (`light/_film`, equation
-    F1) give for its slope, in the middle of the film: what the old model leaves out stays.
+    The light of each pixel is multiplied by the ratio of both films' predictions (`light/_film`,
+    equation F1) for its slope in the middle of the film.  So the residual of the old model is
+    kept.
 
     Parameters
     ----------
     lut_light, lut_slope, lut_lit
         N x K, N x 2 and N: the tables of the old calibration.
     old, new
-        The films; without a change of the film the light stays to the bit.
+        The films; if they are equal, the light does not change by a bit.
 
     Returns
     -------

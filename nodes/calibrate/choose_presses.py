@@ -1,4 +1,4 @@
-"""Leave out the presses that do not fit the others, and say why."""
+"""Leave out the presses that are inconsistent with the others, and say why."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ from tactograph.nodes.light._near_light import F8
 FULL = 0.998
 """Captured light that counts as saturated."""
 TOO_MUCH = 0.02
-"""Share of saturated pixels in a contact that spoils a press."""
+"""Share of saturated pixels in a contact above which a press is rejected."""
 CANDIDATES = 8
-"""So many presses, each alone, are tried as what the others are measured by."""
+"""Number of presses that each serve alone as a candidate reference for the others."""
 OUT_OF_LINE = 3.0
-"""Times the middle press's residual, or movement, that is out of line."""
+"""Residual or movement, relative to the median press's, above which a press is an outlier."""
 FINE = 0.02
-"""Residual of light, relative to the film at rest, that is never out of line."""
+"""Residual, relative to the film at rest, up to which a press is never an outlier."""
 STILL_PX = 1.0
-"""Movement between LEDs that is never out of line."""
+"""Movement in px between LEDs up to which a press is never an outlier."""
 EXPLAINED = 0.3
-"""Share of the squared residual that may remain, for a movement to be the reason."""
+"""Largest share of the squared residual that may remain if movement is the cause."""
 
 
 class ChosenPresses(NamedTuple):
-    """The known pixels of the presses that are used, and which these are."""
+    """The known pixels of the used presses, which presses are used, and their residuals."""
 
     mask: SheetMask
     kept: Annotated[U1, Port("P", "flag", high=1)]
@@ -74,14 +74,14 @@ def choose_presses(
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> ChosenPresses:
-    """Leave out the pixels of presses that do not fit the others.
+    """Leave out the pixels of presses that are inconsistent with the others.
 
-    Left out, and named with the reason in a warning: presses that are saturated; that an
-    LED does not reach; and those whose light the LEDs placed by the others do not explain.
-    Consensus (Fischler and Bolles, 1981) finds the others: LEDs are placed by the flat
-    frame and one press at a time, and those that leave most presses the least are taken;
-    a press that they leave three times as much as the middle one, and at least 2 % of the
-    light, is out of line.  A single press is always kept.
+    A press is left out, with a warning that gives the reason, if it is saturated, if an LED
+    does not reach it, or if its light contradicts the LED positions found from the others.
+    Consensus (Fischler and Bolles, 1981) finds these: LEDs are placed by the flat frame and
+    one press at a time, and the placement with the smallest median residual is taken.  A press
+    is an outlier if its residual exceeds three times the median press's and 2 % of the light.
+    A single press is always kept.
 
     Parameters
     ----------
@@ -101,9 +101,9 @@ def choose_presses(
     Returns
     -------
     ChosenPresses
-        The mask S x W, empty where a press is left out; 1 for each of the P presses that
-        is used; the root mean square of the light that the LEDs do not explain, by press
-        (0 for a single press, and where there is nothing to explain).
+        Mask S x W, empty where a press is left out; 1 for each of the P presses that is used;
+        root mean square residual of the light of each press (0 for a single press, and for
+        presses that were not compared).
 
     Raises
     ------
@@ -137,14 +137,14 @@ def choose_presses(
 
 
 class _Agreement(NamedTuple):
-    """How well LEDs explain each press: what they leave, and how far the ball moves by LED."""
+    """How well LEDs explain each press: its residual, and the ball's movement between LEDs."""
 
     residual: F8
     moved: F8
 
 
 def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
-    """Why a press cannot be used, whatever the others are."""
+    """The reason why a press cannot be used, regardless of the others; None if it can."""
     clipped = float((captured[:, mask > 0] >= FULL).any(axis=0).mean())
     if clipped > TOO_MUCH:
         return f"{clipped:.0%} of its contact is saturated; expose shorter"
@@ -157,11 +157,11 @@ def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
 def _consensus(
     objects: list[Object], rest: Rest | None, shift_px: float, width_mm: float
 ) -> _Agreement:
-    """How the LEDs that most presses agree on explain each of them."""
+    """How well the LEDs that most presses agree on explain each press."""
     tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATES).astype(int))
     alone = [place_leds([objects[i]], rest, shift_px, width_mm) for i in tried]
     found = [_explain(objects, placed, shift_px) for placed in alone]
-    # The lower median: of two presses, the one that explains itself better.
+    # `_middle` is the lower median: of two presses, the one that explains itself better counts.
     best = min(found, key=lambda a: _middle(a.residual))
     good = [o for o, bad in zip(objects, _far(best.residual, FINE), strict=True) if not bad]
     start = alone[next(i for i, a in enumerate(found) if a is best)]
@@ -179,9 +179,9 @@ def _explain(objects: list[Object], placed: Placed, shift_px: float) -> _Agreeme
 
 
 def _movement(there: Object, placed: Placed, shift: F8, error: F8) -> float:
-    """The largest distance in px between the places where two LEDs see the object.
+    """The largest distance in px between the object's positions under two LEDs.
 
-    Zero unless places of its own for each LED explain most of what is left over.
+    Zero unless a separate position for each LED explains most of the residual.
     """
     step = 0.25
     slopes = [

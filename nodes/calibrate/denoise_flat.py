@@ -1,4 +1,4 @@
-"""Smooth the flat frame where presses do not confirm its detail."""
+"""Smooth the flat frame where the presses do not confirm its detail."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.light._block_sums import block_sums
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
-"""Standard deviations of the Gaussians between which detail is judged."""
+"""Standard deviations of the Gaussians that separate the bands of detail."""
 NARROW = 8
-"""An image has to be so many times as wide as a Gaussian."""
+"""Smallest side of an image, relative to a Gaussian's standard deviation."""
 DEGREE = 6
-"""Of the polynomial that light follows over the image, whatever presses show."""
+"""Degree of the polynomial trend of the light over the image, which is always kept."""
 DARKEST = np.float32(0.02)
 """Light below which nothing is changed."""
 BLOCK = 32
-"""Pixels of a block's side: the calmer half of a press's blocks counts, where nothing touches."""
+"""Side of a block in px.  Only the calmer half of a press's blocks counts: nothing touches there."""
 MARK, CONFIRMED = 5.0, 0.5
-"""Detail of so many standard deviations stays where presses show so much of it."""
+"""Detail above this many standard deviations stays where presses show this share of it."""
 
 
 @node
 def denoise_flat(flat: Light, image: SheetLight) -> Light:
-    """Return the flat frame without the detail that the presses of a calibration lack.
+    """Return the flat frame without the detail that the presses of a calibration do not show.
 
-    A flat frame divides every capture, so its noise is part of every result; and a real film
-    settles anew after every touch, with another grain.  What stays in its place (albedo, dirt,
-    markers, the lens) is in the presses, too, where nothing touches.  So the logarithm of the
-    light is split into bands of detail, and a band is multiplied by cov(flat, press) / var(flat)
-    (Wiener's filter).  Strong detail that the presses show at the same pixel stays, and so does
-    all that is coarser than the widest Gaussian.
+    The flat frame divides every capture, so its noise enters every result.  A real film also
+    settles with a different grain after every touch.  Whatever is fixed (albedo, dirt, markers,
+    the lens) also shows in the untouched parts of the presses.  So the logarithm of the light
+    is split into bands of detail, and each band is multiplied by cov(flat, press) / var(flat)
+    (Wiener's filter).  Strong detail that the presses show at the same pixel is kept, and so is
+    everything coarser than the widest Gaussian.
 
     Parameters
     ----------
     flat
-        K x H x W, the film at rest; a uniform one does not change.
+        K x H x W, the film at rest; a uniform one is returned unchanged.
     image
         K x S x W, the presses as captured, on a sheet (`_sheet`).
 
@@ -81,9 +81,9 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
 
 
 def _bands(plane: F4) -> tuple[list[F4], F4]:
-    """The detail between a scale and the next, and what is coarser than all.
+    """The detail between each scale and the next, and what is coarser than all of them.
 
-    The trend is taken out before: what is left may be mirrored at the borders.
+    The trend is removed first, so that the remainder may be mirrored at the borders.
     """
     trend = _trend(plane)
     left = plane - trend
@@ -93,7 +93,7 @@ def _bands(plane: F4) -> tuple[list[F4], F4]:
 
 
 def _trend(plane: F4) -> F4:
-    """The polynomial of least squares, of `DEGREE` along x and along y."""
+    """The least-squares polynomial, of `DEGREE` along x and along y."""
     down, across = (
         np.linalg.qr(chebvander(np.linspace(-1, 1, side), DEGREE))[0].astype(np.float32)
         for side in plane.shape

@@ -1,4 +1,4 @@
-"""Measure the camera's noise on any capture of something smooth."""
+"""Measure the camera's noise on any capture of a smooth scene."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from tactograph.nodes import Light, Noise
 from tactograph.nodes.calibrate._immerkaer import responses, variances
 
 LEVELS = np.linspace(0.04, 0.96, 24)
-"""Light at which noise is looked at: not black and not saturated."""
+"""Levels of light between which noise is measured: neither black nor saturated."""
 FEWEST = 400
 LEAST = 1e-8
-"""Variance that remains however clean the images: a tenth of a 12-bit step, squared."""
+"""Smallest read variance, however clean the images are."""
 
 
 @node
 def estimate_noise(image: Light) -> Noise:
     """Return (shot, read): the variance of a captured light I is shot I + read.
 
-    Immerkaer's fast noise variance estimation (1996), for each level of light apart: the
-    mean magnitude of what a mask leaves that is blind to smooth light, edges cut off.
-    Non-negative least squares over the levels separates shot from read noise.
+    Immerkaer's fast noise variance estimation (1996), separately for each level of light: the
+    mean magnitude of the response of a mask that is blind to smooth light, without edges.
+    Non-negative least squares over the levels separates shot noise from read noise.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What has changed between two frames of the untouched film."""
+"""Find what has changed between two frames of the untouched film."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.light.film_drift import terms
 
 DARKEST = 0.02
-"""Light of the flat frame below which a pixel tells nothing."""
+"""Light of the flat frame below which a pixel is not used."""
 FIT_WIDTH = 160
-"""Pixels along the image of which the smooth part is fitted."""
+"""Most pixels along the image's width to which the smooth part is fitted."""
 ROUNDS, CAUCHY = 12, 2.0
-"""Of reweighting, and its scale in standard deviations: dents and dirt count little."""
+"""Rounds of reweighting, and its scale in standard deviations: dents and dirt count little."""
 DOUBTED = 1e-4
-"""How firmly ambient light and a shift are held at 0: even light tells nothing of them."""
+"""Ridge that holds ambient light and shift near 0, because uniform light does not show them."""
 MOST_SHIFT = 0.1
-"""Share of the image by which a camera is believed to have moved."""
+"""Largest plausible shift of the image, as a share of its width."""
 SURE = 0.3
-"""Response of the phase correlation from which its peak is a shift, not chance."""
+"""Response of the phase correlation above which its peak is a shift, not chance."""
 
 
 MOST_PIXELS = 400_000
-"""More say nothing new of a film: they are put together."""
+"""Larger images are binned; more pixels say nothing new about a film."""
 
 TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
-"""By how much each LED's light on the film at rest, as a share of it, grows per slope p and q."""
+"""Relative change of each LED's light on the film at rest, per slope p and q."""
 
 
 class FilmChange(NamedTuple):
-    """The film now against the film then: what all of it shares, and two maps."""
+    """The film now compared with the film then: global changes and two maps."""
 
     strength: Annotated[F4, Port("K", "1")]
-    """Light of each LED, as a share of what it was."""
+    """Light of each LED, relative to before."""
     ambient: Annotated[float, Port(unit="1")]
-    """Light that no LED sends, as a fraction of full scale."""
+    """Light that comes from no LED, as a fraction of full scale."""
     shift: Annotated[F4, Port("2", "px")]
-    """By what the image has moved, x and y."""
+    """Shift of the image, x and y."""
     albedo: Annotated[F4, Port("H W", "1")]
-    """What all LEDs' light has changed by alike, as a share, apart from what is smooth."""
+    """Relative change of light common to all LEDs, without its smooth part."""
     dent: Height
-    """The film's height now above its height then."""
+    """The film's height now, minus its height then."""
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave the film's tilt open")})
@@ -61,36 +61,37 @@ def film_change(
     new_film: bool = False,
     smooth_px: Annotated[float, Ge(0)] = 1.0,
 ) -> FilmChange:
-    """Tell a weaker LED, ambient light, a moved camera, dirt and dents apart.
+    """Distinguish a weaker LED, ambient light, a moved camera, dirt and dents.
 
-    With I the light then, and to first order, the light now is::
+    To first order, with I the light then, the light now is::
 
         I_k s_k (1 + a - d . grad log I_k + p t_kp + q t_kq) + A
 
-    s_k is the LED's strength; A, ambient light, is bright where I_k is dark; d, a shift of the
-    image, follows what is uneven in I_k.  These are fitted to the whole image, with a smooth a
-    of degree 2 in the place, by robust least squares.  What is left belongs to a pixel: a
-    change of albedo a, which is the same under all LEDs, and a slope (p, q), which is not.
+    s_k is the LED's strength, A ambient light, which matters most where I_k is dark, and d a
+    shift of the image, which shows where I_k is uneven.  Robust least squares fits these to the
+    whole image, together with a smooth a of degree 2 in x and y.  The remainder is split pixel
+    by pixel into a change of albedo a, which is the same under all LEDs, and a slope (p, q),
+    which is not.
 
     Parameters
     ----------
     then, now
-        K x H x W, the untouched film, dark level taken off, equally smooth.
+        K x H x W, the untouched film, dark level subtracted, equally smooth.
     tilt
-        K x 2 x H x W, the t above.
+        K x 2 x H x W, t in the equation above.
     pixel
         mm per px.
     new_film
-        Whether the film is another one: then its smooth changes may differ from LED to LED,
-        and there is neither ambient light nor a shift to be told from them.
+        Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
+        ambient light and shift, which cannot be told from them, are returned as 0.
     smooth_px
         Standard deviation of the Gaussian over which the maps are averaged.
 
     Returns
     -------
     FilmChange
-        Strengths K; ambient light; shift (x, y) in px; H x W albedo; H x W dent in mm, up
-        where the film has risen, 0 on most of the film.
+        Strengths K; ambient light; shift (x, y) in px; albedo H x W; dent H x W in mm,
+        positive where the film has risen, median 0.
     """
     rows, columns = then.shape[1:]
     factor = int(np.sqrt(rows * columns / MOST_PIXELS)) + 1
@@ -121,13 +122,13 @@ def film_change(
 
 
 def _reduced(image: F4, factor: int) -> F4:
-    """Planes of an image on larger pixels."""
+    """The image binned by `factor`."""
     size = (image.shape[2] // factor, image.shape[1] // factor)
     return np.stack([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in image])
 
 
 def _whole_shift(then: F4, now: F4) -> F8:
-    """The shift in whole pixels, where the film's texture tells it beyond doubt."""
+    """The shift in whole pixels; 0 unless the film's texture shows it beyond doubt."""
     fine = [np.log(np.maximum(image.mean(axis=0), np.float32(DARKEST))) for image in (then, now)]
     fine = [(plane - cv2.GaussianBlur(plane, (0, 0), 4)).astype(np.float32) for plane in fine]
     rows, columns = fine[0].shape
@@ -139,7 +140,7 @@ def _whole_shift(then: F4, now: F4) -> F8:
 
 
 def _shifted(image: F4, by: F8) -> F4:
-    """The image moved by whole pixels; its border goes on."""
+    """The image moved by whole pixels; its border is replicated."""
     rows, columns = (np.arange(size) for size in image.shape[1:])
     y = np.clip(rows - int(by[1]), 0, rows.size - 1)
     x = np.clip(columns - int(by[0]), 0, columns.size - 1)
@@ -159,7 +160,7 @@ def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
 def _smooth_part(
     ratio: F8, flat: F8, known: NDArray[np.bool_], new_film: bool
 ) -> tuple[F8, F8, float, F8]:
-    """Strengths K, the ratio that they, ambient light and a shift explain, both of these."""
+    """The strengths K, the fitted ratio K x H x W, the ambient light, and the shift."""
     count, rows, columns = ratio.shape
     step = columns // FIT_WIDTH + 1
     place = terms(np.arange(rows), np.arange(columns), (rows, columns)).astype(np.float64)
@@ -184,7 +185,7 @@ def _smooth_part(
 def _basis(place: F8, flat: F8, slope_x: F8, slope_y: F8, strength: F8) -> F8:
     """Columns x K x H x W: a strength for each LED, five smooth terms, ambient light, a shift.
 
-    All but ambient light grow with what the LED's strength is, roughly.
+    All but ambient light are scaled by a rough estimate of the LED's strength.
     """
     rough = strength[:, None, None]
     own = np.eye(len(flat))[:, :, None, None] * rough * np.ones_like(flat)
@@ -201,7 +202,7 @@ def _new_basis(place: F8, count: int) -> F8:
 
 
 def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
-    """Iteratively reweighted least squares (Cauchy): columns x N, N; some held near zero."""
+    """Iteratively reweighted least squares (Cauchy); columns marked `doubted` stay near zero."""
     weight = np.ones_like(ratio)
     found: F8 = np.zeros(len(basis))
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""How the light of a film at rest answers a tilt, by the film's model."""
+"""Predict how the light of the film at rest responds to a tilt, by the film's model."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from tactograph.nodes.light._film import predict
 from tactograph.nodes.light._near_light import places
 
 TILT = 0.02
-"""Slope by which the film is tilted for a derivative."""
+"""Step of the slope for the central differences."""
 
 
 @node
 def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
-    """Return the derivative of each LED's light by the slope, on the film at rest.
+    """Return the derivative of each LED's light with respect to slope, on the film at rest.
 
-    From equation F1 (`light/_film`), by central differences: touched or not, the film is one.
+    From equation F1 (`light/_film`), by central differences at height 0.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Find the light that no LED gives, where nobody took an image with all LEDs off."""
+"""Estimate the ambient light where no image with all LEDs off was taken."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetMask, 
 from tactograph.nodes.light.flat_field import flat_field
 
 NEGLIGIBLE = 0.01
-"""Ambient light, relative to the film at rest, that a fit cannot tell from an imperfect ball."""
+"""Ambient light, relative to the film at rest, too weak to tell from an imperfect ball."""
 FINE = 0.002
-"""To which it is found, relative to the film at rest."""
+"""Tolerance of the search, relative to the film at rest."""
 DARKEST = 0.1
-"""Per cent of the pixels that may be darker than the ambient light: dead ones, and noise."""
+"""Per cent of the pixels that may be darker than the ambient light: dead pixels and noise."""
 EXPLAINED = 0.5
-"""Share of the misfit that ambient light leaves at most, where it is the reason."""
+"""Largest share of the misfit that may remain if ambient light is the cause."""
 BEYOND = 1.5
-"""Times the light of the darkest pixels: ambient light cannot be so much."""
+"""Light, relative to the darkest pixels, that ambient light cannot reach."""
 CALM = 5
-"""Width in px of the mean that takes the noise out of the darkest pixels."""
+"""Width in px of the mean that suppresses noise in the darkest pixels."""
 PRESSES = 3
-"""So many presses tell one number."""
+"""Most presses that are used: they suffice for one number."""
 
 
 class WithoutAmbient(NamedTuple):
-    """The film at rest without ambient light, that light, and the figure."""
+    """The film at rest without ambient light, the dark image, and the figure."""
 
     flat: Light
     dark: Dark
@@ -65,35 +65,35 @@ def find_ambient(
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> WithoutAmbient:
-    """Return the flat frame and the dark image of a sensor into which other light falls.
+    """Return flat frame and dark image of a sensor that ambient light reaches.
 
-    Daylight and a camera's black level add the same to the object and to the film at rest.
-    Divided by the film's, an object's light then is ``n.v + (1 - n.v) b``, b being their share:
-    as if every LED stood nearer to the camera's axis.  LEDs are placed for one b after
-    another (`calibrate_lights`); the b that leaves least is taken.  No more than the
-    darkest pixels show, for ambient light is there, too.
+    Daylight and the camera's black level add the same light to the object and to the film at
+    rest.  Divided by the film's light, the object's is ``n.v + (1 - n.v) b``, where b is their
+    share of the film's light: as if every LED stood nearer to the camera's axis.  LEDs are
+    placed for different b (`calibrate_lights`), and the b with the smallest misfit is taken.
+    It cannot exceed the light of the darkest pixels, since ambient light reaches them, too.
 
     Parameters
     ----------
     image
         K x S x W, the presses as captured, on a sheet (`_sheet`).
     flat, dark
-        K x H x W and H x W, as `read_flat` gives them.  Where the flat frame is uniform,
-        because there was none, nothing is sought.
+        K x H x W and H x W, as `read_flat` returns them.  If the flat frame is uniform, because
+        none was taken, nothing is estimated.
     slope, mask, height
-        Of the presses, as `known_balls` gives them.
+        Of the presses, as `known_balls` returns them.
     pixel
         mm per px.
     taken
-        The image with all LEDs off, if one was taken; then nothing is sought.
+        The image with all LEDs off, if one was taken; then nothing is estimated.
     steepest, shift_px
         As for `calibrate_lights`.
 
     Returns
     -------
     WithoutAmbient
-        The flat frame less what was found; the dark image, that light everywhere;
-        ``ambient_percent`` of full scale.  A warning tells of what was found.
+        The flat frame minus the ambient light; the dark image, which is that light everywhere;
+        ``ambient_percent`` of full scale.  A warning reports ambient light that was found.
     """
     nothing = WithoutAmbient(flat, dark, {})
     if taken is not None or rest_of(flat, pixel) is None:
@@ -105,7 +105,7 @@ def find_ambient(
         return nothing
 
     def misfit(ambient: float) -> float:
-        """What LEDs leave that are placed without so much light."""
+        """The misfit of LEDs placed after this much ambient light is subtracted."""
         less = _less(flat, ambient)
         objects = [_object(press, less, ambient, pixel, steepest) for press in presses]
         if unreached(objects):
@@ -121,8 +121,8 @@ def find_ambient(
     ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
     left = misfit(ambient)
     if left > EXPLAINED * misfit(0.0) or misfit(BEYOND * most) < left:
-        # Light diffused in the gel, or thrown from film to film, looks alike, but not quite.
-        # `fit_film` knows both.
+        # Light diffused in the gel or reflected from film to film has a similar effect, which
+        # `fit_film` models.
         return nothing
     percent = 100 * ambient
     warn(
@@ -135,7 +135,7 @@ def find_ambient(
 
 
 def _darkest(image: F4) -> float:
-    """Light that all but a few pixels have under every LED."""
+    """Light that all but a few pixels exceed under every LED."""
     calm = [uniform_filter(plane, (CALM, CALM)) for plane in image]
     return min(float(np.percentile(plane, DARKEST)) for plane in calm)
 

@@ -26,23 +26,23 @@ from tactograph.nodes.calibrate._ball_search import (
 F8 = NDArray[np.float64]
 
 ACCEPTED = 0.45
-"""Smallest goodness that is a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
+"""Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
 REFINE_WIDTH = 320
 """Width in px that the image is reduced to for the last step."""
 REFINE_PIXELS = 3000
-"""So many pixels determine three numbers; more cost time and gain nothing."""
+"""Most pixels that are fitted; three numbers need no more."""
 JUDGED = (0.97, 1.3, 1.8)
-"""As `SEARCHED`, for the goodness, once the contact is known: the film folds up to the second."""
+"""As `SEARCHED`, for the goodness of the final circle; the film folds up to the second radius."""
 CONTACT_TRIALS = tuple(np.linspace(0.85, 1.15, 16))
-"""Contact radii tried before the last descent, relative to the search's."""
+"""Contact radii tried before the last descent, relative to that of the search."""
 FOLD_KNOTS = (1.0, 1.07, 1.15, 1.25, 1.4, 1.6)
 """Radii, in contact radii, between which the film around the contact is interpolated."""
 RIDGE = 1e-9
-"""Relative to the trace; keeps the normal equations solvable where pixels are few."""
+"""Ridge relative to the trace; keeps the normal equations solvable where pixels are few."""
 
 
 class Ball(NamedTuple):
-    """Where the ball touches, and how sure that is."""
+    """Contact circle of the ball, and its goodness."""
 
     center: Annotated[F4, Port("2", "px")]
     contact: Annotated[float, Port(unit="px")]
@@ -50,7 +50,7 @@ class Ball(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Pixels to fit: x, y of length N, light and lit K x N."""
+    """Pixels to fit: x and y of length N, light and lit K x N."""
 
     x: F8
     y: F8
@@ -70,13 +70,13 @@ def find_ball(
     """Return the contact circle of a ball of known radius.
 
     On the ball the unit normal is known, n = ((x - c_x)/R, (y - c_y)/R, sqrt(1 - n_x^2 - n_y^2)),
-    and the light of an LED is close to linear in it (section 3.1: Lambert).  So for every
-    circle that is tried, the light inside is fitted with 1, n_x, n_y, n_z and the light
-    around it with a plain film, by linear least squares over the pixels an LED reaches; the
-    circle that explains most is the contact (variable projection: Golub and Pereyra, 1973).
-    First all centres at once on a reduced image, by correlation, for eight radii; then
-    Nelder-Mead on the finer image, where the film around the contact may fold as it likes
-    as long as it does so alike in all directions.
+    and the light of an LED is nearly linear in it (section 3.1: Lambert).  So for every
+    candidate circle, linear least squares over the pixels that an LED reaches fits the light
+    inside with 1, n_x, n_y, n_z and the light around it with a plain film.  The circle that
+    explains most is the contact (variable projection: Golub and Pereyra, 1973).  The search
+    correlates all centres at once on a reduced image, for eight radii.  Nelder-Mead then
+    refines the circle on a finer image, where the film around the contact may have any fold
+    that is the same in all directions.
 
     Parameters
     ----------
@@ -87,23 +87,23 @@ def find_ball(
     radius_mm
         The ball's radius.
     center_px
-        x, y of the ball's centre, where it is known; it may lie outside the image.
+        x, y of the ball's centre, if known; it may lie outside the image.
     contact_px
-        Radius of the contact circle in px, where it is known.
+        Radius of the contact circle in px, if known.
 
     Returns
     -------
     Ball
-        Centre x, y in px (pixel centres at integers: where the ball is highest), the radius
-        of the contact circle in px, and the goodness: the share of the light's variance in
-        and around the contact, beyond a quadratic in x and y, that a ball on a plane
-        explains.  1 is a perfect ball on an untouched film, 0 anything smooth.
+        Centre x, y in px, where the ball is highest (pixel centres lie at integers); radius of
+        the contact circle in px; and the goodness: the share of the light's variance in and
+        around the contact, beyond a quadratic in x and y, that a ball on a plane explains.
+        1 is a perfect ball on an untouched film, 0 anything smooth.
 
     Raises
     ------
     InputError
         If no circle reaches a goodness of 0.45, unless centre and contact are both given; if
-        the contact is given and larger than the ball.
+        the given contact is larger than the ball; if the contact does not fit the image.
     """
     radius = radius_mm / pixel
     if contact_px is not None and contact_px > radius:
@@ -129,7 +129,7 @@ def find_ball(
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
-    """Refuse a ball whose contacts all lie far beyond the image."""
+    """Refuse a ball whose smallest possible contact is far larger than the image."""
     smallest = contact if contact is not None else radius * min(CONTACT_SHARES)
     diagonal = float(np.hypot(*light.shape[1:]))
     if smallest > LARGEST * diagonal:
@@ -145,7 +145,7 @@ def _ball(circle: Circle, goodness: float) -> Ball:
 
 
 def _explained(normal: F8, right: F8) -> F8:
-    """Return the sum of squares that the least-squares solution accounts for."""
+    """Return the sum of squares that the least-squares solution explains."""
     trace = np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
     damped = normal + (RIDGE * trace + 1e-12) * np.eye(normal.shape[-1])
     return np.sum(np.linalg.solve(damped, right[..., None])[..., 0] * right, axis=-1)
@@ -158,14 +158,14 @@ def _refine(
     center: tuple[float, float] | None,
     contact: float | None,
 ) -> Circle:
-    """Return the circle near `seed` that explains the light best, to a fraction of a pixel."""
+    """Return the circle near `seed` that explains the light best, with subpixel accuracy."""
     reduced, shrink = reduced_to(light, REFINE_WIDTH)
     circle = seed.on(shrink)
     limit = radius / shrink
     samples = _sample(reduced, circle, FOLD_KNOTS[-1])
     place = [] if center is not None else [0, 1]
     size = [] if contact is not None else [2]
-    # From the search the centre is known to about a tenth of the contact.
+    # The search finds the centre to about a tenth of the contact radius.
     circle = _descend(samples, circle, limit, place, 0.1)
     if size:
         circle = min(
@@ -178,7 +178,7 @@ def _refine(
 def _descend(
     samples: _Samples, start: Circle, limit: float, free: list[int], step: float
 ) -> Circle:
-    """Return the circle of least residual; only the fields `free` move, first by `step` radii."""
+    """Return the circle of least residual; only the fields `free` vary, first by `step` radii."""
     if not free:
         return start
 
@@ -189,7 +189,7 @@ def _descend(
 
     first = np.array(start)[free]
     corners = first - step * start.radius * np.vstack([np.zeros(len(free)), np.eye(len(free))])
-    # No target for the residual: its scale is the light's, the circle's is the pixel.
+    # Only the circle's tolerance (in px) ends the descent; the residual's scale is unknown.
     stop = {"initial_simplex": corners, "xatol": 0.02, "fatol": np.inf, "maxfev": 100}
     minimize: Any = optimize.minimize  # its stubs know no initial simplex
     result = minimize(
@@ -204,7 +204,7 @@ def _descend(
 def _sample(light: F4, circle: Circle, reach: float) -> _Samples:
     """Return evenly spread pixels up to `reach` contact radii from the centre."""
     y, x = np.indices(light.shape[1:])
-    # Pixels at a shadow's edge are neither lit nor dark.
+    # Pixels at a shadow's edge are partly lit, so they are left out.
     lit = np.stack([ndimage.binary_erosion(i > LIT, border_value=1, iterations=2) for i in light])
     near = np.flatnonzero(np.hypot(x - circle.x, y - circle.y) < reach * circle.radius)
     near = near[:: near.size // REFINE_PIXELS + 1]
@@ -214,10 +214,10 @@ def _sample(light: F4, circle: Circle, reach: float) -> _Samples:
 
 
 def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
-    """Return the sum of squares that a ball in a film that folds evenly around it leaves."""
+    """Return the residual sum of squares of a ball in a film that folds evenly around it."""
     dx, dy = samples.x - circle.x, samples.y - circle.y
     r = np.hypot(dx, dy)
-    # A pixel on the rim sees ball and film mixed by area.
+    # A pixel on the rim mixes ball and film by area.
     inside = np.clip(circle.radius - r + 0.5, 0, 1)
     ball = [inside, inside * dx / radius, inside * dy / radius, inside * rise_of(r, radius)]
     away = np.maximum(r, 1e-9)
@@ -228,7 +228,7 @@ def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
 
 
 def _left(samples: _Samples, basis: F8) -> F8:
-    """Return per LED the sum of squares that a basis (columns x N) leaves on lit pixels."""
+    """Return each LED's residual sum of squares on lit pixels, for a basis (columns x N)."""
     weighted = samples.lit * samples.light
     normal = np.stack([(basis * lit) @ basis.T for lit in samples.lit])
     power = np.sum(weighted * samples.light, axis=1)

@@ -24,7 +24,7 @@ BallPress = Annotated[I4, Port("B", "press number")]
 
 
 class FoundBalls(NamedTuple):
-    """Every ball's circle, how sure it is, its radius, and its press."""
+    """Circle, goodness, radius and press of every ball."""
 
     circle: BallCircles
     goodness: Annotated[F4, Port("B", "1")]
@@ -43,10 +43,10 @@ def find_balls(
     *,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
 ) -> FoundBalls:
-    """Return the contact circle of every press, as `find_ball` finds it, or a grid of balls.
+    """Return the contact circle of every press, as `find_ball` finds it, or its grid of balls.
 
-    A press in which no ball is found is named in a warning and goes on with a radius of 0,
-    which takes it out of everything that follows; a single press is refused instead.
+    A press without a ball is named in a warning and gets a radius of 0, which excludes it from
+    all later steps.  A single press without a ball is refused.
 
     Parameters
     ----------
@@ -55,23 +55,23 @@ def find_balls(
     flat
         K x H x W; only its size is used.
     radius, known, names
-        As `read_balls` gives them; no names: there is no press, and no ball is found.
+        As `read_balls` returns them.  No names mean that there is no press, and no ball.
     pixel
         mm per px.
     pitch_mm
-        Of a square grid of balls, of which every press shows many (`_ball_grid`); none: every
-        press is one of a single ball.
+        Pitch of a square grid of balls, of which every press shows several (`_ball_grid`).
+        None: every press is one of a single ball.
 
     Returns
     -------
     FoundBalls
-        x, y and contact radius in px, pixel centres at integers; the goodness of each, 0 to 1;
-        its radius in mm; the press that it is in.
+        x, y and contact radius in px (pixel centres lie at integers), goodness from 0 to 1,
+        radius in mm and press of each ball.
 
     Raises
     ------
     InputError
-        If no press shows its ball.
+        If no press shows its ball; if the balls of a grid overlap.
     """
     if not names:
         none = np.zeros(len(radius), np.float32)
@@ -117,7 +117,7 @@ def find_balls(
 def _grids(
     light: F4, flat: F4, radius: F4, names: list[str], pixel: float, pitch_mm: float
 ) -> FoundBalls:
-    """The balls of every press into a grid of them."""
+    """The balls of presses that each show a grid of balls."""
     rest = rest_of(flat, pixel)
     found = []
     for number, (press, size) in enumerate(zip(cut(light, flat.shape[1]), radius, strict=True)):

@@ -1,4 +1,4 @@
-"""Find the marks of a grid that lies on the film, and their places on its lattice."""
+"""Find the marks of a grid that lies on the film, and their lattice coordinates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactograph.nodes.capture.read_grey import GreyImage
 
 
 class GridMarks(NamedTuple):
-    """N dots or corners: x, y in px of the image, and column, row on the lattice."""
+    """N dots or corners: x, y in px in the image, and column, row on the lattice."""
 
     place: Annotated[F4, Port("N 2", "px")]
     cell: Annotated[I4, Port("N 2", "lattice place")]
@@ -27,9 +27,9 @@ class GridMarks(NamedTuple):
 def find_grid(
     image: GreyImage, *, pattern: Literal["auto", "dots", "checkerboard"] = "auto"
 ) -> GridMarks:
-    """Return the marks of a square lattice, to a few hundredths of a pixel.
+    """Return the marks of a square lattice, accurate to a few hundredths of a pixel.
 
-    Parts of a grid, uneven light and missing marks are allowed; dots that the frame cuts are
+    Partial grids, uneven light and missing marks are allowed.  Dots cut off by the frame are
     left out.
 
     Parameters
@@ -37,13 +37,13 @@ def find_grid(
     image
         H x W.
     pattern
-        "dots", dark or bright; "checkerboard", whose marks are the corners where four squares
-        meet; "auto": dots if there are any on a lattice, else corners.
+        "dots": dark or bright dots.  "checkerboard": the corners where four squares meet.
+        "auto": dots if any lie on a lattice, else corners.
 
     Returns
     -------
     GridMarks
-        N x 2 places in px, N x 2 columns and rows of the lattice, and the pattern found.
+        N x 2 positions in px, N x 2 columns and rows of the lattice, and the pattern found.
 
     Raises
     ------

@@ -20,7 +20,7 @@ Circles = Annotated[F4, Port("P 3", "px")]
 
 
 class FoundPresses(NamedTuple):
-    """A circle per press, and how sure each is."""
+    """A circle per press, and its goodness."""
 
     circle: Circles
     goodness: Annotated[F4, Port("P", "1")]
@@ -39,29 +39,29 @@ def find_presses(
 ) -> FoundPresses:
     """Return the contact circle of every press, as `find_ball` finds it.
 
-    A press in which no ball is found is named in a warning and goes on with a radius of 0,
-    which takes it out of everything that follows.
+    A press without a ball is named in a warning and gets a radius of 0, which excludes it from
+    all later steps.
 
     Parameters
     ----------
     image, flat
         P x K x H x W presses and the K x H x W film at rest.
     names
-        The presses' names, for messages; none: there is no press, and no ball is found.
+        The presses' names, for messages.  No names mean that there is no press, and no ball.
     pixel
         mm per px.
     known
-        P x 3: circles that were found already, as `guide_colour_presses` does.
+        P x 3: circles that are known already, as from `guide_colour_presses`.
     radius_mm
         The ball's radius.
     fewest
-        So many presses have to show a ball.
+        Fewest presses that must show a ball.
 
     Returns
     -------
     FoundPresses
-        x, y and contact radius in px per press, pixel centres at integers; the goodness of
-        each, 0 to 1.
+        x, y and contact radius in px per press (pixel centres lie at integers), and the
+        goodness of each, 0 to 1.
 
     Raises
     ------

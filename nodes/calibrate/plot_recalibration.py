@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
-from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
+from tactograph.nodes import F4, Height, Light, Metrics
 from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.capture._sheet import SheetLight, cut
@@ -28,7 +28,6 @@ def plot_recalibration(
     now: Light,
     albedo: Annotated[F4, Port("H W", "1")],
     dent: Height,
-    pixel: PixelSize,
     image: SheetLight,
     circle: BallCircles,
     of: BallPress,
@@ -45,8 +44,6 @@ def plot_recalibration(
         K x H x W, the old and the new film at rest.
     albedo, dent
         As `film_change` gives them.
-    pixel
-        mm per px.
     image, circle, of
         The presses on a sheet, and where their balls were found; a contact of 0: there is none.
     quality, advice

@@ -225,3 +225,7 @@ def _bits(plane: NDArray[Any]) -> int:
 
 def size_of(plane: NDArray[Any]) -> str:
     return f"{plane.shape[1]} x {plane.shape[0]}"
+
+
+def lights_of(stack: NDArray[Any]) -> str:
+    return f"{len(stack)} lights of {size_of(stack[0])} pixels"

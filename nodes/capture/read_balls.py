@@ -10,7 +10,7 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture._image_files import Crop, Leds, Lights
+from tactograph.nodes.capture._image_files import Crop, Leds, Lights, lights_of
 from tactograph.nodes.capture._sheet import SheetLight
 from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
 
@@ -76,8 +76,8 @@ def read_balls(
     for capture in captures:
         if capture.image.shape != first.shape:
             raise InputError(
-                f"{folder / capture.name}: is {_size(capture.image)}, but {captures[0].name} is "
-                f"{_size(first)}; presses of one sensor are of one size"
+                f"{folder / capture.name}: is {lights_of(capture.image)}, but {captures[0].name} "
+                f"is {lights_of(first)}; presses of one sensor are of one size"
             )
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
@@ -98,10 +98,6 @@ def read_balls(
         np.asarray(known, np.float32),
         names,
     )
-
-
-def _size(image: Light) -> str:
-    return f"{image.shape[0]} lights of {image.shape[2]} x {image.shape[1]} pixels"
 
 
 def _spread(

@@ -11,7 +11,15 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.capture._image_files import Crop, Leds, Lights, cropped, grey, read_image
+from tactograph.nodes.capture._image_files import (
+    Crop,
+    Leds,
+    Lights,
+    cropped,
+    grey,
+    lights_of,
+    read_image,
+)
 from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
 
 
@@ -93,8 +101,8 @@ def _mean(
     for capture in read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop):
         if capture.image.shape != image.shape:
             raise InputError(
-                f"{folder / capture.name}: the untouched film is {_shape(capture.image)}, but the "
-                f"capture {_shape(image)}"
+                f"{folder / capture.name}: the untouched film is {lights_of(capture.image)}, but "
+                f"the capture {lights_of(image)}"
             )
         total += capture.image
         count += 1
@@ -114,7 +122,3 @@ def _read_dark(file: Path, crop: Crop | None) -> F4:
 
 def _smoothed(plane: F4, sigma: float) -> F4:
     return np.asarray(gaussian_filter(plane, sigma, mode="nearest"), np.float32)
-
-
-def _shape(stack: F4) -> str:
-    return f"{stack.shape[0]} lights of {stack.shape[2]} x {stack.shape[1]} pixels"

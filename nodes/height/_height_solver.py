@@ -184,7 +184,7 @@ class HeightSolver:
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
         # So that the device has work while the rest is laid out.
-        self._gather(window)
+        self._gather()
         self._depth = min(deepest, len(self._levels) - 1)
         self.cells = self._stack(self._depth, gaps) if self._depth else None
         halved = self._levels[1 : 1 + self._depth]
@@ -216,7 +216,7 @@ class HeightSolver:
     def _planes(self, count: int, size: int) -> list[DeviceArray]:
         return [self._run.scratch((size,)) for _ in range(count)]
 
-    def _gather(self, window: Window) -> None:
+    def _gather(self) -> None:
         """The steps and their variances, and what is at rest."""
         run, (rows, columns) = self._run, self.shape
         settings, width = run.settings, run.sizes["W"]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactograph.nodes import F4
-from tactograph.nodes._compiled import compiled
+from tactograph.nodes._compiled import NOTHING, compiled
 
 if TYPE_CHECKING:
     from tactograph.nodes.height._springs import Grids, LevelTies, Pixels
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 DAMPING = np.float32(0.7)
 OVERSHOOT = np.float32(1.5)
 """Rigid blocks are too stiff: their correction is that much too small."""
-NOTHING = np.int64(0)
-"""A plain 0 would be a constant, for which loops are compiled once more."""
 RESTRICT, SOLVE, REDO, ADD, LIFT = range(5)
 """What `visits` of a cycle do."""
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)

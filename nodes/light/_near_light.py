@@ -18,9 +18,6 @@ from tactograph.nodes import F4
 
 F8 = NDArray[np.float64]
 
-FLATTEST = np.float32(0.02)
-"""Smallest n_z of a normal: the camera sees no steeper film."""
-
 
 def places(count: int, pixel: np.float32) -> F4:
     """Return the pixels' x, or y, in mm from the middle of the image."""

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.nodes import F4
+from tactograph.nodes.slope.height_slopes import difference
 
 FARTHEST = 64
 """Cells beyond the frame after which the film throws next to nothing."""
@@ -140,16 +141,8 @@ def _middles(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
 
 def _tilts(height: F4, pixel: np.float32, factor: int) -> F4:
     """Return the cells' mean height and its mean differences, 3 x rows x columns."""
-    across, down = _difference(height, 1) / pixel, _difference(height, 0) / pixel
+    across, down = difference(height, 1) / pixel, difference(height, 0) / pixel
     return means(np.stack([height, across, down]), factor)
-
-
-def _difference(z: F4, axis: int) -> F4:
-    """Central difference along `axis`, one-sided at the ends, 0 for one pixel."""
-    here = np.arange(z.shape[axis])
-    before, after = np.maximum(here - 1, 0), np.minimum(here + 1, here[-1])
-    span = np.maximum(after - before, 1).astype(np.float32)
-    return (z.take(after, axis) - z.take(before, axis)) / (span if axis else span[:, None])
 
 
 def means(planes: F4, factor: int) -> F4:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Dark
+from tactograph.graph import node
+from tactograph.nodes import CoarseDark, Dark
 from tactograph.nodes.light._cell_side import CellSide, cells_by
 from tactograph.nodes.light.coarsen import coarsen
-
-CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 
 
 @node(derived=cells_by("factor"))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactograph.nodes import F4, U1
-from tactograph.nodes._compiled import compiled, inlined
+from tactograph.nodes._compiled import NOTHING, compiled, inlined
 from tactograph.nodes.shadow._label_loops import (
     BX,
     BY,
@@ -40,8 +40,6 @@ Factors = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.f
 
 SOFTLY, LEAST, SHORTEST = np.float32(1e-6), np.float32(1e-20), np.float32(1e-6)
 LEAST_SPREAD = np.float32(1e-12)
-NONE = np.int64(0)
-"""No LED is left out.  As a plain 0 it would be a constant, for which loops are compiled again."""
 
 
 @compiled
@@ -52,7 +50,7 @@ def mark(first: int, last: int, images: Images, limits: Limits, room: Room, mark
         for start in range(0, columns, most):
             count = min(most, columns - start)
             load(images, row, start, count, room.pixels)
-            _fit(room.pixels, count, NONE, room.sums, room.judged, room.best.misfit)
+            _fit(room.pixels, count, NOTHING, room.sums, room.judged, room.best.misfit)
             found = _choose_unlikely(room, count, limits.unlikely)
             if found:
                 _mark_piece(limits, room, found)

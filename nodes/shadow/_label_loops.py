@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes._compiled import compiled, inlined
+from tactograph.nodes._compiled import NOTHING, compiled, inlined
 from tactograph.nodes.shadow._pieces import PIECE
 
 if TYPE_CHECKING:
@@ -33,10 +33,10 @@ Symmetric = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np
 
 Y, Z = PIECE, 2 * PIECE
 """Where the y and z of vectors lie behind their x."""
-XX, XY, XZ, YY, YZ, ZZ, BX, BY, BZ = (PIECE * number for number in range(9))
-"""Where sums lie."""
+XY, XZ, YY, YZ, ZZ, BX, BY, BZ = (PIECE * number for number in range(1, 9))
+"""Where sums lie, behind those of xx."""
 FLATTEST = np.float32(0.02)
-"""Smallest n_z of a normal: that of `_near_light`."""
+"""Smallest n_z of a normal: the camera sees no steeper film."""
 LONGEST = np.float32(0.3)
 """Longest Gauss-Newton step, in radians."""
 AT_REST = np.float32(0.999)
@@ -55,8 +55,6 @@ SHADE = np.float32(0.1)
 """Light that is much for a shadow.  Two dark LEDs alone would explain any pixel as lit at a
 grazing angle, and the bright ones as shadows of still brighter light."""
 UNKNOWN = np.float32(1e12)
-NOTHING = np.int64(0)
-"""A plain 0 would be a constant, for which `_choose` is compiled once more."""
 BEHIND = np.float32(0.05)
 """Smaller n_z are those of normals that the camera cannot see."""
 PLENTY = np.float32(10)

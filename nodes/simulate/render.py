@@ -30,7 +30,6 @@ LIFT_PX = 1e-3
 
 SMALLEST_COSINE = np.float32(1e-3)
 """A coat is not looked at more flatly."""
-ONE = np.float32(1)
 
 
 class Rendered(NamedTuple):

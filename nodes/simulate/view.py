@@ -10,7 +10,7 @@ from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
-from tactograph.nodes import F4, Height, Labels, Light, PixelSize, Slope
+from tactograph.nodes import F4, Height, Labels, Light, Slope
 from tactograph.nodes.simulate._interpolate import bilinear
 
 if TYPE_CHECKING:
@@ -42,7 +42,6 @@ def view(
     height: Height,
     slope: Slope,
     labels: Labels,
-    pixel: PixelSize,
     *,
     camera_mm: Annotated[float, Ge(0)] = 0.0,
     lens_at_corner: Annotated[float, Interval(ge=-0.3, le=0.3)] = 0.0,
@@ -64,8 +63,6 @@ def view(
         2 x H x W.
     labels
         H x W.
-    pixel
-        mm per px, on the film at rest.
     camera_mm
         Distance of the pupil from the film at rest; 0 is infinitely far.
     lens_at_corner

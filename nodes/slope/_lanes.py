@@ -21,8 +21,6 @@ Floats = Any
 """In signatures: LANES numbers, float32."""
 Ints = Any
 """The same, int32."""
-Mask = Any
-"""What holds of each lane."""
 
 
 class _Lanes(types.Type):

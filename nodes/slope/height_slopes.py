@@ -34,13 +34,13 @@ def height_slopes(
     KnownSlopes
         Slope 2 x H x W and the mask of pixels where it can be trusted.
     """
-    p = _difference(height, 1) / np.float32(pixel)
-    q = _difference(height, 0) / np.float32(pixel)
+    p = difference(height, 1) / np.float32(pixel)
+    q = difference(height, 0) / np.float32(pixel)
     mask = p * p + q * q <= np.float32(steepest) * np.float32(steepest)
     return KnownSlopes(np.stack([p, q]), mask.astype(np.uint8))
 
 
-def _difference(z: F4, axis: int) -> F4:
+def difference(z: F4, axis: int) -> F4:
     """Central difference per pixel along `axis`; one-sided at the ends, zero for one pixel."""
     index = np.arange(z.shape[axis])
     after = np.minimum(index + 1, index[-1])

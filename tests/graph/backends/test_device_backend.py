@@ -12,7 +12,6 @@ from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 GPU = SimpleNamespace(backend="cuda", name="a GPU", lanes=1, is_cpu=False)
@@ -47,7 +46,7 @@ def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_fo
     monkeypatch.setattr(node, "implementations", both)
     graph = read_graph(write(SLOPES))
     graph = type(graph)(**{**vars(graph), "prefer": ("cuda", "opencl", "numpy")})
-    plan = make_plan(graph, placeholders(graph), device=GPU)  # type: ignore[arg-type]
+    plan = make_plan(graph, graph.placeholders, device=GPU)  # type: ignore[arg-type]
     assert plan.placements["slope"].backend == "cuda"
     assert plan.placements["again"].backend == "numpy"
     assert {s.backend for s in plan.steps if s.kind in ("upload", "download")} == {"cuda"}

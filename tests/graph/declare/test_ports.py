@@ -19,7 +19,6 @@ from tactograph.graph.declare.ports import (
 )
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 
@@ -124,7 +123,7 @@ def test_ports_that_do_not_fit_are_both_named(
     assert old in SLOPES
     graph = read_graph(write(SLOPES.replace(old, new)))
     with pytest.raises(GraphError) as caught:
-        make_plan(graph, placeholders(graph), device=None)
+        make_plan(graph, graph.placeholders, device=None)
     assert message in str(caught.value)
     assert "graph.yaml:" in str(caught.value)
     assert ".in." in str(caught.value)

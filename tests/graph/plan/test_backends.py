@@ -12,7 +12,6 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Placement, Plan
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, Write
 
 ABSENT = "no OpenCL device works here"
@@ -20,7 +19,7 @@ ABSENT = "no OpenCL device works here"
 
 def planned(file: str, device: OpenCL | None) -> Plan:
     graph = read_graph(file)
-    return make_plan(graph, placeholders(graph), device=device, no_device=ABSENT)
+    return make_plan(graph, graph.placeholders, device=device, no_device=ABSENT)
 
 
 def hide(module: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.names import bind
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 
@@ -18,7 +17,7 @@ def bound(
     file: str, *, sinks: bool = True, stand_ins: frozenset[str] = frozenset(), **given: Any
 ) -> Draft:
     graph = read_graph(file)
-    return bind(graph, {**placeholders(graph), **given}, sinks=sinks, stand_ins=stand_ins)
+    return bind(graph, {**graph.placeholders, **given}, sinks=sinks, stand_ins=stand_ins)
 
 
 def refusal(file: str, **given: Any) -> str:

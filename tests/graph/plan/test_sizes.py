@@ -9,13 +9,12 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sizes import Bound, Symbol
-from tactograph.graph.run.open_pipeline import placeholders
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 
 def planned(file: str) -> Plan:
     graph = read_graph(file)
-    return make_plan(graph, placeholders(graph), device=None)
+    return make_plan(graph, graph.placeholders, device=None)
 
 
 def test_the_two_ends_of_an_edge_have_the_same_sizes(write: Write) -> None:

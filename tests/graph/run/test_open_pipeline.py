@@ -182,9 +182,9 @@ def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> No
     script = (
         "import sys;"
         "from tactograph.graph.files.read_graph import read_graph;"
-        "from tactograph.graph.run.open_pipeline import open_pipeline, placeholders;"
+        "from tactograph.graph.run.open_pipeline import open_pipeline;"
         "graph = read_graph('reconstruct');"
-        "open_pipeline(graph, placeholders(graph));"
+        "open_pipeline(graph, graph.placeholders);"
         "print(sorted({'matplotlib', 'numba', 'trimesh', 'scipy.fft'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)

@@ -374,7 +374,7 @@ def in_the_hand(device, facts, height, pixel, lights, level):
         ).interreflect  # fmt: skip
     slope = height_slopes(height, pixel).slope
     lens = {"camera_mm": camera, "lens_at_corner": facts.get("lens_at_corner") or 0.0}
-    found = view(light, height, slope, labels, pixel, **lens)
+    found = view(light, height, slope, labels, **lens)
     return blur(found.light, deviation_px=facts.get("blur_px") or 0.0), found.labels, found.height
 
 

@@ -20,7 +20,7 @@ def seen(height: F4, camera_mm: float = 0.0, lens_at_corner: float = 0.0) -> Vie
     light, slope = np.stack([column, row]), np.stack([column, -row])
     labels = np.indices(height.shape).sum(axis=0).astype(np.uint8)
     lens = {"camera_mm": camera_mm, "lens_at_corner": lens_at_corner}
-    return view(light, height, slope, labels, PIXEL, **lens)
+    return view(light, height, slope, labels, **lens)
 
 
 def places() -> F4:
