@@ -1,4 +1,4 @@
-"""The engine: graph files, ports, planning passes, back ends, running.  Knows no optics.
+"""The engine: graph files, ports, planning passes, back ends, running.  It knows no optics.
 
 >>> from tactograph.graph import load
 >>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP

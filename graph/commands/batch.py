@@ -136,7 +136,7 @@ def _cluster(
 def _start_importing(number: int | None, captures: int) -> None:
     """Have processes import what they need, should there be several."""
     from tactograph.graph.batch.fork_server import start_importing
-    from tactograph.graph.batch.worth_starting import at_most
+    from tactograph.graph.batch.worker_count import at_most
 
     if (number or at_most(captures)) > 1:
         start_importing()
@@ -151,10 +151,10 @@ def _here(
     """
     from tactograph.graph.batch.fork_server import start_processes
     from tactograph.graph.batch.open_job import open_ahead
-    from tactograph.graph.batch.worth_starting import worth_starting
+    from tactograph.graph.batch.worker_count import worker_count
 
     backends = [job.backend] if job.backend else graph.backends
-    number = number or worth_starting(backends, job.device, captures)
+    number = number or worker_count(backends, job.device, captures)
     if number == 1:
         from tactograph.graph.batch.serial import Serial
 

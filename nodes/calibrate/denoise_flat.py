@@ -22,7 +22,7 @@ DEGREE = 6
 DARKEST = np.float32(0.02)
 """Light below which nothing is changed."""
 BLOCK = 32
-"""Side of a block in px.  Only the calmer half of a press's blocks counts: nothing touches there."""
+"""Side of a block in px.  Only the calmer, untouched half of a press's blocks counts."""
 MARK, CONFIRMED = 5.0, 0.5
 """Detail above this many standard deviations stays where presses show this share of it."""
 

@@ -1,6 +1,6 @@
-"""Find out how a film turns light into slope, with as much of a model as its presses carry.
+"""Fit a film's model of light and slope, as complex as its presses support.
 
-Long because the choice of a model is one procedure: grow, bend, judge on held-out balls.
+The model grows part by part, then by harmonics, each judged on held-out balls.
 """
 
 from __future__ import annotations
@@ -48,34 +48,34 @@ from tactograph.nodes.light._radiosity import cell_grid
 from tactograph.nodes.light.film_bounce import CELLS
 
 SURELY = 15000
-"""Samples of the last fit: ten times as many as a part of the model is chosen by, since noise of
-fewer leaves a ball's height, the coat's index and the albedo open to some per cent."""
+"""Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
+a ball's height, the coat's index and the albedo uncertain by some per cent."""
 FOLDS = 4
-"""So many times a part of the balls is held out."""
+"""Number of folds that are held out in turn."""
 BETTER, BENT, SURE = 0.97, 0.99, 0.7
-"""A part of the model is taken if it makes the held-out error smaller than by this factor; further
-harmonics by the second; and by the third all where a single ball holds nothing else out than
-places between the others..."""
+"""Factor by which the held-out error must fall: for a part of the model; for harmonics; and for
+either with a single ball, whose held-out slices lie between those that are fitted..."""
 NOTICEABLE = 0.02
-"""... and by so many degrees."""
+"""... and the number of degrees by which it must fall."""
 ROUNDS, STILL = 4, 0.004
-"""In which the balls' places and the light that film throws on film are found in turn at most; and
-the share of its albedo, and of a contact's radius, that is not worth another one."""
+"""Most rounds that find the balls' positions and the light from film to film in turn, and the
+relative change of albedo and contact radius below which they end."""
 MANY, BAD = 8, 2.0
-"""Of so many balls, those whose residual is so many times the median are left out."""
+"""With at least this many balls, those with a residual above this multiple of the median are left
+out."""
 EXACT = 0.1
 """Degrees of held-out error below which no further part is tried."""
 PARALLAX = 0.02
-"""Height of a ball, relative to the film's width, from which it tells how high the pupil is."""
+"""Height of a ball's cap, relative to the film's width, from which it shows the pupil's height."""
 RESOLVED = 4
-"""Cells of a contact's radius from which `film_bounce` knows how a ball lights the film beside it;
-on coarser ones its albedo would take up what another part of the model leaves."""
+"""Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
+On coarser cells its albedo would absorb residuals of other parts of the model."""
 DEGREES = {0: 2, 1: 4, 2: 10}
-"""Balls that the harmonics need for each degree in the place."""
+"""Fewest balls for harmonics, by their degree in position."""
 
 
 class FilmFit(NamedTuple):
-    """LEDs, film and camera, and how well they explain the presses."""
+    """LEDs, film and camera, and how well the model fits the presses."""
 
     film: Film
     misfit: Misfit
@@ -103,14 +103,14 @@ def fit_film(
     shift_px: Annotated[float, Gt(0)] = 0.5,
     without: tuple[str, ...] = (),
 ) -> FilmFit:
-    """Fit equation F1 (`light/_film`) to balls, with those of its parts that presses ask for.
+    """Fit equation F1 (`light/_film`) to balls, with those of its parts that the presses support.
 
-    The LEDs placed for a matt film are where it starts.  Then one part after another is tried:
+    The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
-    film, a pupil near the film; the one that explains the presses best is taken if it lowers
-    the error of balls held out by 3 per cent.  Harmonics come last, of the highest degree in
-    the place that lowers it further.  With a single ball slices of it are held out instead,
-    and a part has to lower their error by 30 per cent.
+    film, a pupil near the film.  Each time, the part that explains the presses best is taken if
+    it lowers the error of held-out balls by 3 per cent.  Harmonics come last, of the highest
+    degree in position that lowers the error further.  With a single ball, slices of it are held
+    out instead, and a part must lower their error by 30 per cent.
 
     Parameters
     ----------
@@ -123,15 +123,15 @@ def fit_film(
     kept
         1 for each of the P presses that is used.
     lights, strength, others
-        K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` gives them.
+        K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` returns them.
     noise
-        (shot, read), as `estimate_noise` gives it.
+        (shot, read), as `estimate_noise` returns it.
     pixel
         mm per px.
     bare
         S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
     camera_mm
-        Height of the pupil above the film, where it is known.
+        Height of the pupil above the film, if known.
     steepest, shift_px
         As for `calibrate_lights`.
     without
@@ -140,11 +140,10 @@ def fit_film(
     Returns
     -------
     FilmFit
-        The fields of a `Film`; other places of the LEDs that the fit allows; what the model
-        leaves on what is held out, as a `Misfit`; the root
-        mean square that is left of each LED's light, K; and the figures:
-        ``film_heldout_deg/...`` for each model tried, ``film_heldout_deg`` of the one chosen,
-        in degrees between normals.
+        The `Film`, with LED positions sampled from the uncertainty of the fit; its errors on
+        held-out samples, as a `Misfit`; the root mean square residual of each LED's light, K;
+        and the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg``
+        of the one chosen, in degrees between normals.
     """
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
@@ -178,7 +177,7 @@ def fit_film(
     best, balls, bad = _without_bad(trial, best)
     film = best.fitted.film
     if not best.parts and best.degree is None and camera_mm is None:
-        # Nothing but matt: the LEDs stay where all pixels of the presses place them.
+        # A plain matt film keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
         evidence = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
@@ -201,38 +200,38 @@ def fit_film(
 
 
 class _Trial(NamedTuple):
-    """What every model is tried on."""
+    """The data that every model is fitted to and judged by."""
 
     balls: Balls
     rest: Rest | None
     shift_mm: float
     width_mm: float
     samples: Callable[..., Balls]
-    """The same under another film, balls moved by their shifts, and contacts of about such radii;
-    by more options of `sample_balls`."""
+    """Samples the balls again with another film, shifts, contact radii and further options of
+    `sample_balls`."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
-        """Fit a model to all samples, or to some."""
+        """Fit a model to all samples, or to the given ones."""
         return fit(balls or self.balls, self.rest, parts, start, self.shift_mm, self.width_mm)
 
     def folds(self) -> list[NDArray[np.bool_]]:
-        """The samples to hold out: balls in turn, or the quarters of a single one."""
+        """The samples to hold out in turn: some of the balls, or slices of a single ball."""
         return [self.balls.held_by % FOLDS == fold for fold in self.fold_numbers()]
 
     def fold_numbers(self) -> NDArray[np.intp]:
-        """The remainders by `FOLDS` of the balls, or slices, that are held out in turn."""
+        """The fold numbers that occur: ball, or slice, modulo `FOLDS`."""
         return np.unique(self.balls.held_by % FOLDS)
 
 
 class _Model(NamedTuple):
-    """A model fitted: its parts, the harmonics' degree, and the error of what was held out."""
+    """A fitted model: its parts, the harmonics' degree, and its held-out error."""
 
     parts: frozenset[str]
     degree: int | None
     fitted: Fitted
     error: float
     folds: list[Fitted]
-    """Fitted to all but what was held out, in the order of `_Trial.folds`."""
+    """The fit without each fold, in the order of `_Trial.folds`."""
 
     def __str__(self) -> str:
         parts = [part for part in PARTS if part in self.parts] or ["matt"]
@@ -242,7 +241,7 @@ class _Model(NamedTuple):
 def _judge(
     trial: _Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None
 ) -> _Model:
-    """Fit to all but a part of the samples, and measure the normals of that part."""
+    """Fit without each fold, and measure the error of the normals on that fold."""
     errors, folds, weights = [], [], []
     for held in trial.folds():
         train, test = trial.balls.only(~held), trial.balls.only(held)
@@ -258,7 +257,7 @@ def _judge(
 
 
 def _held_out(trial: _Trial, best: _Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
-    """Every pixel of what was held out, bad balls apart, under the film fitted to the rest."""
+    """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
     good = whole.only(~bad[whole.ball])
     numbers = trial.fold_numbers()
     held = [
@@ -269,16 +268,17 @@ def _held_out(trial: _Trial, best: _Model, whole: Balls, bad: NDArray[np.bool_])
 
 
 def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Model, Metrics]:
-    """Take one part after another into the model, as long as that pays.
+    """Add parts to the model one by one, as long as that pays.
 
-    What a coat throws from film to film is known as soon as the coat is.
+    Once the film has a coat or an albedo, the samples are renewed: then the light that it
+    reflects from film to film is known.
     """
     best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
     while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in left]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
-        # What explains the presses best is the one to be judged by what is held out.
+        # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([normal_error(trial.balls, found) for found in fitted]))
         better = _judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
@@ -294,7 +294,7 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
 
 
 def _sampled_again(trial: _Trial, fitted: Fitted, **options: Any) -> tuple[_Trial, Fitted]:
-    """Return samples under a film that is known better, up to where it leaves the balls."""
+    """Sample again with a better-known film, up to where it leaves the balls."""
     before, film = trial.balls, fitted.film
     edges = _lights_itself(film)
     balls = trial.samples(film, fitted.shifts, before.rim, edges=edges, **options)
@@ -303,14 +303,14 @@ def _sampled_again(trial: _Trial, fitted: Fitted, **options: Any) -> tuple[_Tria
 
 
 def _lights_itself(film: Film) -> bool:
-    """Tell whether film shows light that comes from other film."""
+    """Whether the film shows light reflected from other parts of the film."""
     return film.refraction > 1 or film.albedo > 0
 
 
 def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
-    """Fit the parts chosen to more samples, until the light that film throws on film stands still.
+    """Fit the chosen parts to more samples until the light from film to film converges.
 
-    Returns every pixel of the balls, too.
+    Also returns every pixel of the balls.
     """
     for _ in range(ROUNDS):
         film, rim = best.fitted.film, trial.balls.rim
@@ -326,7 +326,7 @@ def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
 
 
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
-    """Add harmonics of the degree that pays."""
+    """Add harmonics of the highest degree that pays."""
     physics = best
     for degree, fewest in DEGREES.items():
         if len(trial.balls.centre) < fewest:
@@ -345,9 +345,9 @@ def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
 
 
 def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls, NDArray[np.bool_]]:
-    """Leave out the balls of a grid that depart: scratched, dirty, or no balls.
+    """Leave out outliers among many balls: scratched, dirty, or no balls.
 
-    Returns the samples of the others, too, and which balls are left out.
+    Also returns the samples of the others, and which balls are left out.
     """
     balls, count = trial.balls, len(trial.balls.centre)
     left = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
@@ -383,7 +383,7 @@ def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) ->
 
 
 def _properties(best: _Model) -> Metrics:
-    """What the model says of the sensor, where it says something."""
+    """Properties of the sensor for which the model has a part."""
     film = best.fitted.film
     said: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
     if film.diffuse.any():

@@ -1,4 +1,4 @@
-"""Fit how a camera departs from an even grid."""
+"""Fit distortion and tilt of a camera to a square grid."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from tactograph.nodes.capture.read_grey import GreyImage
 from tactograph.nodes.light._lens import TERMS, half_diagonal, seen_offset
 
 POSE = 4
-"""Numbers that say how the grid lies: scale, turn, and place of the cell 0, 0."""
+"""Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
 RADIAL = ((), ("k1",), ("k1", "cx", "cy"), ("k1", "k2"), ("k1", "k2", "cx", "cy"))
 TILT = ("a", "b", "gx", "gy")
 OUTLIER = 5.0
-"""Standard deviations, by the median, from where a mark is left out."""
+"""Robust standard deviations above which a mark is left out."""
 EXACT = 0.03
-"""Px to which a mark's place can be trusted, however well marks fit: a lens that explains less is
-no better than none, which does not change images."""
+"""Accuracy of a mark's position in px, however well marks fit.  A lens that explains less is not
+fitted, so that images stay unchanged."""
 WORST = 0.05
-"""Of the pitch: a grid that departs by more is no even one."""
+"""Largest residual of a square grid, relative to its pitch."""
 NEAR = 0.75
-"""Of the half diagonal: distortion beyond the marks is only continued."""
+"""Reach of the marks, relative to the half diagonal, below which distortion is extrapolated."""
 
 Places = NDArray[Any]
 
 
 class LensFit(NamedTuple):
-    """A lens, and how well it fits; of each mark by how much it departs (NaN: left out)."""
+    """A lens, how well it fits, and each mark's departure from it (NaN: left out)."""
 
     lens: Lens
     pixel: PixelSize
@@ -53,9 +53,9 @@ def fit_lens(
 ) -> LensFit:
     """Fit scale, tilt and radial distortion (L1 and L2 of `_lens`) to the marks of a grid.
 
-    With and without tilt, and of the distortion none, k1, its centre and k2: of these lenses the
-    one with the lowest Bayesian information criterion is taken, so that a number is only fitted
-    where the marks ask for it.
+    The candidates are lenses with and without tilt, and with no distortion or with k1, its
+    centre and k2.  The one with the lowest Bayesian information criterion is taken, so that a
+    parameter is only fitted where the marks support it.
 
     Parameters
     ----------
@@ -64,20 +64,20 @@ def fit_lens(
     marks
         As `find_grid` found them.
     pitch_mm
-        Distance of neighbouring marks.
+        Distance between neighbouring marks.
     camera_mm
-        Distance of the camera's pupil from the film, which turns the tilt into degrees.
+        Distance of the camera's pupil from the film, which converts the tilt into degrees.
 
     Returns
     -------
     LensFit
         The lens, the pixel size in mm per px at the image's middle, the root mean square
-        distance of the marks from the fit in px, N x 2 departures in px, and figures.
+        distance of the marks from the fit in px, the departures N x 2 in px, and figures.
 
     Raises
     ------
     InputError
-        If the marks are on no even grid, or the lens would fold the image.
+        If the marks do not lie on a square grid, or the lens would fold the image.
     """
     shape = (image.shape[0], image.shape[1])
     half = float(half_diagonal(shape))
@@ -117,7 +117,7 @@ def fit_lens(
 
 
 def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
-    """The marks that the most flexible lens fits."""
+    """Which marks the most flexible lens fits."""
     kept = np.ones(len(seen), bool)
     for _ in range(2):
         pose, lens, _ = _fit(seen[kept], cell[kept], ("k1", "k2", *TILT))
@@ -128,7 +128,7 @@ def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
 
 
 def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]:
-    """Pose and lens of the lowest information criterion, n ln(S / n + exact^2) + p ln(n)."""
+    """Pose and lens with the lowest information criterion, n ln(S / n + exact^2) + p ln(n)."""
     best, least = None, np.inf
     for tilt, radial in product(((), TILT), RADIAL):
         pose, lens, squares = _fit(seen, cell, (*radial, *tilt))
@@ -141,7 +141,7 @@ def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]
 
 
 def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Places, float]:
-    """Pose, lens and sum of squares, with the lens's terms named in `free` fitted."""
+    """Fit the pose and the lens's terms named in `free`; return pose, lens and sum of squares."""
     where = [TERMS.index(name) for name in free]
     start = np.concatenate([_pose(seen, cell), np.zeros(len(free))])
 
@@ -159,14 +159,14 @@ def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Pla
 
 
 def _pose(seen: Places, cell: Places) -> Places:
-    """Logarithm of the pitch, turn, x and y: a similarity, as complex numbers a c + b."""
+    """Logarithm of the pitch, rotation, x and y: the similarity a c + b in complex numbers."""
     z, c = seen @ [1, 1j], cell @ [1, 1j]
     a, b = np.linalg.lstsq(np.stack([c, np.ones_like(c)], axis=1), z, rcond=None)[0]
     return np.array([np.log(abs(a)), np.angle(a), b.real, b.imag])
 
 
 def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
-    """Where the camera sees the cells of a grid that lies so."""
+    """Where the camera sees the cells of a grid with this pose."""
     size, turn, x, y = pose
     place = np.exp(size + 1j * turn) * (cell @ [1, 1j]) + complex(x, y)
     u, v = place.real, place.imag
@@ -175,7 +175,7 @@ def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
 
 
 def _check_fold(lens: Places) -> None:
-    """Refuse a lens that shows two ideal places at one."""
+    """Refuse a lens that maps two ideal positions to one."""
     square = np.linspace(0, 1.2, 50) ** 2
     if (1 + 3 * lens[0] * square + 5 * lens[1] * square**2 <= 0).any():
         raise InputError(

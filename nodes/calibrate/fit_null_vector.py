@@ -21,11 +21,11 @@ class NullFit(NamedTuple):
 
 @node
 def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
-    """Find a with a.I = 0: the eigenvector of I I^T to the smallest eigenvalue (section 3.2).
+    """Find a with a.I = 0: the eigenvector of I I^T for the smallest eigenvalue (section 3.2).
 
     The shadow threshold lambda is chosen in multiples of the spread.  Three light
-    directions are never linearly dependent, so with three LEDs there is no such vector: it
-    is returned as zero, and the shadow test refuses to use it.
+    directions are linearly independent, so with three LEDs there is no such vector: zeros are
+    returned, and the shadow test refuses them.
 
     Parameters
     ----------
@@ -56,6 +56,6 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     null = np.linalg.eigh(found @ found.T)[1][:, 0]
     null *= np.sign(null[np.argmax(np.abs(null))])
     residual = null @ found
-    # Median absolute deviation: the few shadowed pixels that remain must not widen it.
+    # Median absolute deviation, so that the few remaining shadowed pixels do not widen it.
     spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
     return NullFit(null.astype(np.float32), float(spread))

@@ -13,7 +13,7 @@ FEWEST = 100
 
 
 class ReflectanceFit(NamedTuple):
-    """Nine coefficients per LED, and the root mean square of what they leave over."""
+    """Nine coefficients per LED, and their root mean square residual."""
 
     reflectance: Reflectance
     residual: Annotated[F4, Port("K", "1")]
@@ -55,7 +55,7 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
 
 
 def harmonics(slope: F4) -> F4:
-    """The nine spherical harmonics up to second order, their constant factors left out.
+    """The nine spherical harmonics up to second order, without their constant factors.
 
     1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
     normal n = (-p, -q, 1) / sqrt(1 + p^2 + q^2), which points to the camera.

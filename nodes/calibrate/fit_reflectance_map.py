@@ -34,22 +34,22 @@ from tactograph.nodes.slope._reflectance_map import (
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, solve_reflectance_map
 
 ROUGH_PASSES = 2
-"""Times the slope is solved for on cells, each with the height of the one before."""
+"""How often the slope is solved for on cells, each time with the previous height."""
 MEASURED = 7
-"""Presses by which the height of the contact's rim is measured."""
+"""Most presses that measure the height of the contact's rim."""
 FIRST_RIM = 0.2
-"""mm; where the iteration for the rim's height starts."""
+"""Start value of the rim's height in mm."""
 RIM_ROUNDS = 2
 OUTLYING = 6.0
-"""A press is an outlier at so many robust standard deviations of the presses' residuals ..."""
+"""A press is an outlier above this many robust standard deviations of the residuals ..."""
 OUTLYING_SHARE = 2.5
-"""... and so many times their median."""
+"""... and above this multiple of their median."""
 FARTHEST = 2.0
 """Longest step of a centre in px."""
 
 
 class MapFit(NamedTuple):
-    """The map, the circles as refined with it, and what it leaves over."""
+    """The map, the circles refined with it, and its residual."""
 
     reflectance: ReflectanceMap
     circle: Circles
@@ -59,7 +59,8 @@ class MapFit(NamedTuple):
 
 
 class Bench(NamedTuple):
-    """What every step of the fit needs: light of the presses, weights, the ball in px, mm/px."""
+    """Inputs of every step of the fit: smoothed relative light of the presses, film at rest,
+    ball radius in px, mm per px, and degree of the polynomials."""
 
     light: list[F4]
     flat: F4
@@ -84,13 +85,13 @@ def fit_reflectance_map(
     rounds: Annotated[int, Interval(ge=1, le=50)] = 5,
     degree: Annotated[int, Interval(ge=0, le=4)] | None = None,
 ) -> MapFit:
-    """Return the coefficients of equation M1 (`_reflectance_map`) that the presses show.
+    """Fit the coefficients of equation M1 (`_reflectance_map`) to the presses.
 
-    Robust least squares over the contacts, where the ball gives slope and height; in turn
-    with it, each circle's centre moves to where the map explains its press best.  A press
-    that the map of all explains far worse than the others is an outlier and is left out.
-    The height that the film around lifts the contact's rim by is measured by the map itself
-    and fed back.
+    Robust least squares over the contacts, where the ball gives slope and height, alternates
+    with moving each circle's centre to where the map explains its press best.  A press that
+    the common map explains far worse than the others is an outlier and is left out.  The map
+    itself measures the height to which the film lifts the contact's rim, and this height is
+    fed back.
 
     Parameters
     ----------
@@ -99,22 +100,23 @@ def fit_reflectance_map(
     names
         The presses' names, for messages.
     circle
-        P x 3 in px, as `find_presses` gives it; presses of radius 0 are left out.
+        P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out.
     pixel
         mm per px.
     radius_mm
         The ball's radius.
     rounds
-        How often map and centres are renewed.
+        How often map and centres are updated.
     degree
-        Of the polynomials in x and y.  None: as the number of presses allows.
+        Degree of the polynomials in x and y.  None: the highest that the number of presses
+        allows.
 
     Returns
     -------
     MapFit
         Coefficients K x 9 x 15; circles P x 3; `kept` P, 0 for outliers; height of the
-        contact's rim over the film at rest in mm; root mean square residual of length K,
-        1 being the film at rest.
+        contact's rim above the film at rest in mm; root mean square residual of length K,
+        relative to the film at rest.
 
     Raises
     ------
@@ -153,7 +155,7 @@ def degree_for(presses: int) -> int:
 
 
 def make_bench(image: F4, flat: F4, radius_mm: float, pixel: float, degree: int) -> Bench:
-    """Return what the steps of the fit need; the light is smoothed as when measuring."""
+    """Return the inputs of the fit's steps; the light is smoothed as for a measurement."""
     floor = np.maximum(flat, np.float32(0.02))
     light = [smooth_light(press / floor) for press in image]
     return Bench(light, flat, radius_mm / pixel, pixel, degree)
@@ -162,7 +164,7 @@ def make_bench(image: F4, flat: F4, radius_mm: float, pixel: float, degree: int)
 def fit_presses(
     bench: Bench, circles: F8, kept: np.ndarray, rim: float, rounds: int
 ) -> tuple[F8, F8]:
-    """Renew map and centres in turn; return both."""
+    """Update map and centres in turn; return both."""
     circles = circles.copy()
     for _ in range(rounds):
         reflectance = _fit_map(bench, circles, kept, rim)
@@ -195,7 +197,7 @@ def refine_center(
 
 
 def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
-    """Return slope and height of a press, as the graph `gelsight_mini` finds them."""
+    """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
     light, known = bench.light[press], reflectance.astype(np.float32)
     light_c, flat_c, pixel_c = (
         coarsen(light),
@@ -231,7 +233,7 @@ def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
 
 
 def _left(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
-    """What the map leaves of a press's light: K x N."""
+    """Residual of a press's light under the map: K x N."""
     return pixels.light - predicted(reflectance, _shades(bench, circle, pixels, rim), place)
 
 
@@ -267,7 +269,7 @@ def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
 
 
 def _press_residual(bench: Bench, reflectance: F8, circle: F8, press: int, rim: float) -> F8:
-    """Root mean square of what the map leaves of a press, per light."""
+    """Root mean square residual of a press under the map, per light."""
     pixels = ball_pixels(bench.light[press], bench.flat, circle)
     place = terms(pixels.x, pixels.y, bench.shape)
     left = _left(bench, reflectance, circle, pixels, place, rim)
@@ -283,7 +285,7 @@ def _residual(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim:
 
 
 def _misfit(bench: Bench, reflectance: F8, circle: F8, press: int, rim: float) -> float:
-    """What the map leaves of a press, over all lights; dim ones, being noisy, count less."""
+    """Root mean square residual of a press over all lights; dim, noisy ones count less."""
     squares = np.square(_press_residual(bench, reflectance, circle, press, rim))
     y, x = np.clip(circle[1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
     return float(np.sqrt(np.average(squares, weights=bench.flat[:, y, x])))

@@ -1,4 +1,4 @@
-"""The film at rest at the camera's own resolution, where a calibration was made on bins."""
+"""Provide the film at rest at the camera's resolution after a calibration on binned images."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def full_rest(
     flat, dark
         K x H x W and H x W, as taken.
     binned, binned_dark
-        K x h x w and h x w, from the calibration: ambient light subtracted, or a model
-        where no flat frame was taken.  Where their size is the same they are the result.
+        K x h x w and h x w, from the calibration: with ambient light subtracted, or a model
+        if no flat frame was taken.  If the sizes are equal, these are the result.
     as_taken
-        Whether the flat frame is kept as it was taken, less ambient light, whatever its size:
-        what `binned` lacks, such as markers that were filled in, stays in it.
+        Whether the flat frame is kept as taken, minus ambient light, whatever its size.  Then
+        it keeps details that `binned` lacks, such as markers that were filled in.
 
     Returns
     -------

@@ -73,10 +73,10 @@ def hold_out_presses(
 ) -> HeldOut:
     """Place the LEDs without a press, measure it with them, and compare it with its ball.
 
-    The place of its ball is refined under the same LEDs.  Slopes are found as `reconstruct`
-    finds them, in the light at the ball's own height, and judged where all LEDs but one
-    reach: what is measured is the calibration, not how shadows are dealt with.  A
-    calibration by one press has nothing to hold out.
+    The position of its ball is refined with the same LEDs.  Slopes are found as in
+    `reconstruct`, for the ball's own height, and judged where at least all LEDs but one reach,
+    so that the figures rate the calibration, not the treatment of shadows.  With only one
+    press nothing can be held out.
 
     Parameters
     ----------
@@ -89,23 +89,23 @@ def hold_out_presses(
     circle, radius, of
         B x 3 in px, B in mm, and the press that each ball is in.
     noise
-        (shot, read), as `estimate_noise` gives it.
+        (shot, read), as `estimate_noise` returns it.
     pixel
         mm per px.
     uneven
-        Standard deviation of the film's brightness, as a share.
+        Relative standard deviation of the film's brightness.
     steepest, shift_px
         As for `calibrate_lights`.
 
     Returns
     -------
     HeldOut
-        By press, over the inner nine tenths of its contact, where all LEDs but one reach and
-        the ball is not steeper than `steepest`: the mean angle between normals
-        in degrees, and the root mean square error of the height in um, its mean taken out
-        because nothing tells how high the film lifts the ball's rim.  ``presses`` used,
-        and if they are two or more ``heldout_normal_deg``, ``heldout_height_um`` and
-        ``heldout_height_percent`` of the cap, means over the presses.
+        For each press, over the inner nine tenths of its contact, where all LEDs but one reach
+        and the ball is not steeper than `steepest`: the mean angle between normals in degrees,
+        and the root mean square error of the height in um without its mean, because the height
+        of the ball's rim is unknown.  The number of ``presses`` used, and from two presses on
+        the means ``heldout_normal_deg``, ``heldout_height_um`` and ``heldout_height_percent``
+        of the cap.
     """
     rows = flat.shape[1]
     presses = presses_of(light, slope, mask, height, lit, rows)
@@ -151,7 +151,7 @@ def hold_out_presses(
 
 
 def _judged(press: Press, steepest: float) -> NDArray[np.bool_]:
-    """The pixels that all LEDs but one reach, and that are not too steep."""
+    """The pixels that at least all LEDs but one reach and that are not too steep."""
     (p, q), count = press.slope, len(press.light)
     reached = np.bitwise_count(press.lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
     return np.asarray((press.mask > 0) & reached & (p * p + q * q < steepest * steepest))
@@ -166,7 +166,7 @@ def _measure(
     uneven: float,
     lift: float,
 ) -> tuple[Slope, Height]:
-    """Slope and height; what is not judged is the ball's own, so that it cannot spread."""
+    """Slope and height; unjudged contact pixels get the ball's slope, so their errors stay out."""
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)

@@ -1,4 +1,4 @@
-"""Say whether a calibration is still right, cause by cause, from the untouched film of today."""
+"""Judge from today's untouched film whether a calibration is still valid, cause by cause."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 
 WEAKER = 0.1
-"""Share of its light that an LED may have lost against the others, or all together."""
+"""Tolerated relative change of one LED's light against the others, or of all together."""
 AMBIENT = 0.004
-"""Light that no LED sends, as a fraction of full scale: one step of 8 bit."""
+"""Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
 MOVED = 0.5
-"""Pixels by which the image may have moved."""
+"""Tolerated shift of the image in px."""
 CERTAIN = 6.0
-"""Robust standard deviations of a map, from which a departure is no noise."""
+"""Robust standard deviations of a map above which a departure is not noise."""
 LOWEST, FLATTEST = 0.003, 0.01
-"""mm and slope from which the film is dented."""
+"""Smallest height in mm and smallest slope of a dent."""
 TOUCHED = 0.15
-"""mm from which it is more likely that something touches the film."""
+"""Height in mm above which it is more likely that something touches the film."""
 FAINTEST = 0.015
-"""Change of albedo from which it is a mark."""
+"""Smallest change of albedo of a mark."""
 SHARP = 1 / 8
-"""Gradient per px of a mark, relative to its depth, from which it lies in the film: what lies on
-the lens is out of focus."""
+"""Gradient per px of a mark, relative to its depth, above which it lies in the film.  Marks on the
+lens are out of focus."""
 
 
 class Verdicts(NamedTuple):
-    """A sentence for each cause, and the figures."""
+    """One sentence for each cause, and the figures."""
 
     leds: str
     film: str
@@ -55,15 +55,15 @@ def judge_film(
     Parameters
     ----------
     strength, ambient, shift, albedo, dent
-        As `film_change` gives them, between the calibration's flat frame and today's.
+        As `film_change` returns them, between the calibration's flat frame and today's.
     pixel
         mm per px.
 
     Returns
     -------
     Verdicts
-        Five sentences that begin with "right" where nothing is wrong; ``light_percent/...`` of
-        each LED, ``ambient_percent`` of full scale, ``shift_px``, ``dent_um``, and the depth in
+        Five sentences, which begin with "right" where nothing is wrong; ``light_percent/...``
+        of each LED; ``ambient_percent`` of full scale; ``shift_px``; ``dent_um``; the depth in
         per cent of the strongest mark in the film and on the lens; ``wrong``, the number of
         causes found.
     """
@@ -90,7 +90,7 @@ def judge_film(
 
 
 class _Mark(NamedTuple):
-    """The strongest of the marks of a kind: change of albedo, place in px, and how many."""
+    """The strongest mark of a kind: change of albedo, position in px, and number of marks."""
 
     depth: float
     x: int
@@ -99,7 +99,7 @@ class _Mark(NamedTuple):
 
 
 def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
-    """The marks in the film, which are sharp, and those on the lens, which are not."""
+    """The marks in the film, which are sharp, and those on the lens, which are blurred."""
     spread = 1.4826 * float(np.median(np.abs(albedo)))
     standing = (np.abs(albedo) > max(CERTAIN * spread, FAINTEST)).astype(np.uint8)
     count, labels = cv2.connectedComponents(standing, connectivity=8)
@@ -123,7 +123,7 @@ def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
-    """Height in mm of what stands out most, and its place in px; 0 if nothing does."""
+    """Height in mm of the strongest dent, and its position in px; 0 if there is none."""
     spread = 1.4826 * float(np.median(np.abs(dent)))
     by_y, by_x = np.gradient(dent, pixel)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)

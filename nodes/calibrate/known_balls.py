@@ -15,7 +15,7 @@ from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetMask, 
 
 
 class KnownBalls(NamedTuple):
-    """The slope and height of every ball in the film, and the pixels where they hold."""
+    """Slope and height of every ball pressed into the film, and the pixels where they hold."""
 
     slope: SheetSlope
     mask: SheetMask
@@ -33,7 +33,7 @@ def known_balls(
     *,
     margin_px: Annotated[float, Ge(0)] = 0.5,
 ) -> KnownBalls:
-    """Return what `ball_slopes` knows of each press, on a sheet (`_sheet`).
+    """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`_sheet`).
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def known_balls(
     circle
         B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask.
     radius, of
-        Of length B: the balls' radii in mm, and the press that each is in.
+        Length B: the balls' radii in mm, and the press that each is in.
     pixel
         mm per px.
     margin_px

@@ -1,4 +1,4 @@
-"""Which LEDs reach each pixel, by brightness alone."""
+"""Label the LEDs that reach each pixel, by brightness alone."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ def label_lit(
 ) -> Labels:
     """Set bit k-1 where LED k gives more light than `black`, or where it does not.
 
-    On a known convex object any darker pixel is in attached shadow.  It must stay out of
-    the fits: with black pixels in it the null vector of equation 11 detects nothing.  And
-    three lights leave no fourth against which a shadow could be tested (equation 11 needs
-    one), so darkness is all there is to tell it by.
+    On a known convex object every darker pixel is in attached shadow.  Such pixels must stay
+    out of the fits: with black pixels in its fit, the null vector of equation 11 detects
+    nothing.  Three lights also leave no fourth for the shadow test of equation 11, so darkness
+    is the only sign of a shadow.
 
     Parameters
     ----------
     light
         K x H x W, 1 on the film at rest.
     black
-        The light up to which a pixel counts as not reached.
+        Light up to which a pixel counts as not reached.
     which
         The LEDs to label: those that reach a pixel, or those that do not.
     """

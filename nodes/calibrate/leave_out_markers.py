@@ -1,4 +1,4 @@
-"""Leave markers out of what is known of a calibration's presses."""
+"""Exclude markers from the known pixels of a calibration's presses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tactograph.nodes.capture._sheet import SheetMask
 
 @node(neutral="mask")
 def leave_out_markers(mask: SheetMask, bare: SheetMask) -> SheetMask:
-    """Return the pixels that are known and on bare film.
+    """Return the known pixels that show bare film.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Take the drift of the light out of every press."""
+"""Remove the drift of the light from every press."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def level_presses(
 ) -> PressImages:
     """Divide each press by its drift, so that untouched film has the flat frame's light.
 
-    What a map of the reflectance is fitted to must be levelled as what it is used for.
+    A reflectance map must be fitted to presses levelled in the same way as its later inputs.
 
     Parameters
     ----------

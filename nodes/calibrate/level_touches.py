@@ -1,4 +1,4 @@
-"""Take the drift of the light out of every press on a sheet."""
+"""Remove the drift of the light from every press on a sheet."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactograph.nodes.light.level_light import level_light
 from tactograph.nodes.light.light_noise import light_noise
 
 DEGREE, ROUGH = 2, 0.01
-"""Of the polynomial that the light of the film at rest departs by, and how rough film is."""
+"""Degree of the polynomial drift of the film at rest, and roughness of the film."""
 
 
 @node(neutral="light")
@@ -30,8 +30,9 @@ def level_touches(
 ) -> SheetLight:
     """Divide each press by its drift, so that untouched film has the flat frame's light.
 
-    Pressed film brightens the untouched film around it, LED by LED, by some per cent.  Level the
-    presses that a film model is fitted to as the touches that it is used for.
+    Pressed film brightens the untouched film around it by some per cent, differently for each
+    LED.  The presses that a film model is fitted to must be levelled like the touches that it
+    is used for.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def level_touches(
     flat
         K x H x W, the film at rest.
     noise
-        (shot, read), as `estimate_noise` gives it.
+        (shot, read), as `estimate_noise` returns it.
     degree, rough
         As for `film_drift`.
     """

@@ -1,4 +1,4 @@
-"""How the light of a film at rest answers a tilt, by a map of its reflectance."""
+"""Predict how the light of the film at rest responds to a tilt, by a reflectance map."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ X, Y, XZ, YZ = 0, 1, 4, 5
 
 @node
 def map_tilt(flat: Light, reflectance: ReflectanceMap) -> TiltResponse:
-    """Return the derivative of each light by the slope, on the film at rest.
+    """Return the derivative of each light with respect to slope, on the film at rest.
 
-    Of equation M1 (`_reflectance_map`) with the normal (-p, -q, 1): -(c_x + c_xz) and
+    From equation M1 (`_reflectance_map`) with the normal (-p, -q, 1): -(c_x + c_xz) and
     -(c_y + c_yz).
 
     Parameters

@@ -1,4 +1,4 @@
-"""Turn the light of every press into that of a matt film."""
+"""Convert the light of every press into that of a matt film."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def matt_presses(
     film: Film,
     pixel: PixelSize,
 ) -> SheetLight:
-    """Return what `matt_light` makes of each press, whose shape is known.
+    """Apply `matt_light` to each press, whose shape is known.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def matt_presses(
     flat
         K x H x W; only its size is used.
     slope, height
-        Of the presses, as `known_balls` gives them.
+        Of the presses, as `known_balls` returns them.
     film
         The LEDs' and the film's properties.
     pixel

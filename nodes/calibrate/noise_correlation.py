@@ -1,4 +1,4 @@
-"""Measure how much of the camera's noise pixels have in common with their neighbours."""
+"""Measure how strongly the camera's noise is correlated between neighbouring pixels."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from tactograph.nodes.light.light_noise import light_noise
 TILE = 32
 """Pixels along the side of a tile of film."""
 MOST_TILES, FEWEST_TILES = 400, 24
-"""So many are looked at in a press under an LED; of fewer in all, nothing is said."""
+"""About how many tiles are used per press and LED, and the fewest in all for a result."""
 CALM, AS_CALM = 0.1, 0.65
-"""Share of the tiles in which nothing but noise differs from cell to cell, at least; and what the
-calmest show of white noise of variance 1."""
+"""Share of the tiles in which at least only noise differs from cell to cell; and the value of this
+quantile for white noise of variance 1."""
 CELL, APART = 4, 2
-"""Pixels along the side of a cell, and cells from one compared to the next."""
+"""Side of a cell in px, and distance of the compared cells in cells."""
 MOST = 4.0
-"""As much as these cells show of a mosaic that has a colour in every fourth pixel; what differs
-more is film."""
+"""Largest result: that of a mosaic with a colour in every fourth pixel.  Beyond it, the film
+itself differs."""
 LEAST = 1e-12
-"""Variance that is divided by."""
+"""Smallest variance to divide by."""
 
 
 @node
 def noise_correlation(
     image: SheetLight, flat: Light, noise: Noise, grain: Grain
 ) -> NoiseCorrelation:
-    """Return how many times more variance a mean over pixels has than independent noise leaves.
+    """Return the variance of a mean over pixels, relative to that with independent noise.
 
-    Where a camera interpolates colours, or compresses, neighbours err alike.  A mean over them
-    then takes less of the noise away, and a mask that compares neighbours hardly sees it
-    (`estimate_noise`).  The square of the noise correlation ratio of Fruchter and Hook ("Drizzle:
-    a method for the linear reconstruction of undersampled images", 2002), from means of 4 x 4
-    pixels, on calm film.  A film that settles with another texture after every touch counts as
-    noise, as far as its grain does not tell of it.
+    A camera that interpolates colours or compresses correlates the noise of neighbours.  A mean
+    over them then removes less noise, and a mask that compares neighbours hardly sees it
+    (`estimate_noise`).  The result is the square of the noise correlation ratio of Fruchter and
+    Hook ("Drizzle: a method for the linear reconstruction of undersampled images", 2002), from
+    means of 4 x 4 pixels on calm film.  The texture of a film that settles differently after
+    every touch counts as noise, as far as `grain` does not include it.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ def noise_correlation(
     flat
         K x H x W, the film at rest.
     noise
-        (shot, read), as `estimate_noise` gives it.
+        (shot, read), as `estimate_noise` returns it.
     grain
-        Of the film; with the noise it is what a pixel is taken to err by.
+        Of the film; together with the noise it is the expected standard deviation of a pixel.
 
     Returns
     -------
     float
-        1 where every pixel has noise of its own.
+        1 if the pixels' noise is independent.
     """
     if min(flat.shape[1:]) < TILE:
         return 1.0
@@ -80,9 +80,9 @@ def noise_correlation(
 
 
 def _of_cells(light: F4) -> NDArray[Any]:
-    """For each tile the variance of a pixel that would make cells as noisy as they are.
+    """For each tile, the pixel variance that would explain the noise of its cells.
 
-    The mask's taps are apart, since neighbouring cells share noise, too.
+    The mask's taps are spaced apart, since neighbouring cells share noise, too.
     """
     rows, columns = (size // TILE * TILE for size in light.shape)
     cells = coarsen(light[None, :rows, :columns], factor=CELL)[0]
@@ -90,7 +90,7 @@ def _of_cells(light: F4) -> NDArray[Any]:
 
 
 def _in_tiles(plane: NDArray[Any], side: int) -> NDArray[Any]:
-    """N x side^2, by tile; what does not fill a tile at the right and bottom is left out."""
+    """N x side^2, by tile; incomplete tiles at the right and bottom are left out."""
     rows, columns = (size // side for size in plane.shape)
     whole = plane[: rows * side, : columns * side].reshape(rows, side, columns, side)
     return whole.swapaxes(1, 2).reshape(rows * columns, side * side)

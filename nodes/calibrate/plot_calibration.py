@@ -1,4 +1,4 @@
-"""Show what the calibration saw, so that a person can tell a good one from a bad one."""
+"""Plot a calibration, so that a person can tell a good one from a bad one."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, 
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 TOGETHER = 6
-"""Figures in a line of the title."""
+"""Figures per line of the title."""
 MOST_NAMES = 20
-"""Balls that are drawn with the names of their presses."""
+"""Most balls that are labelled with the names of their presses."""
 LONGEST = 24
-"""Letters of a press's name that are drawn."""
+"""Most letters of a press's name."""
 
 
 @node
@@ -51,8 +51,8 @@ def plot_calibration(
 ) -> None:
     """Draw the objects found, the tables' coverage, the fit's residual and the null test.
 
-    Of several presses, also where they lie on the film, which are left out, and the error
-    of each with the calibration by the others.
+    For several presses, also draw where they lie on the film, which are left out, and each
+    press's error with a calibration by the others.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def plot_calibration(
     quality
         The figures of the calibration, for the title.
     names, degrees, microns, advice
-        Of P presses: names, errors held out, and what to press next.
+        Of P presses: names, held-out errors, and what to press next.
     circle, of
         B x 3 in px: the balls, and the press that each is in.
     file
@@ -98,7 +98,7 @@ def plot_calibration(
 
 
 def _title(quality: Metrics) -> str:
-    """The figures that are not of one LED alone, a few to a line."""
+    """The figures that do not concern a single LED, a few per line."""
     figures = [
         f"{name} {int(value) if float(value).is_integer() else format(value, '.4g')}"
         for name, value in quality.items()
@@ -127,7 +127,7 @@ def _draw_presses(
     of: NDArray[np.int32],
     used: NDArray[np.bool_],
 ) -> None:
-    """The film with all contacts; those left out are grey and broken."""
+    """Draw the film with all contacts; those left out are grey and dashed."""
     depth = np.sum([mask > 0 for mask in masks], axis=0)
     axes.imshow(depth, cmap="Blues", vmin=0, vmax=max(3, depth.max()))
     for press, (x, y, radius) in zip(of, circle, strict=True):
@@ -148,7 +148,7 @@ def _draw_presses(
 def _draw_errors(
     axes: Axes, names: list[str], errors: F4, used: NDArray[np.bool_], what: str
 ) -> None:
-    """A bar for each press; a press that is left out has none."""
+    """Draw a bar for each press; a press that is left out has none."""
     places = np.arange(len(names))
     axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
     labels = [
@@ -160,7 +160,7 @@ def _draw_errors(
 
 
 def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
-    """Largest departure of the LEDs that reach a pixel from the fit; NaN where not known."""
+    """Largest departure from the fit of the LEDs that reach a pixel; NaN where unknown."""
     model = np.tensordot(reflectance, harmonics(slope), axes=1)
     error = np.zeros(mask.shape, np.float32)
     for k, plane in enumerate(light):
@@ -170,7 +170,7 @@ def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
 
 
 def _draw_residual(figure: Figure, axes: Axes, error: F4) -> None:
-    # Single pixels at the rim, half of them shadow, must not hide the rest.
+    # Single pixels at the rim, which are partly in shadow, must not hide the rest.
     most = float(np.nanpercentile(error, 99))
     drawn = axes.imshow(np.ma.masked_invalid(error), cmap="magma", vmin=0, vmax=most)
     figure.colorbar(drawn, ax=axes)

@@ -1,4 +1,4 @@
-"""Show the marks that were found on a grid, and how a lens fits them."""
+"""Plot the marks found on a grid, and how a lens fits them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactograph.nodes.calibrate.plot_calibration import BLUE, ORANGE
 from tactograph.nodes.capture.read_grey import GreyImage
 
 LONGEST = 0.5
-"""An arrow of the root mean square is so much of the way to the next mark."""
+"""Length of an arrow for the root mean square, relative to the spacing of the marks."""
 
 
 @node
@@ -38,7 +38,7 @@ def plot_camera(
     marks
         As `find_grid` found them.
     departure
-        N x 2 in px, as `fit_lens` gives it; NaN for marks that are left out.
+        N x 2 in px, as `fit_lens` returns it; NaN for marks that are left out.
     quality
         The figures, for the title.
     file

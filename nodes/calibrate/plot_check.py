@@ -1,4 +1,4 @@
-"""Show what has changed since a calibration."""
+"""Plot what has changed since a calibration."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def plot_check(
     then, now
         K x H x W, the untouched film.
     strength, albedo, dent
-        As `film_change` gives them.
+        As `film_change` returns them.
     leds, film, lens, ambient, camera
-        As `judge_film` gives them.
+        As `judge_film` returns them.
     file
-        Where to.
+        The picture.
     """
     films = {"untouched film at the calibration": then, "untouched film now": now}
     words = "now against then"

@@ -1,4 +1,4 @@
-"""Show what a new film has changed."""
+"""Plot what a new film has changed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tactograph.nodes.capture._sheet import SheetLight, cut
 
 ORANGE = "#ffb000"
 TOGETHER = 5
-"""Figures in a line of the title."""
+"""Figures per line of the title."""
 
 
 @node

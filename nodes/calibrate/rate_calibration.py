@@ -1,4 +1,4 @@
-"""Say in a few figures how good a calibration is."""
+"""Rate a calibration by a few figures."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ POOR_RESIDUAL = 0.05
 NARROW = 0.5
 POOR_LIGHTS = 0.03
 NOISY = 1.3
-"""Times the camera's noise, up to which a departure is no more than that."""
+"""Multiple of the camera's noise up to which noise explains a departure."""
 APART_DEG = 5.0
-"""Angle between two LEDs below which they give the same image."""
+"""Angle between two LEDs below which they count as the same LED."""
 
 
 @node
@@ -41,7 +41,7 @@ def rate_calibration(
     flat: Light | None = None,
     noise: Noise | None = None,
 ) -> Metrics:
-    """Return the figures that tell a good calibration from a bad one, and warn of a bad one.
+    """Return the figures that distinguish a good calibration from a bad one; warn of a bad one.
 
     Parameters
     ----------
@@ -54,22 +54,22 @@ def rate_calibration(
     mask, lit
         The pixels of known slope, and the LEDs that reach them.
     lights, mismatch
-        K x 3 in mm, and the root mean square of the light that they do not explain, K.
+        K x 3 in mm, and the root mean square residual of their fit, K.
     goodness
         Of each ball, 0 to 1; 0 where none was found.
     flat, noise
-        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` gives it:
-        what noise explains is blamed on it.
+        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
+        Residuals that noise explains raise no warning of a poor fit.
 
     Returns
     -------
     dict
         ``entries``; ``steepest_slope`` that the tables cover in every direction;
-        ``residual_percent``, the largest of the LEDs'; ``spread_percent``;
+        ``residual_percent``, the largest of all LEDs; ``spread_percent``;
         ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
-        largest of the LEDs'; the lowest ``ball_goodness``; and for a look at the sensor, for
-        each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x (right)
-        towards y (down), ``distance_mm/led1`` from the middle of the image.
+        largest of all LEDs; the lowest ``ball_goodness``; and for comparison with the sensor,
+        for each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x
+        (right) towards y (down), ``distance_mm/led1`` from the middle of the image.
     """
     count = len(residual)
     steepest = _covered_everywhere(lut_slope)
@@ -122,7 +122,7 @@ def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
 
 
 def _warn_of_twins(lights: LightPositions) -> None:
-    """Tell which two LEDs stand at one place."""
+    """Warn of two LEDs that light the film from the same direction."""
     away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
     alike = np.triu(away @ away.T > np.cos(np.radians(APART_DEG)), 1)
     for one, other in np.argwhere(alike)[:1]:
@@ -133,7 +133,7 @@ def _warn_of_twins(lights: LightPositions) -> None:
 
 
 def _directions(lights: LightPositions) -> Metrics:
-    """Where each LED stands, in words that can be checked against the sensor."""
+    """Slant, azimuth and distance of each LED, which can be checked against the sensor."""
     rated: Metrics = {}
     for k, (x, y, z) in enumerate(lights.astype(np.float64), start=1):
         rated[f"slant_deg/led{k}"] = float(np.degrees(np.arctan2(np.hypot(x, y), z)))
@@ -143,7 +143,7 @@ def _directions(lights: LightPositions) -> Metrics:
 
 
 def _covered_everywhere(lut_slope: LutSlope, sectors: int = 16) -> float:
-    """The slope up to which every one of `sectors` directions holds entries."""
+    """The slope up to which each of `sectors` directions has entries."""
     azimuth = np.arctan2(lut_slope[:, 1], lut_slope[:, 0])
     sector = ((azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
     steep = np.zeros(sectors)

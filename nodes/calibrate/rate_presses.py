@@ -1,4 +1,4 @@
-"""Say how good a calibration by many presses is, on presses it has not seen."""
+"""Rate a calibration by many presses, on held-out presses."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.slope._reflectance_map import F8, ball_shape
 
 JUDGED = 0.9
-"""Share of the contact's radius that is judged: at the rim film and ball are mixed."""
+"""Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
 CELLS = (4, 6)
-"""Rows and columns of the film in which presses are looked for."""
+"""Rows and columns of cells into which the film is divided to measure coverage."""
 ENOUGH = 0.85
-"""Share of the cells that should hold a press."""
+"""Share of the cells that contacts should reach."""
 STEEP = 0.5
 
 
 class PressRating(NamedTuple):
-    """Figures for programs, and what to press next for people."""
+    """Figures for programs, and advice for people on what to press next."""
 
     quality: Metrics
     advice: str
@@ -53,11 +53,11 @@ def rate_presses(
     radius_mm: Annotated[float, Gt(0)],
     folds: Annotated[int, Interval(ge=2, le=20)] = 5,
 ) -> PressRating:
-    """Return the errors on presses held out, the coverage, and what to press next.
+    """Return the errors on held-out presses, the coverage, and what to press next.
 
-    Every fold fits a map to the other folds' presses and reconstructs its own as any
-    capture is.  A held-out circle keeps the contact radius that `find_presses` gave; its
-    centre is found with the map of the others.
+    For each fold, a map fitted to the other folds' presses reconstructs the fold's presses like
+    any capture.  A held-out circle keeps the contact radius from `find_presses`; its centre is
+    found with the map of the others.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def rate_presses(
     found, circle
         P x 3 in px, before and after refining.
     kept, rim, residual
-        As `fit_reflectance_map` gives them.
+        As `fit_reflectance_map` returns them.
     pixel
         mm per px.
     radius_mm
@@ -78,11 +78,11 @@ def rate_presses(
     -------
     PressRating
         ``heldout_normal_deg``, mean angle between normals in the contact;
-        ``heldout_height_um``, root mean square error of the height there, its mean taken
-        out because nothing tells how high the film lifts the ball's rim;
-        ``heldout_height_percent`` of the cap; ``presses`` kept; ``residual_percent``;
-        ``film_covered_percent``; ``steepest_slope`` at which half of the contacts
-        end; ``rim_um``.  And a sentence.
+        ``heldout_height_um``, root mean square error of the height there without its mean,
+        because the height of the ball's rim is unknown; ``heldout_height_percent`` of the
+        cap; ``presses`` kept; ``residual_percent``; ``film_covered_percent``;
+        ``steepest_slope``, the median slope at the contacts' rims; ``rim_um``; and one
+        sentence of advice.
     """
     chosen = np.flatnonzero(kept)
     bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5))
@@ -148,8 +148,8 @@ def judge_contact(
     Returns
     -------
     tuple
-        Mean angle between normals in degrees; root mean square of the height error, its
-        mean taken out, in um; the same in per cent of the cap's height.
+        Mean angle between normals in degrees; root mean square height error without its
+        mean, in um; the same in per cent of the cap's height.
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED * circle[2]
@@ -166,7 +166,7 @@ def judge_contact(
 
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
-    """How many contacts reach the middle half of each cell of the film."""
+    """Number of contacts that reach the middle of each cell of the film."""
     (rows, columns), (height, width) = CELLS, shape
     row, column = np.indices(CELLS)
     x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
@@ -176,7 +176,7 @@ def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
 
 
 def rim_slope(circles: F4, radius: float) -> float:
-    """The slope at the rim of half of the contacts; the ball's `radius` in px."""
+    """The median slope at the contacts' rims; the ball's `radius` is in px."""
     rim = circles[:, 2]
     return float(np.median(rim / np.sqrt(np.maximum(radius**2 - rim**2, 1))))
 

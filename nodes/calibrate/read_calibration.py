@@ -1,4 +1,4 @@
-"""Read a calibration, and refuse anything that is not a whole one."""
+"""Read a calibration, and refuse an incomplete or damaged one."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ class Calibration(NamedTuple):
 def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
 
-    A file from before it was known how exactly the LEDs are placed takes them to be exact,
-    and says so where it matters.
+    An old file that lacks the uncertainty of the LED positions is read as if they were exact,
+    with a warning where that matters.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     Raises
     ------
     InputError
-        If the file is missing, damaged, of another version, holds a pickle, or an array
-        that is missing, misshapen, not finite or beyond what any sensor has.
+        If the file is missing, damaged, of another version or holds a pickle; if an array is
+        missing, misshapen, not finite or outside the range of any sensor.
     """
     found = read_arrays(file, CALIBRATION)
     if (found["lights"][:, 2] < NEAREST).any():
@@ -83,7 +83,7 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
                 f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
                 "leave out; calibrate again"
             )
-    # A file from before the film was described is that of a matt film.
+    # Old files do not describe the film; they were made for a matt one.
     found.setdefault("lens", np.zeros(8, np.float32))
     found.setdefault("misfit", NO_MISFIT)
     found.setdefault("correlation", 1.0)

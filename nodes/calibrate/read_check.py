@@ -12,7 +12,7 @@ from tactograph.nodes.capture._image_files import Crop, Leds, Lights
 from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
 
 ANY_BALL = 1e3
-"""Radius in mm that stands for no ball: it limits nothing."""
+"""Radius in mm that stands for no ball; so large that it limits nothing."""
 
 
 @node
@@ -28,12 +28,12 @@ def read_check(
     files: str = "led{}",
     crop: Crop | None = None,
 ) -> BallPresses:
-    """Return what `read_balls` reads; without a folder the film at rest, and no names.
+    """Read check presses as `read_balls` does; without a folder, return the film at rest.
 
     Parameters
     ----------
     flat
-        K x H x W, the film at rest, which every press has to fit.
+        K x H x W, the film at rest, whose size every press must have.
     folder
         A capture, or a folder of captures; None: there is no check press.
     radius_mm, center_px, contact_px, lights, leds, files, crop

@@ -1,4 +1,4 @@
-"""Read how a camera departs from an even grid on the film."""
+"""Read the distortion and tilt of a camera."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
     Parameters
     ----------
     image
-        K x H x W, what is to be undistorted; only its size is used.
+        K x H x W, the image to undistort; only its size is used.
     file
-        The camera.  None: one that bends nothing, eight zeros.
+        The camera.  None: an ideal lens, eight zeros.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Read the calibration of a one-shot sensor, and refuse anything that is not a whole one."""
+"""Read the calibration of a one-shot sensor, and refuse an incomplete or damaged one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 
 class PressCalibration(NamedTuple):
-    """What `write_press_calibration` wrote; the camera's black is taken to be 0."""
+    """What `write_press_calibration` wrote; the camera's black level is taken to be 0."""
 
     flat: Light
     dark: Dark
@@ -37,15 +37,15 @@ def read_press_calibration(
     file
         The calibration.
     flat
-        A fresh capture of the untouched film, which then stands for the one in the file.
+        A new capture of the untouched film, which replaces the one in the file.
     lights
         How that capture's images hold the lights, as for `read_capture`.
 
     Raises
     ------
     InputError
-        If the file is missing, damaged, of another kind or version, or holds a pickle or an
-        array that is missing, misshapen, not finite or out of its range; if the fresh film has
+        If the file is missing, damaged, of another kind or version, or holds a pickle; if an
+        array is missing, misshapen, not finite or out of range; if the new film image has
         another size.
     """
     found = read_arrays(file, PRESS_CALIBRATION)

@@ -1,7 +1,4 @@
-"""Fit a known film anew to a check press, while the camera and the LEDs stay.
-
-Long because a few shared numbers, what holds them and the choice among them are one fit.
-"""
+"""Refit a film's model to a check press on a new film; camera and LEDs stay the same."""
 
 from __future__ import annotations
 
@@ -33,21 +30,22 @@ from tactograph.nodes.light._film import rest_light
 from tactograph.nodes.light._near_light import F8
 
 FOLDS = 4
-"""So many times a quarter of the check press is held out."""
+"""Number of folds, each of which holds out a quarter of the check press."""
 SAMPLES = 400
-"""Of the check press; a few numbers need no more."""
+"""Samples of the check press; the few parameters need no more."""
 INDEPENDENT, INDEPENDENT_REST = 200, 5
-"""What the check press, and the flat frame's fall-off, tell at most: so many numbers of each LED,
-since departures from a model are smooth."""
+"""Most independent values per LED that a check press, and the flat frame's fall-off, count as,
+because departures from a model are smooth."""
 BETTER = 0.95
-"""A further change of the film is believed if it lowers the held-out error by this factor."""
+"""Factor by which a further change of the film must lower the held-out error."""
 STEPS = 25
 COPIES = 25
-"""Of each prior: shared out, they stay below the scale of the robust loss, which is for light."""
+"""Residuals into which each prior is split.  They stay below the scale of the robust loss, which is
+meant for light."""
 
 
 class _Open(NamedTuple):
-    """A number that may have changed: standard deviation of its change, and its bounds."""
+    """A parameter that may have changed: standard deviation of its change, and its bounds."""
 
     spread: float
     low: float
@@ -63,19 +61,19 @@ OPEN = {
     "roughness": _Open(0.15, 0.08, 0.6),
     "refraction": _Open(0.15, 1.0, 2.0),
 }
-"""By name; `thicker` is mm of gel, `diffuse` is added to the share of every LED."""
+"""Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
 CHANGES = (
     ("thicker",),
     ("thicker", "gain", "diffuse", "albedo"),
     tuple(OPEN),
 )
-"""What is tried, the simplest first: another thickness, another gel, another coat."""
+"""The changes tried, the simplest first: another thickness, another gel, another coat."""
 COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
-"""A usual coat, where its descent begins: the old film may have had none."""
+"""Start values of the fit with a coat: a usual coat, since the old film may have had none."""
 
 
 class FilmRefit(NamedTuple):
-    """The new film, the pixel on it, and what the model leaves."""
+    """The new film, its misfit, and the pixel size on it."""
 
     film: Film
     misfit: Misfit
@@ -84,9 +82,9 @@ class FilmRefit(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What the fit starts from: the film before, and how the flat frame changed.
+    """The fit's starting point: the old film, and how the flat frame changed.
 
-    `light` is by what it became brighter, `ratio` how its fall-off changed.
+    `light` is the ratio of its brightness, `ratio` the change of its fall-off's logarithm.
     """
 
     film: Film
@@ -97,7 +95,7 @@ class _Known(NamedTuple):
 
 
 class _Refitted(NamedTuple):
-    """A fit: the changes by name, the film, the balls where they lie."""
+    """A fit: the changes by name, the film, and the shifts of the balls."""
 
     changed: dict[str, float]
     film: Film
@@ -105,7 +103,7 @@ class _Refitted(NamedTuple):
 
     @property
     def fitted(self) -> Fitted:
-        """As other nodes want it."""
+        """The fit in the form that other functions take."""
         return Fitted(np.zeros((len(self.film.lights), 4)), self.film, self.shifts, SPREAD)
 
 
@@ -126,15 +124,15 @@ def refit_film(
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> FilmRefit:
-    """Return the film of a new gel: as the old one, but for what a check press says otherwise.
+    """Return the model of a new film: the old one, with the changes that a check press shows.
 
     The LEDs stay where they are.  A thicker gel puts the film farther from all of them and from
-    the camera; a new film may diffuse more, be brighter, be glossier.  These few numbers are
-    fitted to the check press and to how the fall-off of the flat frame has changed, each held
-    near its old value, the albedo near what the flat frame's brightness says (least squares
-    with priors, robust).  The thickness is always fitted; the gel, and then the coat, are
-    believed if they lower the error of slices of the press held out by 5 per cent; harmonics
-    of the old film are left out if that does.
+    the camera; a new film may diffuse more, be brighter or be glossier.  Robust least squares
+    with priors fits these few parameters to the check press and to the change of the flat
+    frame's fall-off.  Each prior holds a parameter near its old value; the albedo's takes the
+    flat frame's brightness into account.  The thickness is always fitted.  Changes of the gel,
+    and then of the coat, are accepted if they lower the error on held-out slices of the press by
+    5 per cent.  The old film's harmonics are dropped if that lowers the error as much.
 
     Parameters
     ----------
@@ -143,24 +141,25 @@ def refit_film(
     flat, before
         K x H x W, the new and the old film at rest.
     circle, radius, of
-        B x 3 in px, B in mm, and the press that each ball is in; a contact of 0: no ball.
+        B x 3 in px, B in mm, and the press that each ball is in; a contact radius of 0 means
+        that there is no ball.
     film, old_misfit
-        As the old calibration has them.
+        Of the old calibration.
     noise
         (shot, read).
     pixel
         mm per px on the old film.
     even_pixel
-        The same of the camera's own pixels, where `light` is on larger ones.
+        The same for the camera's own pixels, if `light` is binned.
     steepest, shift_px
         As for `calibrate_lights`.
 
     Returns
     -------
     FilmRefit
-        The fields of a `Film`; what it leaves, no less than before; the camera's pixel on the
-        new film; and figures: ``check_deg/before``, the error of the normals on the check press by
-        the old film, ``check_deg/held_out`` by the new one, and what has changed.
+        The `Film`; its misfit, no less than the old one's; the camera's pixel size on the new
+        film; and figures: ``check_deg/before`` and ``check_deg/held_out``, the error of the
+        normals on the check press with the old and the new film, and what has changed.
     """
     typed: dict[str, Any] = {
         n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()
@@ -213,7 +212,7 @@ def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> F
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:
-    """What has changed, in the units that people think in."""
+    """What has changed, in practical units."""
     diffuse = float(np.mean(new.diffuse - old.diffuse))
     return {
         "thicker_mm": thicker,
@@ -229,7 +228,7 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
 
 
 def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _Known:
-    """The change of the fall-off; none where either frame is uniform, because none was taken."""
+    """The change of the flat frame; none if either frame is uniform, because none was taken."""
     now, then = rest_of(flat, pixel), rest_of(before, pixel)
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
@@ -239,13 +238,13 @@ def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _
 
 
 def _level(logarithm: F8) -> F8:
-    """Without what all LEDs share, which is albedo, and each LED's strength."""
+    """Remove what all LEDs share, which is albedo, and each LED's strength."""
     shared = logarithm - logarithm.mean(axis=0)
     return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
 
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
-    """The simplest change that the held-out slices ask for: it, its error and its folds."""
+    """The simplest change that the held-out slices support, its error and its folds."""
     best, error, folds = _judged(known, balls, CHANGES[0], None)
     for names in CHANGES[1:]:
         tried = _judged(known, balls, names, COAT if "base" in names else None)
@@ -257,7 +256,7 @@ def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitt
 def _judged(
     known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float] | None
 ) -> tuple[_Refitted, float, list[_Refitted]]:
-    """The fit to all samples, the error of what is held out, and the fits to the rest."""
+    """The fit to all samples, the held-out error, and the fit without each fold."""
     whole = _fit(known, balls, names, start)
     folds, errors = [], []
     for number in range(FOLDS):
@@ -283,7 +282,7 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
 
 
 def _scaled(balls: Balls, by: float) -> Balls:
-    """The samples as they lie on a film that the camera sees from farther off."""
+    """The samples' positions on a film that is farther from the camera, scaled by `by`."""
     if by == 1:
         return balls
     return replace(
@@ -297,7 +296,7 @@ def _fit(
     names: tuple[str, ...],
     start: dict[str, float] | None = None,
 ) -> _Refitted:
-    """Fit the named changes and the balls' places, with priors."""
+    """Fit the named changes and the balls' positions, with priors."""
     film, count = known.film, len(balls.centre)
     old = {name: float(getattr(film, name)) for name in names if name not in ("thicker", "diffuse")}
     if "albedo" in old:

@@ -1,4 +1,4 @@
-"""Change a map of the reflectance as a check press on a new film asks for."""
+"""Adapt a reflectance map to a new film by a check press."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ from tactograph.nodes.slope._reflectance_map import (
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 FOLDS, SLICES = 4, 16
-"""The slices of a contact, and how many turns hold a part of them out."""
+"""Number of folds, and the slices of a contact that they hold out in turn."""
 PIXELS = 1500
-"""Of a press that are fitted."""
+"""Most pixels of a press that are fitted."""
 HEIGHT = SHADES - 1
 BETTER = 0.95
-"""A further change is believed if it lowers the held-out error by this factor."""
+"""Factor by which a further change must lower the held-out error."""
 HELD = {"gain": 0.1, "shades": 0.3, "offsets": 0.05}
-"""Standard deviations: of a gain; of the gains of single harmonics; of what is added to one."""
+"""Prior standard deviations: of a gain; of single harmonics' gains; of offsets to harmonics."""
 SPREAD = 0.01
-"""Standard deviation of the light that a map leaves."""
+"""Standard deviation of the light from the map."""
 INDEPENDENT = 200
-"""What a press tells at most: so many numbers of each light, since departures are smooth."""
+"""Most independent values per light that the presses count as, because departures are smooth."""
 CHANGES = (("gain",), ("gain", "shades"), ("gain", "shades", "offsets"))
-"""What is tried, the simplest first."""
+"""The changes tried, the simplest first."""
 
 
 class MapRefit(NamedTuple):
@@ -68,24 +68,24 @@ def refit_reflectance_map(
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
 ) -> MapRefit:
-    """Return the map of another film: the old one, but for what a check press says otherwise.
+    """Return the map of a new film: the old one, with the changes that a check press shows.
 
-    How the coefficients of equation M1 vary over the film comes from where the LEDs are, which
-    stays.  What a check press may change, per light: a gain of all harmonics and one of the
-    height; a gain of each harmonic; a number added to each harmonic.  They are fitted by robust
-    least squares, each held near no change, and tried in this order; a further one is believed
-    if it lowers the error of the normals on slices of the press held out by 5 per cent.
+    The variation of equation M1's coefficients over the film comes from the LED positions,
+    which stay the same.  A check press may change, per light: a gain of all harmonics and one
+    of the height; a gain of each harmonic; an offset to each harmonic.  Robust least squares
+    fits them with priors of no change, in this order.  A further change is accepted if it lowers
+    the error of the normals on held-out slices of the press by 5 per cent.
 
     Parameters
     ----------
     image, flat
         P x K x H x W check presses and the K x H x W new film at rest.
     names
-        The presses' names; none: there is no check press, and the map stays.
+        The presses' names.  No names mean that there is no check press, and the map stays.
     circle
-        P x 3 in px, as `find_presses` gives it; presses of radius 0 are left out.
+        P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out.
     reflectance
-        K x 9 x 15 of the old film.
+        K x 9 x 15, of the old film.
     pixel
         mm per px.
     radius_mm
@@ -94,9 +94,9 @@ def refit_reflectance_map(
     Returns
     -------
     MapRefit
-        Coefficients K x 9 x 15; ``check_deg/before``, the mean angle between normals on the check
-        press by the old map, ``check_deg/held_out`` by the new one, ``check_um`` of the height
-        there; ``gain_percent/...`` of each light.
+        Coefficients K x 9 x 15; ``check_deg/before`` and ``check_deg/held_out``, the mean angle
+        between normals on the check press with the old and the new map; ``check_um``, the error
+        of the height there; ``gain_percent/...`` of each light.
     """
     kept = circle[:, 2] > 0
     if not names or radius_mm is None or not kept.any():
@@ -120,7 +120,7 @@ def refit_reflectance_map(
 def _judged(
     bench: Bench, old: F8, circles: F8, kept: NDArray[np.bool_], parts: tuple[str, ...]
 ) -> tuple[F8, float, float]:
-    """The map fitted to all slices, and what maps fitted to some leave on the others."""
+    """The map fitted to all slices, and the held-out errors in degrees and um."""
     number = _folds(bench, circles)
     whole, _, _ = _fit(bench, old, circles, kept, parts, number >= 0)
     degrees, microns = [], []
@@ -136,7 +136,7 @@ def _judged(
 
 
 def _folds(bench: Bench, circles: F8) -> NDArray[np.intp]:
-    """The turn in which each pixel of each press is held out: P x H x W."""
+    """The fold that holds out each pixel of each press: P x H x W."""
     y, x = np.indices(bench.shape)
     turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
     return np.asarray(np.floor(turn * SLICES).astype(int) % FOLDS)
@@ -150,7 +150,7 @@ def _fit(
     parts: tuple[str, ...],
     used: NDArray[np.bool_],
 ) -> tuple[F8, F8, float]:
-    """Renew map, centres and the rim's height in turn; return them."""
+    """Update centres, the rim's height and map in turn; return map, circles and rim height."""
     placed, found = circles.copy(), old
     rim = 0.0
     for _ in range(RIM_ROUNDS + 1):
@@ -170,7 +170,7 @@ def _changed(
     parts: tuple[str, ...],
     used: NDArray[np.bool_],
 ) -> F8:
-    """The old map with the changes that the used pixels ask for."""
+    """The old map with the changes fitted to the used pixels."""
     if not parts:
         return old
     found: list[tuple[F8, ...]] = []

@@ -1,4 +1,4 @@
-"""The light of the film at rest, also where nobody took a picture of it."""
+"""Provide the light of the film at rest, by a model if no flat frame was taken."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ def rest_light(
     strength: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
 ) -> Light:
-    """Return the flat frame; where it is uniform, because none was taken, a model of it.
+    """Return the flat frame, or a model of it if it is uniform because none was taken.
 
-    Under LED k at L the film at rest, P_0 = (x, y, 0), has the light
-    ``strength_k (|L| / |L - P_0|)^3``: the fall-off is known, vignetting is not.
+    Under LED k at L, the film at rest at P_0 = (x, y, 0) has the light
+    ``strength_k (|L| / |L - P_0|)^3``.  This models the fall-off, but not vignetting.
 
     Parameters
     ----------
     flat
-        K x H x W, as `read_flat` gives it.
+        K x H x W, as `read_flat` returns it.
     lights, strength
-        K x 3 in mm, and K, as `calibrate_lights` gives them.
+        K x 3 in mm, and K, as `calibrate_lights` returns them.
     pixel
         mm per px.
     """

@@ -1,4 +1,4 @@
-"""Lay presses one below another, as nodes for flashed sensors want them."""
+"""Put presses one below another on a sheet, as nodes for flashed sensors take them."""
 
 from __future__ import annotations
 

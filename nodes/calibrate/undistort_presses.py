@@ -1,4 +1,4 @@
-"""Bring every press on a sheet onto the ideal grid, and what is known of its ball."""
+"""Undistort every press on a sheet, and the known circles of the balls."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class IdealPresses(NamedTuple):
 def undistort_presses(
     image: SheetLight, first: Light, known: KnownCircles, lens: Lens
 ) -> IdealPresses:
-    """Return what `read_balls` read as a camera without distortion saw it.
+    """Return what `read_balls` read, as seen by a camera without distortion.
 
     Parameters
     ----------
@@ -35,9 +35,9 @@ def undistort_presses(
     first
         K x H x W, the first of them.
     known
-        P x 3 in px of the images as captured; the radius is not changed.
+        P x 3 in px of the captured images; the radius does not change.
     lens
-        Length 8, as `read_lens` gives it.
+        Length 8, as `read_lens` returns it.
     """
     if is_straight(lens):
         return IdealPresses(image, first, known)

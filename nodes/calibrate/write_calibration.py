@@ -1,4 +1,4 @@
-"""Write everything a reconstruction needs into one file."""
+"""Write everything that a reconstruction needs into one file."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ CALIBRATION = FileKind(
 )
 
 NO_MISFIT = np.array([0, 1, 0, 0, 0], np.float32)
-"""Of a model that leaves noise only."""
+"""The misfit of a model that leaves only noise."""
 
 
 @node
@@ -183,20 +183,20 @@ def write_calibration(
     noise
         (shot, read).
     lens
-        Of length 8, as `read_lens` gives it.
+        Length 8, as `read_lens` returns it.
     quality
-        How good the calibration is, for people and for ``result.json``.
+        Figures of the calibration's quality, for people and for ``result.json``.
     misfit
-        What the film's model leaves on presses held out; without it, it is exact.
+        Errors of the film's model on held-out presses.  None: the model is exact.
     correlation
-        What pixels share of the noise; without it, nothing.
+        Noise correlation of the pixels.  None: their noise is independent.
     file
-        Where to; replaced as a whole.
+        The file; it is replaced as a whole.
 
     Raises
     ------
     InputError
-        If the file is not called ``.npz`` or cannot be written.
+        If the file's name does not end in ``.npz`` or it cannot be written.
     """
     arrays = {
         "flat": flat,

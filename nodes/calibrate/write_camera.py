@@ -1,4 +1,4 @@
-"""Write what is known of a camera into one file."""
+"""Write the calibration of a camera's lens into one file."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ def write_camera(
     Parameters
     ----------
     image
-        H x W, that of the grid; only its size is kept.
+        H x W, the image of the grid; only its size is kept.
     lens, pixel, residual
-        As `fit_lens` gives them.
+        As `fit_lens` returns them.
     quality
-        Its figures, for people and for ``result.json``.
+        The figures of `fit_lens`, for people and for ``result.json``.
     file
-        Where to; replaced as a whole.
+        The file; it is replaced as a whole.
 
     Raises
     ------
     InputError
-        If the file is not called ``.npz`` or cannot be written.
+        If the file's name does not end in ``.npz`` or it cannot be written.
     """
     rows, columns = image.shape
     arrays = {"lens": lens, "pixel_size": pixel, "residual": residual, "size": (columns, rows)}

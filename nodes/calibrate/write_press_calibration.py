@@ -49,14 +49,14 @@ def write_press_calibration(
     reflectance
         K x 9 x 15.
     quality, advice
-        From `rate_presses`; the file keeps them, and a warning repeats the advice.
+        From `rate_presses`.  The file stores them, and a warning repeats advice to press more.
     file
-        Where to; replaced as a whole.
+        The file; it is replaced as a whole.
 
     Raises
     ------
     InputError
-        If the file is not called ``.npz`` or cannot be written.
+        If the file's name does not end in ``.npz`` or it cannot be written.
     """
     write_arrays(
         file,

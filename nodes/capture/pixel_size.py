@@ -1,4 +1,4 @@
-"""The side of a pixel on the film, as the user states it, or as the camera's file does."""
+"""The side of a pixel on the film, from the user, the camera's file or the sensor's preset."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.nodes.calibrate.write_camera import CAMERA
 from tactograph.nodes.live._sensor_preset import read_preset
 
 APART = 0.005
-"""A stated size that departs by more from the camera's file is remarked on."""
+"""Relative difference from the camera's file above which a stated size raises a warning."""
 
 
 @node
@@ -24,22 +24,22 @@ def pixel_size(
     camera: Path | None = None,
     sensor: str | None = None,
 ) -> PixelSize:
-    """Return the pixel size, so that nodes can read it like any other value.
+    """Return the pixel size as a value that nodes can take as input.
 
     Parameters
     ----------
     mm
-        mm per px; from a nanometre to a metre, which files of 32-bit floats can hold.
+        mm per px, from a nanometre to a metre, which files of 32-bit floats can hold.
     camera
-        What `write_camera` wrote: its pixel size goes before `mm`, since images that are
-        undistorted by it have it.
+        A file from `write_camera`.  Its pixel size takes precedence over `mm`, because images
+        undistorted by it have that pixel size.
     sensor
-        A kind of sensor, as for `read_camera`: its pixel size counts where `mm` is not given.
+        A kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given.
 
     Raises
     ------
     InputError
-        If none is given, there is no such sensor, or the file is no camera's.
+        If none is given, there is no such sensor, or the file is not a camera file.
     """
     if mm is None and sensor is not None:
         mm = read_preset(sensor).pixel_size_mm

@@ -1,4 +1,4 @@
-"""Read the presses of one ball or several that a sensor is calibrated with."""
+"""Read the presses of one or several balls from which a sensor is calibrated."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Millimetres = Annotated[float, Gt(0)]
 Radii = Annotated[F4, Port("P", "mm", low=1, high=3)]
 """The radius of each press's ball."""
 KnownCircles = Annotated[F4, Port("P 3", "px", nan=True)]
-"""x, y and contact radius of each press's ball where they are known, NaN where not."""
+"""x, y and contact radius of each press's ball; NaN where unknown."""
 
 
 class BallPresses(NamedTuple):
-    """P presses as a sheet, the first of them alone, and what is known of their balls."""
+    """P presses as a sheet, the first of them alone, and known properties of their balls."""
 
     image: SheetLight
     first: Light
@@ -45,17 +45,17 @@ def read_balls(
 ) -> BallPresses:
     """Read one press of a ball, or a folder of them.
 
-    What ``capture.yaml`` in a press's folder says of its ball (``ball_radius_mm``,
-    ``ball_center_px: [x, y]``, ``ball_contact_px``) goes before the parameters.
+    Entries for the ball in a press's ``capture.yaml`` (``ball_radius_mm``,
+    ``ball_center_px: [x, y]``, ``ball_contact_px``) take precedence over the parameters.
 
     Parameters
     ----------
     folder
         A capture, or a folder of captures, which are read in order of name.
     radius_mm
-        The ball's radius: one for all presses, or one for each in their order.
+        The ball's radius: one for all presses, or one per press in their order.
     center_px, contact_px
-        x, y of the ball's centre and the radius of its contact, of a single press.
+        x, y of the ball's centre and radius of its contact; only for a single press.
     lights, leds, files, crop
         As for `read_capture`.
 
@@ -69,7 +69,7 @@ def read_balls(
     ------
     InputError
         As `read_capture`; if presses differ in size; if a ball's radius is not given, or
-        so many radii do not fit so many presses.
+        the number of radii does not match the number of presses.
     """
     captures = list(read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop))
     first = captures[0].image
@@ -103,7 +103,7 @@ def read_balls(
 def _spread(
     folder: Path, names: list[str], radius_mm: float | tuple[float, ...] | None
 ) -> list[float | None]:
-    """The radius of each press that the parameter gives."""
+    """The radius that the parameter gives for each press."""
     if radius_mm is None:
         return [None] * len(names)
     given = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)

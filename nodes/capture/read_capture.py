@@ -39,7 +39,7 @@ MOST_LEDS = 8
 
 
 class Capture(NamedTuple):
-    """One touch: the images, its folder's name in a stream, and the truth if it is known."""
+    """One touch: its images, its folder's name in a stream, and the ground truth if known."""
 
     image: Light
     name: str = ""
@@ -49,9 +49,9 @@ class Capture(NamedTuple):
 
 
 class CaptureFile(BaseModel):
-    """What an optional ``capture.yaml`` beside the images may say.
+    """Entries of the optional ``capture.yaml`` beside the images.
 
-    The ball is that of a calibration: `read_balls`.
+    The ball's entries are for calibration (`read_balls`).
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -65,7 +65,7 @@ class CaptureFile(BaseModel):
 
 @dataclass(frozen=True)
 class Layout:
-    """How the images lie in a capture folder."""
+    """Layout of the images in a capture folder."""
 
     lights: Lights = "leds"
     leds: tuple[int, ...] | None = None
@@ -92,33 +92,33 @@ def read_capture(
     folder
         Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit grey; PNG, TIFF, PGM or BMP, or JPEG
         with a warning), or one colour image; or holds such folders, which are then read in
-        order of name.  Hidden folders and files do not count.
+        order of name.  Hidden folders and files are ignored.
     lights
-        "leds": an image per LED.  "bgr" or "rgb": one colour image, its channels being the
-        lights in that order.  None: what ``capture.yaml`` says, else "leds".
+        "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
+        lights in that order.  None: the entry in ``capture.yaml``, else "leds".
     leds
-        Which LEDs to read and in what order, counted from 1.  None: all there are.
+        Which LEDs to read and in what order, counted from 1.  None: all that exist.
     files
         The images' name without suffix; ``{}`` stands for the LED's number, as in
         ``image{:02}``.
     crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are not part of it.
+        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
     single
         Refuse a folder of captures.
     whole
-        Whether images may stay the camera's integers.
+        Whether images may remain the camera's integers.
 
     Returns
     -------
-    Images K x H x W, the folder's name, and what a simulator wrote beside them: the true
-    height in mm (``truth_height_mm.npy``), slope (``truth_slope.npy``) and shadow labels
-    (``truth_shadow.png``), each None where the file is absent.
+    Images K x H x W, the folder's name, and the ground truth that a simulator wrote beside
+    them: height in mm (``truth_height_mm.npy``), slope (``truth_slope.npy``) and shadow labels
+    (``truth_shadow.png``), each None if the file is absent.
 
     Raises
     ------
     InputError
-        Naming the folder or file, for anything that is missing, there twice, damaged, too
-        dark to measure, of another size or depth than its neighbours, or not grey; and for an
+        Naming the folder or file, for anything that is missing, ambiguous, damaged, too dark
+        to measure, of a different size or depth than its neighbours, or not grey; and for an
         image whose pixels are not plain, see `read_image`.
     """
     layout = Layout(lights or "leds", leds, files, None, crop)
@@ -143,7 +143,7 @@ def read_capture(
 def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArray[Any]:
     """Read the K images of one folder as K x H x W, fractions of full scale.
 
-    Where they may stay `whole`, they are integers of as many bits as they have.
+    If `whole` allows it and the images use all bits of their type, they remain integers.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _with_capture_file(folder: Path, layout: Layout) -> Layout:
 def _find(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
     """The image of each LED.
 
-    One look at the folder spares asking for every name that an image may have.
+    The folder is listed once, which is faster than testing every possible file name.
     """
     try:
         listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
@@ -297,7 +297,7 @@ def _images(folder: Path) -> list[Path]:
 
 
 def _is_hidden(path: Path) -> bool:
-    """Whether it is no capture's: what a killed writer left (`whole_files`), or a system's."""
+    """Whether it is hidden: the remains of a killed writer (`whole_files`), or a system file."""
     return path.name.startswith(".")
 
 

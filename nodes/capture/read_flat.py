@@ -24,7 +24,7 @@ from tactograph.nodes.capture.read_capture import read_capture, read_capture_fil
 
 
 class Flat(NamedTuple):
-    """The film at rest under each LED, and what the camera sees with none."""
+    """The film at rest under each LED, and the image with all LEDs off."""
 
     flat: Light
     dark: Dark
@@ -44,31 +44,30 @@ def read_flat(
     crop: Crop | None = None,
     smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Flat:
-    """Read the capture of the untouched film, or stand in for it with uniform light.
+    """Read the capture of the untouched film, or substitute an estimate or uniform light.
 
     Parameters
     ----------
     image
-        K x H x W, the capture that the flat has to fit.
+        K x H x W, the capture whose size the flat frame must have.
     estimate
-        K x H x W, what to use where there is no folder, as `estimate_flat` gives it.
+        K x H x W, used if there is no folder, as `estimate_flat` returns it.
     black
-        H x W, what to use where no `dark` is named; None: black.
+        H x W, used if `dark` is not given.  None: black.
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
-        None: the estimate; without one, the light is taken to be uniform, and a warning
-        says so.
+        None: the estimate; without one, uniform light is assumed, with a warning.
     dark
-        One image taken with all LEDs off; a ``capture.yaml`` beside it may say its ``bits``.
+        One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``.
     lights, leds, files, crop
         As for `read_capture`.
     smooth_px
-        Standard deviation of the Gaussian that takes the noise out of the flat image.
+        Standard deviation of the Gaussian that smooths the flat image.
 
     Raises
     ------
     InputError
-        If the folder or image cannot be read, or is of another size than `image`.
+        If the folder or image cannot be read, or differs in size from `image`.
     """
     height, width = image.shape[1:]
     if black is None:
@@ -96,7 +95,7 @@ def _mean(
     files: str,
     crop: Crop | None,
 ) -> F4:
-    """The mean of the captures in a folder, or the only one."""
+    """The mean of the captures in a folder, or the only capture."""
     total, count = np.zeros(image.shape, np.float64), 0
     for capture in read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop):
         if capture.image.shape != image.shape:

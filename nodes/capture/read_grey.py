@@ -24,12 +24,12 @@ def read_grey(*, file: Path, crop: Crop | None = None) -> GreyImage:
     file
         8 or 16 bit grey; PNG, TIFF, PGM or BMP.
     crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are not part of it.
+        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
 
     Raises
     ------
     InputError
-        If the file is missing, damaged, coloured or of another depth, or the crop leaves it.
+        If the file is missing, damaged, coloured or of another depth, or the crop exceeds it.
     """
     plane = cropped(grey(read_image(file), file), crop, file)
     if plane.dtype not in (np.uint8, np.uint16):

@@ -1,4 +1,4 @@
-"""Read many presses of a ball at once: what a one-shot sensor is calibrated from."""
+"""Read the many presses of a ball from which a one-shot sensor is calibrated."""
 
 from __future__ import annotations
 
@@ -39,15 +39,17 @@ def read_presses(
     Parameters
     ----------
     folder
-        Holds a folder per press, each with one colour image, whatever its name
+        Holds one folder per press, each with one colour image of any name
         (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED; or is such a
-        folder.  None: there is no press; the film at rest stands in for one, without a name.
+        folder itself.  None: there is no press; the film at rest takes its place, without a
+        name.
     flat
         The untouched film: one colour image, or a folder like that of a press.
     lights
-        "bgr" or "rgb": the channels of a colour image are the lights; "leds": an image each.
+        "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
+        light.
     smooth_px
-        Standard deviation of the Gaussian that takes the noise out of the flat image.
+        Standard deviation of the Gaussian that smooths the flat image.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def read_presses(
     Raises
     ------
     InputError
-        As `read_capture`; if a press is of another size than the flat image.
+        As `read_capture`; if a press differs in size from the flat image.
     """
     film = read_film(flat, lights, smooth_px)
     if folder is None:

@@ -1,4 +1,4 @@
-"""Write a simulated capture, its truth beside it."""
+"""Write a simulated capture with its ground truth."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ def write_capture(
     folder: Path,
     bits: Annotated[int, Interval(ge=1, le=16)] = 8,
 ) -> None:
-    """Write ``led1.png`` ... as a camera would, and what a reconstruction should find.
+    """Write ``led1.png`` ... as a camera would, and the ground truth of a reconstruction.
 
     Parameters
     ----------
     image
-        K x H x W, fractions of full scale, already in steps of `bits`.
+        K x H x W, fractions of full scale, already quantised to `bits`.
     height, slope, labels
-        The truth: ``truth_height_mm.npy``, ``truth_slope.npy``, ``truth_shadow.png`` (bit
-        k-1 set where LED k does not reach the pixel).
+        The ground truth: ``truth_height_mm.npy``, ``truth_slope.npy``, ``truth_shadow.png``
+        (bit k-1 set where LED k does not reach the pixel).
     lights, pixel
-        Written to ``scene.json`` with the LED positions in mm.
+        The LED positions in mm and the pixel size, written to ``scene.json``.
     folder
-        Made if needed.
+        Created if needed.
     bits
-        Depth of the images; up to 8 give 8-bit files, more give 16-bit ones.
+        Bit depth of the images; up to 8 give 8-bit files, more give 16-bit ones.
 
     Raises
     ------

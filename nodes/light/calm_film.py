@@ -26,17 +26,18 @@ def calm_film(
     """Mark where the mean light of every LED is 1, within its noise.
 
     Light is divided by the flat frame, so the untouched film has 1 everywhere.  The mean
-    over a square window is as many times less noisy as the window is wide, so that even the
-    gentle skirts of a press differ from the film at rest; less so where neighbours share noise.
+    over a window of w x w pixels has 1 / w of a pixel's noise, so even the gentle skirt of a
+    press differs from the film at rest.  Where neighbours share noise, the mean has more.
 
     Parameters
     ----------
     light, sigma
         K x H x W; the standard deviation of each light.
     correlation
-        What they share, as `noise_correlation` gives it; without it, nothing.
+        Correlation of the noise of neighbours, as `noise_correlation` gives it; without it
+        the noise is independent.
     radius_px
-        The window is 2 radius_px + 1 wide; beyond the frame its border goes on.
+        The window is 2 radius_px + 1 wide.  Beyond the frame the border pixels repeat.
     level
         Standard deviations of the mean that still count as noise.
 
@@ -54,7 +55,7 @@ def calm_film(
 
 
 def _level(level: float, correlation: float | None, radius_px: int) -> float:
-    """Standard deviations of a mean as if neighbours shared no noise; one pixel has its own."""
+    """The threshold, raised for correlated noise; a window of one pixel needs no correction."""
     shared = ((correlation or 1.0) - 1) * (1 - 1 / (2 * radius_px + 1) ** 2)
     return level * math.sqrt(1 + shared)
 

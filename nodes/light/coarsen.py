@@ -1,4 +1,4 @@
-"""Look at an image more coarsely: the means of square cells."""
+"""Coarsen an image: the means of square cells."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def coarsen(
 ) -> CoarseLight:
     """Return the mean, or one pixel, of every cell of ``factor`` by ``factor`` pixels.
 
-    What only tells from where light comes needs no full resolution.  Cells that reach beyond
-    the right and bottom border count its pixels again.
+    A height that only gives the direction of the light needs no full resolution.  Cells that
+    extend beyond the right or bottom border repeat the border pixels.
 
     Parameters
     ----------
     light
         K x H x W.
     factor
-        Side of a cell in pixels; 0 follows the image (`_cell_side`): 4, or 8 of a large one.
+        Side of a cell in pixels; 0 depends on the image (`_cell_side`): 4, or 8 for a large one.
     take
-        ``corner`` takes the first pixel of a cell alone, which is enough, and far less to
-        read, for what varies as little as the noise.
+        ``corner`` takes only the first pixel of a cell.  That is far less to read, and enough
+        for a quantity that varies as little as the noise level.
 
     Returns
     -------

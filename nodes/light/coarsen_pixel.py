@@ -18,15 +18,15 @@ def coarsen_pixel(
     pixel
         mm per pixel.
     like
-        K x H x W, the image whose cells they are; nothing but its size is read, and that
-        only if the factor is to follow it.
+        K x H x W, the image that is divided into cells.  Only its size is read, and only if
+        the factor is 0.
     factor
         Pixels along the side of a cell, as for `coarsen`.
 
     Raises
     ------
     InputError
-        If the factor is to follow an image that is not given.
+        If the factor is 0 and no image is given.
     """
     if factor:
         return pixel * factor

@@ -1,4 +1,4 @@
-"""Stand in for a missing flat frame: the smooth part of the touch's own images."""
+"""Replace a missing flat frame by the smooth part of the touch's own images."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ REJECT = 2.5
 def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] = 3) -> Light:
     """Fit a smooth light to each image where the film is nearly level.
 
-    For recordings that have no untouched frame.  A polynomial is fitted by least squares,
-    pixels that depart from it are left out, and again: what remains is taken to be film at
-    rest.  It holds if most of the film is nearly level, and cannot tell a tilt of the whole
-    film from uneven light.
+    For recordings without an untouched frame.  A polynomial is fitted by least squares,
+    outliers are excluded, and the fit is repeated.  The remaining pixels are taken to be film
+    at rest.  This works if most of the film is nearly level.  It cannot distinguish a tilt of
+    the whole film from uneven light.
 
     Parameters
     ----------
     image
         K x H x W.
     degree
-        Of the polynomial along x and along y.
+        Degree of the polynomial along x and along y.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
 
 
 def _robust(basis: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
-    """Least squares with what departs left out, over and over."""
+    """Repeated least squares that excludes outliers."""
     kept = np.ones(len(values), bool)
     for _ in range(ROUNDS):
         found, *_ = np.linalg.lstsq(basis[kept], values[kept], rcond=None)

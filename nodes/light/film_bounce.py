@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 MOST_ALBEDO = 0.95
 CELLS = 4800
-"""Most cells of a frame, where none are asked for."""
+"""Default for the largest number of cells in a frame."""
 COAT = "lights", "diffuse", "base", "roughness", "refraction", "camera"
-"""What of a film makes its coat."""
+"""The fields of `Film` on which the light of a coat depends."""
 
 
 @node(
@@ -50,16 +50,17 @@ def film_bounce(
 ) -> Light | None:
     r"""Return the part of the light that comes from other places of the film.
 
-    The camera sees all the light E_j of a cell, that of earlier bounces too, so that one sum over
-    what a place sees of the film (equation B1, `_sweep`) holds all bounces (radiosity; Nayar,
-    Ikeuchi and Kanade 1991).  E_j is the light relative to the film at rest times the irradiance
-    of the film at rest, which falls off with the inverse square and the cosine.  The result is
-    relative to the film at rest again; taken off `light`, it leaves what comes from the LED.
-    A flat film lights itself nowhere; `film.rim` mm of it surround the frame.  Film behind film
-    that is nearer throws nothing.  A film with a coat mirrors light, too (`_coated_bounce`).
+    The light E_j that the camera sees of a cell includes that of earlier bounces.  So one sum
+    over what a place sees of the film (equation B1, `_sweep`) includes all bounces (radiosity;
+    Nayar, Ikeuchi and Kanade 1991).  E_j is the light relative to the film at rest times the
+    irradiance of the film at rest, which falls off with the inverse square and the cosine.  The
+    result is again relative to the film at rest.  Subtracted from `light`, it leaves what comes
+    from the LED.  A flat film does not light itself; `film.rim` mm of flat film surround the
+    frame.  Film hidden by nearer film contributes nothing.  A coated film also mirrors light
+    (`_coated_bounce`).
 
-    Cells miss light where film is folded; cells twice as large, which miss more, tell how much
-    (Richardson 1911).
+    Where the film is folded, the cells miss light.  Cells twice as large miss more; the
+    difference gives a correction (Richardson 1911).
 
     Parameters
     ----------
@@ -68,30 +69,31 @@ def film_bounce(
     height
         H x W in mm, as the camera sees it (`view_slope`).
     film
-        The LEDs' and the film's properties; an `albedo` of 0.95 is the most.
+        The LEDs' and the film's properties; `albedo` is at most 0.95.
     pixel
         mm per px of `light` and `height`.
     before
-        K x H x W, the result of the round before, where height and bounce are found in turns.
+        K x H x W, the result of the previous round, if height and bounce are computed
+        alternately.
     slope
-        2 x H x W, of the film, where it is known better than from the differences of a height on
-        large pixels.
+        2 x H x W, the film's slope.  Without it the differences of `height` are used, which
+        are less accurate on large pixels.
     cells
-        Most cells.  They are squares of as many pixels as it takes, and the result is
-        interpolated between them.  A quarter as many are twice as large.
+        Largest number of cells.  They are squares of whole pixels, and the result is
+        interpolated between them.  A quarter of the number makes them twice as wide.
     share
-        By how much of the way the result goes from `before` to what this round says: below 1
-        it keeps the turns from swinging, above 1 it saves some where they creep.
+        Relaxation factor: result = before + share (new - before).  Below 1 it damps
+        oscillation; above 1 it speeds up slow convergence.
 
     Returns
     -------
     ndarray
-        K x H x W; None for a film of no albedo, which throws nothing.
+        K x H x W; None if the albedo is 0.
 
     Raises
     ------
     InputError
-        If the albedo is none.
+        If the albedo is not between 0 and 0.95.
     """
     _check(film.albedo)
     if film.albedo == 0:
@@ -103,7 +105,7 @@ def film_bounce(
 
 
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
-    """The light thrown, by cells of a side."""
+    """The bounced light, computed on the cells of one grid and interpolated at the pixels."""
     of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
     seen = sights(of, grid, film.camera, film.refraction)
     planes = bounce(means(light, grid.factor), film, of, grid, seen)
@@ -131,7 +133,7 @@ def _launch(run: Launch) -> None:
 
 
 def _launch_on_cells(run: Launch, grid: Grid, constants: dict[str, int]) -> DeviceArray:
-    """What `_on_cells` does, but for bringing it to pixels."""
+    """Do what `_on_cells` does, except for the interpolation."""
     of, camera = run.inputs, run.inputs["film.camera"]
     film = of["light"], of.get("slope"), of["film.lights"], camera
     table = launch_cells(run, grid, constants, *film)
@@ -143,7 +145,7 @@ def _launch_on_cells(run: Launch, grid: Grid, constants: dict[str, int]) -> Devi
 
 @film_bounce.example
 def _example(rng: np.random.Generator, K: int, **_: int) -> dict[str, Any]:
-    """LEDs in front of a film that hardly goes on beyond the frame; one in two has no coat."""
+    """LEDs above a film that extends little beyond the frame; one film in two has no coat."""
     sideways = rng.uniform(-20, 20, (K, 2))
     lights = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)
     matt = {"film.refraction": 1.0} if rng.random() < 1 / 2 else {}

@@ -16,24 +16,24 @@ from tactograph.nodes import F4, Grain, Light
 from tactograph.nodes.light.coarsen import coarsen
 
 TERMS, TERMS_OF, SUMS = 6, (1, 3, 6), 21 + 8 * 7
-"""1, u, v, u^2, u v, v^2; how many of them each degree has; and the kernels' sums."""
+"""The number of terms 1, u, v, u^2, u v, v^2; how many each degree has; the kernels' sums."""
 DARKEST = np.float32(0.02)
 SEARCH = (0.03, 0.01, 0.0)
-"""Departures that count as calm in round after round, beyond the noise."""
+"""Departure beyond the noise that counts as calm, round by round."""
 FEWEST = 0.05
-"""Share of the cells that must be calm; a film that is all touch tells nothing."""
+"""Least share of calm cells; a film that is touched everywhere shows no drift."""
 MOST_CELLS = 8000
-"""More tell nothing new: they are put together, four into one, until there are no more."""
+"""More cells add no information; they are averaged, four into one, down to this number."""
 COARSE = 0.5
 """Share of the film's grain that is wider than a cell."""
 AROUND = 5
-"""Side in cells of what lies around a cell; its mean is so many times less noisy."""
+"""Side in cells of the window around a cell; its mean has 1 / AROUND of a cell's noise."""
 LIFTED = 0.003
 """Departure of the mean around a cell, beyond noise, that shows a touch."""
 SKIRT = 5
-"""Within so many cells of a touch, cells count less: by the square of the way to it."""
+"""Cells within this many cells of a touch count less, by the square of their distance to it."""
 HELD = 0.003
-"""How firmly the drift's shape is held where there is little calm film: a share of all cells."""
+"""Regularisation of the drift's shape where little film is calm, as a share of all cells."""
 
 Drift = Annotated[F4, Port("K 6", "1")]
 """Per LED the coefficients of 1, u, v, u^2, u v, v^2 of its light over that of the flat frame;
@@ -58,47 +58,49 @@ def film_drift(
     factor: Annotated[int, Interval(ge=1, le=64)] = 4,
     flat_noise: Annotated[float, Ge(0)] = 1.0,
 ) -> Drift:
-    """Return by what polynomial each LED's light on the film at rest departs from 1.
+    """Return each LED's light on the film at rest as a polynomial in x and y; 1 is no drift.
 
-    Light divided by the flat frame is 1 on the film at rest, until an LED fades, warms up
-    or the sensor is bent.  The film is at rest where the light of all LEDs is 1 within
-    `rough` and `level` standard deviations, once the drift found is taken out: three rounds
-    of least squares, the first of which takes what departs by 3 % too.  They start from the
-    drift before, or from the medians of the frame's border if more of the film is calm under
-    those.  A single cell on the skirt of a touch looks like film at rest.  So in the last round
-    the mean around a cell has to be calm too, if that leaves a twentieth of the frame, and
-    cells count less within five cells of one where that mean departs by 0.3 % more.
+    Light divided by the flat frame is 1 on the film at rest, until an LED fades or warms up,
+    or the sensor is bent.  A cell is calm, that is at rest, if the light of all LEDs, divided
+    by the drift, is 1 within `rough` plus `level` standard deviations.  Three rounds of least
+    squares fit the drift to the calm cells; the first round also accepts departures of 3 %.
+    They start from the previous drift, or from that drift scaled to the medians of the
+    frame's border if this makes more cells calm.  A single cell on the skirt of a touch looks
+    like film at rest.  So the last round also requires the mean of 5 x 5 cells to be calm, and
+    reduces the weight within five cells of one whose mean departs by 0.3 % more.  It does so
+    only if that leaves a twentieth of the frame.
 
-    Of the level, what is found counts at once: LEDs flicker.  The shape follows slowly, by
-    `rate`, and is held where a touch hides it.  The drift before stays where a change
-    explains no more than chance would (`level` standard deviations, of the touch and of the
-    flat frame together), and without calm film on a twentieth of the frame.
+    The level (the term 1) follows at once, because LEDs flicker.  The shape (the other terms)
+    follows by `rate`, and is regularised where a touch hides it.  An LED keeps its previous
+    drift if the change explains no more than noise would (`level` standard deviations of the
+    touch and the flat frame together).  All LEDs do if less than a twentieth of the frame is
+    calm.
 
     Parameters
     ----------
     light, sigma
         K x H x W, relative to the film at rest, and the standard deviation of a pixel
-        (none: 0), both on cells, as `coarsen` gives them.
+        (0 if not given), both on cells, as `coarsen` gives them.
     before
-        K x 6, the drift of the item before; none: 1 everywhere.
+        K x 6, the drift of the previous item; 1 everywhere if not given.
     grain
-        Of the film; half of it counts as calm, too, since texture is wider than a cell.
+        The film's grain; half of it counts as calm, too, because texture is wider than a cell.
     bounced
-        K x H x W, the light that the film throws on itself, as `film_bounce` gives it: what a
-        touch throws on the film at rest is no drift.
+        K x H x W, the light that the film throws on itself, as `film_bounce` gives it.  It is
+        subtracted: light that a touch throws on the film at rest is no drift.
     degree
         0: a factor per LED; 1 or 2: a polynomial in x and y.
     rate
-        Share of a change of shape that is followed at once.
+        Share of a change of shape that is applied at once.
     level
         Standard deviations that still count as noise.
     rough
         Departure that still counts as calm, beyond noise.
     factor
-        Side of a cell in pixels: its light is so many times less noisy.
+        Side of a cell in pixels; its light has 1 / factor of a pixel's noise.
     flat_noise
-        Noise of the flat frame as a share of a touch's: 1 if it is one frame, 1 / sqrt(n) if
-        it is the mean of n.
+        Noise of the flat frame relative to a touch's: 1 for a single frame, 1 / sqrt(n) for
+        the mean of n.
 
     Returns
     -------
@@ -163,7 +165,7 @@ def _axes(
 
 
 def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
-    """Return what the drift makes of each LED's light: K x H x W, or K x 1 x 1 if it is level."""
+    """Return the factor on each LED's light: K x H x W, or K x 1 x 1 if the drift is uniform."""
     rows, columns = size
     c = drift[:, :, None, None]
     if not drift[:, 1:].any():
@@ -183,19 +185,19 @@ def _basis(rows: int, columns: int) -> F4:
 
 
 def _gain(drift: F4, basis: F4) -> F4:
-    """K x N, or K x 1 if the drift is level, as it nearly always is."""
+    """The drift at each cell: K x N, or K x 1 if it is uniform, as it nearly always is."""
     return np.asarray(drift @ basis if drift[:, 1:].any() else drift[:, :1], np.float32)
 
 
 def _around(light: F4) -> F4:
-    """The mean of what lies around each cell; beyond the frame its border goes on."""
+    """The mean over the window around each cell; beyond the frame the border repeats."""
     window = (AROUND, AROUND)
     planes = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
     return np.asarray(planes, np.float32)
 
 
 def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
-    """1 for each of N cells whose light is that of the drift, else 0."""
+    """1 for each of N cells whose light agrees with the drift, else 0."""
     gain = _gain(drift, basis)
     away = light - gain
     np.abs(away, out=away)
@@ -205,7 +207,7 @@ def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
 
 
 def _beside_skirt(clear: F4, still: F4) -> F4:
-    """How much each of N clear cells counts for its way to the next touch: 1 at most."""
+    """The weight of each of N clear cells by its distance to the nearest touch: at most 1."""
     away = cv2.distanceTransform(still.astype(np.uint8), cv2.DIST_C, 3).ravel()
     far = clear * np.minimum(away, SKIRT + 1)
     return np.asarray(np.square(far / far.max()), np.float32)
@@ -222,9 +224,9 @@ def _border_level(light: F4, rows: int, columns: int) -> F4:
 
 
 def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]:
-    """Least squares over the cells by weight, the shape held near what it was.
+    """Weighted least squares over the cells; the shape is regularised towards the previous one.
 
-    Returns the drift, and the sum of squares that its change explains, by LED.
+    Returns the drift and, per LED, the sum of squares that its change explains.
     """
     known = basis[:used] * weight
     seen = known @ (light - _gain(before, basis)).T
@@ -239,7 +241,7 @@ def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F
 
 @film_drift.opencl()
 def _launch(run: Launch) -> None:
-    """Look around, begin, go three rounds and finish; each round by one work-group."""
+    """Average around the cells, choose a start, fit three rounds; one work-group per round."""
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
     lights, height, width = (run.sizes[name] for name in "KHW")

@@ -23,23 +23,23 @@ def flat_field(
 ) -> Light:
     """Return the light relative to the film at rest: 1 where nothing touches.
 
-    Takes out each LED's uneven light, the lens's vignetting and the film's albedo, so that
-    one look-up table holds for all pixels (section 3 assumes a constant albedo).
+    This removes each LED's uneven light, the lens's vignetting and the film's albedo, so that
+    one look-up table is valid for all pixels (section 3 assumes a constant albedo).
 
     Parameters
     ----------
     image
         K x H x W, as captured.
     flat
-        K x H x W, the untouched film, dark level already taken off.
+        K x H x W, the untouched film, dark level already subtracted.
     dark
         H x W, all LEDs off.
     drift
-        K x 6: by what each LED's light on the film at rest has departed from that of the flat
-        image since, as `film_drift` gives it; none: by nothing.
+        K x 6, how each LED's light on the film at rest has drifted since the flat image, as
+        `film_drift` gives it; no drift if not given.
     floor
         Smallest value of the flat image that is divided by; darker pixels carry no
-        information and would only blow up noise.
+        information and would only amplify noise.
     """
     light = np.empty_like(image)
     gains = [None] * len(image) if drift is None else drift_gain(drift, dark.shape)

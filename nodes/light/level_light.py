@@ -1,4 +1,4 @@
-"""Take the drift of the LEDs out of the light."""
+"""Remove the drift of the LEDs from the light."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tactograph.nodes.light.film_drift import Drift, drift_gain
     sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
 )
 def level_light(light: Light, drift: Drift) -> Light:
-    """Divide each LED's light by its drift: the film at rest is 1 again.
+    """Divide each LED's light by its drift, so that the film at rest is 1 again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Say how uncertain each light is."""
+"""State the uncertainty of each light."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def light_noise(
 ) -> Light:
     """Return the standard deviation of the light relative to the film at rest.
 
-    sqrt(shot I + read) / I_flat: photons arrive at random, the camera's electronics add
-    their share.
+    sqrt(shot I + read) / I_flat: photon shot noise, and the read noise of the camera's
+    electronics.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Turn the light of a real film into that of a matt one."""
+"""Convert the light of a real film into that of a matt one."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 STRETCH = 64
-"""Pixels of a row that a work-item of a CPU does: of each LED it knows a kilobyte at a time."""
+"""Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
 SHOWN = (
     "lights", "diffuse", "harmonics", "flattest", "reach", "gain", "contact", "base", "roughness",
     "refraction", "camera", "grain",
 )  # fmt: skip
-"""What of a film makes the light that it shows."""
+"""The fields of `Film` on which its light depends."""
 
 
 class MattLight(NamedTuple):
@@ -58,11 +58,11 @@ def matt_light(
     """Return the light that a matt film of the same shape would have.
 
     With F the light that the film model predicts (`_film`, F1) and n.v that of a matt film
-    (`_near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + n.v``.  Where the light depends on
-    the normal in another way than a matt film's does, that needs a normal: the slope expected,
-    and Gauss-Newton steps from it with the LEDs that give light.  An error of that normal
-    counts only as far as the two ways differ.  In a shadow, which holds diffused light, m' is
-    about 0.  Everything that knows shadows and matt light then holds for any film.
+    (`_near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + n.v``.  Unless the light depends on
+    the normal as a matt film's does, this needs a normal.  Gauss-Newton steps find it, from
+    the expected slope, with the LEDs that light the pixel.  An error of that normal matters
+    only as far as F and n.v depend on it differently.  In a shadow, which contains diffused
+    light, m' is about 0.  All nodes for shadows and matt light are then valid for any film.
 
     Parameters
     ----------
@@ -77,14 +77,14 @@ def matt_light(
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
     steps
-        Of the normal.
+        Gauss-Newton steps of the normal on a coated film.
     uncoated_steps
-        Of the normal on a film without a coat, whose harmonics bend gently.
+        The same on a film without a coat, whose harmonics vary gently.
 
     Returns
     -------
     MattLight
-        Both K x H x W; the standard deviation holds the film's grain, too.
+        Both K x H x W; the standard deviation includes the film's grain.
     """
     direct = light if bounced is None else light - bounced
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
@@ -151,7 +151,7 @@ def _by_normal(
     scale: F4,
     steps: int,
 ) -> F4:
-    """Matt light of N pixels by way of their normals."""
+    """Matt light of N pixels, from their normals."""
     u, v, seen = place
     z = seen / (1 + np.float32(film.camera) * seen)
     nearer = 1 - np.float32(film.camera) * z

@@ -20,9 +20,9 @@ def rest_mask(
 ) -> Mask:
     """Return where the film has height zero.
 
-    A flat top looks as calm as the film at rest, but it is not joined to the border of the
-    frame.  Single noisy pixels are closed first; the rest then keeps `margin_mm` away from
-    everything that is not calm.
+    A flat top looks as calm as the film at rest, but it is not connected to the border of the
+    frame.  A closing first fills single noisy pixels.  The mask then keeps a distance of
+    `margin_mm` from everything else.
 
     Parameters
     ----------
@@ -31,8 +31,9 @@ def rest_mask(
     pixel
         mm per px.
     margin_mm
-        Distance kept from the touch.  A film that comes back to rest as exp(-d / reach) looks
-        calm long before it is: pinned there, all that it carries would be too low.
+        Distance kept from the touch.  A film that returns to rest as exp(-d / reach) looks
+        calm long before it is at rest.  Pinned to zero there, it would make all that it
+        carries too low.
 
     Returns
     -------
@@ -40,7 +41,7 @@ def rest_mask(
         H x W, 1 on the film at rest.
     """
     closed = cv2.morphologyEx(calm, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    # What a flood reaches that begins around the frame.
+    # A flood fill from a ring around the frame reaches all calm film that touches the border.
     ringed = cv2.copyMakeBorder(closed, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(ringed, None, (0, 0), REACHED, flags=4)
     joined = (ringed[1:-1, 1:-1] == REACHED).astype(np.uint8)

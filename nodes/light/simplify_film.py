@@ -1,4 +1,4 @@
-"""A film without some of what calibration found of it, for ablations."""
+"""Remove parts of a calibrated film model, for ablations."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ def simplify_film(
     *,
     without: tuple[Literal["diffuse", "lobe", "harmonics", "bounce", "camera"], ...] = (),
 ) -> Film:
-    """Return the film with parts of equation F1 (`light/_film`) switched off, nothing refitted.
+    """Return the film with parts of equation F1 (`light/_film`) switched off.
 
-    What one part explained, no other part takes over: that shows what a graph owes to it.
-    What a model without it could do at best, a calibration shows that does not try it
-    (``--set model.without=diffuse``).
+    Nothing is refitted, so the result shows what the part contributes.  To see how well a
+    model without the part can do, calibrate without it (``--set model.without=diffuse``).
 
     Parameters
     ----------

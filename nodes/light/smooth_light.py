@@ -11,15 +11,15 @@ from tactograph.nodes import F4, Light
 TAPS = (0.0625, 0.25, 0.375, 0.25, 0.0625)
 """Binomial: close to a Gaussian of one pixel's standard deviation."""
 TALL = 4
-"""Rows that a work-item of the kernel does."""
+"""Rows per work-item of the kernel."""
 
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-6, why="a sum of 25 terms"))
 def smooth_light(light: Light) -> Light:
     """Return the light averaged over 5 x 5 pixels with binomial weights (1 4 6 4 1) / 16.
 
-    A sensor of three lights has no redundancy against which a slope could be checked, and
-    at 8 bits its noise is a degree of slope.  Pixels beyond the border repeat the border.
+    A sensor with three lights has no redundancy to check a slope against, and at 8 bits its
+    noise amounts to a degree of slope.  Beyond the frame the border repeats.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def _along(light: F4, axis: int) -> F4:
 
 @smooth_light.opencl()
 def _launch(run: Launch) -> None:
-    """A work-item does `TALL` rows."""
+    """Each work-item computes `TALL` rows."""
     count, rows, columns = (run.sizes[name] for name in "KHW")
     arguments = run.inputs["light"], run.outputs["smooth_light"], count, rows, columns
     grid = run.in_row_lanes(count, -(-rows // TALL), columns)

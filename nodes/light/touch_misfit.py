@@ -1,4 +1,4 @@
-"""How far a touch departs from the film's model, against the presses that it was fitted to."""
+"""Compare the model error of a touch with that of the presses that the model was fitted to."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 TILTED = np.float32(0.1)
-"""Slope of film that tells whether the model holds."""
+"""Only pixels steeper than this test the model."""
 NEAREST_PX = 2
-"""The noise of pixels so far apart is independent."""
+"""The noise of pixels this far apart is independent."""
 BLOCK = 16
-"""Pixels of a block's side: single places that depart, dirt or an edge, are not the model's."""
+"""Side of a block in pixels; single places that depart, dirt or an edge, are no model error."""
 LEAST_SHARE, MOST_SHARE = 0.5, 1.5
-"""Error of a normal by the light that is left: what presses leave of either may be all noise."""
+"""Limits of a normal's error per residual light: on the presses either may be all noise."""
 CLEARLY, LEAST = 2.0, 0.005
-"""Times what the calibration left, and light, above which a departure is told."""
+"""Multiple of the calibration's residual, and light, above which a departure gives a warning."""
 
 
 @node(
@@ -57,12 +57,12 @@ def touch_misfit(
     pixel: PixelSize,
     uneven: Uneven,
 ) -> Misfit:
-    """Widen the model's misfit where a touch departs more than the calibration's presses did.
+    """Increase the model's misfit if a touch departs more than the calibration's presses did.
 
-    LEDs say more than a normal and the film's brightness: what neither explains, and neighbours
-    share, is the model's; the median over blocks of pixels counts.  Normals err in proportion to
-    it, as they did on the presses; what the touch leaves beyond those adds to their misfit, as
-    squares.
+    With more than three LEDs the light over-determines normal and brightness.  The residual
+    that neighbouring pixels share is model error.  Its median over blocks is used.  The error
+    of the normals is proportional to it, by the ratio that the presses had.  What exceeds the
+    residual of the presses is added to their misfit in quadrature.
 
     Parameters
     ----------
@@ -71,27 +71,27 @@ def touch_misfit(
     slope, used
         2 x H x W and H x W, as `label_lights` found them.
     height
-        H x W in mm, as it was known then.
+        H x W in mm, as far as known before that slope.
     lights
         K x 3 in mm.
     misfit
-        Of the calibration.
+        The calibration's misfit.
     pixel
         mm per px.
     uneven
-        Standard deviation of the film's brightness, as `label_lights` had it.
+        Standard deviation of the film's brightness, as given to `label_lights`.
 
     Returns
     -------
     ndarray
-        The misfit of this touch.  A warning says so where the light departs clearly more.
+        The misfit of this touch.  A warning is given if the light departs clearly more.
     """
     total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
     return _widened(misfit, total, known)
 
 
 def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
-    """The misfit of a touch of which blocks of pixels leave so much."""
+    """The misfit of a touch, from the sums over its blocks and the pairs that they hold."""
     level, width, pressed, bounce, tilt = (float(v) for v in misfit)
     found = _typical(total, known)
     if found <= pressed:
@@ -110,13 +110,13 @@ def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
 
 
 def _typical(total: F4, known: F4) -> float:
-    """The root mean square that neighbours share, of the block in the middle."""
+    """The root mean square of the residual that neighbours share, in the median block."""
     plenty = known > BLOCK * BLOCK
     return float(np.sqrt(max(np.median(total[plenty] / known[plenty]), 0))) if plenty.any() else 0.0
 
 
 def _lag(misfit: Misfit, pixel: float) -> int:
-    """How many pixels apart neighbours are."""
+    """Distance in pixels between the neighbours that are compared."""
     return max(NEAREST_PX, round(float(misfit[1]) / pixel / 4))
 
 
@@ -130,7 +130,7 @@ def _left(
     lag: int,
     uneven: float,
 ) -> tuple[F4, F4]:
-    """By block, the products of what is not explained of neighbours, and how many count."""
+    """Per block, the sum of products of neighbouring residuals, and the number of pairs."""
     p, q = slope
     counts = (used == (1 << len(lights)) - 1) & (p * p + q * q > TILTED * TILTED)
     rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
@@ -150,14 +150,14 @@ def _left(
 
 
 def brighter(departs: F4, shown: F4, uneven: float) -> F4:
-    """Return by what share the film is brighter than light shows that departs by so much."""
+    """Return by what share the film is brighter than predicted, from the light's residuals."""
     noise = np.float32(NOISE * NOISE)
     share = brightness_share((shown * shown).sum(axis=0), noise, np.float32(uneven))
     return np.asarray((departs * shown).sum(axis=0) * share)
 
 
 def _reach(found: NDArray[np.bool_], lag: int) -> slice:
-    """Whole blocks around all that is found, and their neighbours; the first if nothing is."""
+    """The span of whole blocks around all finds, plus `lag`; the first block if there is none."""
     there = np.flatnonzero(found)
     first, last = (int(there[0]), int(there[-1])) if there.size else (0, 0)
     return slice(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK + lag)
@@ -165,7 +165,7 @@ def _reach(found: NDArray[np.bool_], lag: int) -> slice:
 
 @touch_misfit.opencl()
 def _launch(run: Launch) -> None:
-    """Blocks are added up on the device; which one is in the middle is found here."""
+    """Sum over blocks on the device; find the median on the host."""
     of, pixel = run.inputs, run.inputs["pixel"]
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     misfit = run.download(of["misfit"])
@@ -189,7 +189,7 @@ def _launch(run: Launch) -> None:
 
 @touch_misfit.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around a film that all light, but for some pixels; light that departs in patches."""
+    """LEDs around a film, all lit except at some pixels; the light departs in patches."""
     around = rng.uniform(0, 2 * np.pi, K)
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)

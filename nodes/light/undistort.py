@@ -1,4 +1,4 @@
-"""Bring images onto an even grid on the film, as a camera without distortion saw them."""
+"""Resample images to a regular grid on the film, as a camera without distortion sees it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def undistort(image: Light, lens: Lens) -> Light:
 
     The middle of the image stays where it is.  Values between pixels are interpolated by cubic
     convolution (`_bicubic`).  Ideal pixels that the camera does not see, at the border of an
-    image with pincushion distortion, repeat the nearest pixel that it does.  Without a lens the
-    images are returned unchanged, to the bit.
+    image with pincushion distortion, repeat the nearest pixel that it sees.  Without a lens the
+    images are returned unchanged, bit for bit.
 
     Parameters
     ----------

@@ -9,12 +9,12 @@ from tactograph.nodes.light.undistort import undistort
 
 @node(neutral="dark")
 def undistort_dark(dark: Dark, lens: Lens) -> Dark:
-    """Return what the camera sees with all LEDs off, as `undistort` does with images.
+    """Return the dark image, resampled as `undistort` resamples images.
 
     Parameters
     ----------
     dark
-        H x W.
+        H x W, all LEDs off.
     lens
         Length 8, as `read_lens` gives it.
     """

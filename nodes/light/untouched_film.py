@@ -1,4 +1,4 @@
-"""The surface before anything is known of it: the film at rest."""
+"""The surface before any measurement: the film at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Try out the LED controller: every LED in turn, then a cycle as a camera would see it."""
+"""Test the LED controller: every LED in turn, then a cycle as with a camera."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tactograph.nodes import Metrics
 from tactograph.nodes.live._led_controller import LedController, open_controller
 
 QUESTIONS = 20
-"""Answers whose times are compared."""
+"""Requests over which the round trip is measured."""
 
 
 class LedCheck(NamedTuple):
-    """What the controller is, and how well it does."""
+    """The controller's identity, and the measured figures."""
 
     controller: str
     figures: Metrics
@@ -33,37 +33,37 @@ def check_leds(
     cycles: Annotated[int, Interval(ge=1, le=10000)] = 15,
     timeout_s: Annotated[float, Interval(ge=0.05, le=10)] = 0.4,
 ) -> LedCheck:
-    """Light every LED for a while, then let them flash, and say what was found.
+    """Light every LED for a while, then let them flash, and report the measurements.
 
-    Watch the film meanwhile: LED 1 first, at the side that the calibration calls 1.
+    Watch the film meanwhile: LED 1 must light first, on the side that the calibration numbers 1.
 
     Parameters
     ----------
     port
         The controller's serial port; None: found by its USB id.
     leds
-        How many LEDs there have to be.
+        Number of LEDs that the controller must have.
     seconds_each
-        For how long each one is lit.
+        How long each LED is lit.
     rate_hz
-        Steps per second of the cycle, as the camera takes frames.
+        Steps of the cycle per second, equal to the camera's frame rate.
     cycles
-        How many cycles to run, a step in the dark at the end of each.
+        Number of cycles to run; each ends with a dark step.
     timeout_s
-        How long an answer may take.
+        Longest time that an answer may take.
 
     Returns
     -------
-    `controller` says who and where it is.  `figures`: ``leds``, ``round_trip_ms`` of a
-    request (median), ``clock_error_ms`` (by how much the host may be wrong about when a step
-    begins), ``jitter_ms`` (spread of the time that lines are under way), ``cycle_ms``
-    as timed by the controller, ``bad_lines`` (damaged, both ways), and ``conducts/led1`` and
-    so on, 1 or 0, where the board measures the current.
+    `controller` gives its firmware, id and port.  `figures`: ``leds``, ``round_trip_ms`` of a
+    request (median), ``clock_error_ms`` (uncertainty of the host about when a step begins),
+    ``jitter_ms`` (spread of the lines' transmission times), ``cycle_ms`` as timed by the
+    controller, ``bad_lines`` (damaged lines in both directions), and ``conducts/led1`` and so
+    on, 1 or 0, if the board measures the current.
 
     Raises
     ------
     InputError
-        If the controller is not found, does not answer, or is lost meanwhile.
+        If the controller is not found, does not answer, or is lost during the test.
     """
     with open_controller(port, timeout_s=timeout_s, leds=leds) as controller:
         conducts = _light_each(controller, leds, seconds_each)
@@ -80,7 +80,7 @@ def check_leds(
 
 
 def _light_each(controller: LedController, leds: int, seconds: float) -> dict[int, bool]:
-    """Whether each LED draws current; nothing where that is not measured."""
+    """Whether each LED draws current; empty if the board does not measure it."""
     conducts = {}
     for led in range(1, leds + 1):
         controller.set(led)
@@ -100,7 +100,7 @@ def _flash(controller: LedController, leds: int, step_s: float, cycles: int) -> 
     if controller.recoveries or last.cycle <= first.cycle:
         raise InputError(f"{controller.port}: the controller was lost, or does not keep its cycle")
     round_trips = [controller.status().round_trip_s for _ in range(QUESTIONS)]
-    # Steps since the start of the cycle, so that both moments are those of a step.
+    # Counted in steps, because both times are those of a step.
     steps = [status.cycle * (leds + 1) + status.step for status in (first, last)]
     step_us = (last.last_step_us - first.last_step_us) / (steps[1] - steps[0])
     return {

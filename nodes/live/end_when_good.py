@@ -21,25 +21,25 @@ def end_when_good(
     presses: Annotated[int, Ge(1)] = 3,
     presses_at_most: Annotated[int, Ge(1)] = 15,
 ) -> None:
-    """Print how good the calibration is after each press, and end when it is good enough.
+    """Print the quality of the calibration after each press, and end when it is good enough.
 
     Parameters
     ----------
     quality
-        ``heldout_normal_deg`` and ``heldout_height_um`` from `hold_out_presses`, where there
-        are two presses; ``film_covered_percent``; ``slopes_covered_percent`` where it is known.
+        ``heldout_normal_deg`` and ``heldout_height_um`` from `hold_out_presses`, from two
+        presses on; ``film_covered_percent``; ``slopes_covered_percent`` if known.
     advice
         What to press next.
     names
-        Of all presses so far.
+        Names of all presses so far.
     held_out_deg
-        The mean error of normals on presses that took no part, in degrees, that is good.
+        Largest mean error of normals on held-out presses, in degrees, that counts as good.
     film_percent
-        Share of the film's nine parts that has to be covered.
+        Share of the film's parts that must be covered.
     presses
-        So many have to be used at least: few that agree are no proof.
+        Fewest presses that must be used, because a few that agree prove nothing.
     presses_at_most
-        After so many it ends, however good it is.
+        Number of presses after which the calibration ends, however good it is.
 
     Raises
     ------

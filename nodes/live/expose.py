@@ -1,4 +1,4 @@
-"""What the camera makes of the light: lens, ambient light, noise, quantisation."""
+"""Simulate the camera: lens, ambient light, noise, quantisation."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ def expose(
 ) -> Exposed:
     """Return what a camera with an ideal linear sensor records of the light.
 
-    The mean number of electrons is the light times `full_well`; shot noise makes it a
-    Poisson number, the electronics add a Gaussian one; the result is clipped to full scale
-    and rounded to `bits`.  NumPy only: the noise must be the same for the same seed on every
-    machine, which device generators do not promise, and it is drawn once per capture.
+    The mean number of electrons is the light times `full_well`.  Shot noise makes it Poisson
+    distributed, and the electronics add Gaussian noise.  The result is clipped to full scale
+    and rounded to `bits`.  NumPy only, because the same seed must give the same noise on every
+    machine, which device generators do not promise; the noise is drawn once per capture.
 
     Parameters
     ----------
     light
         K x H x W, 1 is full scale.
     vignetting
-        Share of the light that the lens loses in the image's corners, growing with the
-        square of the distance from the centre.
+        Share of the light that the lens loses in the image's corners; it grows with the square
+        of the distance from the centre.
     ambient
         Light with all LEDs off, before the lens, as a share of full scale.
     full_well
-        Electrons at full scale; fewer are noisier.
+        Electrons at full scale; fewer give more noise.
     shot_noise
-        Whether the number of electrons is random.
+        Whether to add shot noise.
     read_noise
-        Standard deviation of the electronics, in electrons.
+        Standard deviation of the electronics' noise, in electrons.
     bits
         Bit depth; 0 to 2^bits - 1 become 0 to 1.
     seed

@@ -1,4 +1,4 @@
-"""Lead a person through the calibration of a one-shot sensor: the film, then ball after ball."""
+"""Guide a person through the calibration of a one-shot sensor: the film, then ball after ball."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from tactograph.nodes.live._watch_film import Guide, colours_at_rest, new_folder
 SMOOTH_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
 FINEST = 10
-"""Once no more presses make a finer map, it is fitted again after so many."""
+"""The map is fitted again after at most this many further presses."""
 
 
 class GuidedColourPresses(NamedTuple):
-    """P presses so far as `read_presses` has them, and the circles as `find_presses` has them."""
+    """The P presses so far as from `read_presses`, and their circles as from `find_presses`."""
 
     image: PressImages
     flat: Light
@@ -71,13 +71,12 @@ def guide_colour_presses(
 ) -> Iterator[GuidedColourPresses]:
     """Ask for one press after another; yield all so far whenever they allow a finer map.
 
-    A press is taken by itself: the light differs from that of the untouched film, and then is
-    still.  No key has to be pressed.  A press that shows no ball is reported and left out.  What
-    is asked for, and where to press next, appears on the terminal at once.
+    A press is captured automatically, once the light differs from that of the untouched film
+    and is still; no key is needed.  A press that shows no ball is reported and left out.
+    Instructions, and where to press next, appear on the terminal at once.
 
-    All images are kept beside `file`: ``mini_presses/untouched/film.png`` and
-    ``mini_presses/pressed/01/frame.png`` and so on for ``mini.npz``, which `calibrate_presses`
-    reads.
+    All images are kept beside `file`, where `calibrate_presses` can read them: for ``mini.npz``
+    ``mini_presses/untouched/film.png``, ``mini_presses/pressed/01/frame.png`` and so on.
 
     Parameters
     ----------
@@ -88,33 +87,33 @@ def guide_colour_presses(
     pixel_size_mm
         mm per px on the film.  None: the sensor's.
     file
-        The calibration that is to be written.
+        The calibration to write.
     lights
-        The colours in the order in which the calibration counts them.
+        The colours in the calibration's order.
     width_px, height_px
-        Size that the camera is asked for; None leaves it as the driver has it.
+        Image size to request from the camera; None keeps the driver's.
     warm_up_s
-        So long the LEDs warm up before the film at rest is taken.  None: the sensor's; simulated
-        LEDs are warm.
+        How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
+        none for simulated LEDs.
     presses_at_most
-        After so many nothing more is asked for.
+        Number of presses after which no more are asked for.
     still_s
-        For how long a press has to be held still.
+        How long a press must be held still.
     patience_s
-        So long a next press is waited for.
+        How long to wait for the next press.
 
     Returns
     -------
     GuidedColourPresses
-        After 4, 6, 12, 20 and 30 presses, after which the map's polynomials are of one degree
-        more, then after every 10, and at the end.
+        After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then
+        after every 10, and at the end.
 
     Raises
     ------
     InputError
         If the camera cannot be opened; if the pixel size is not known; if a colour stays dark;
-        if the film does not come to rest, or is not pressed 4 times; if there are presses
-        already.
+        if the film does not come to rest, or is not pressed 4 times; if the folder already holds
+        presses.
     """
     folder = new_folder(file)
     preset = None if sensor is None else read_preset(sensor)
@@ -162,7 +161,7 @@ def guide_colour_presses(
 
 
 def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
-    """x, y and contact radius in px; an error where there is no ball."""
+    """x, y and contact radius in px; raises an error if there is no ball."""
     (level,) = level_presses(press.image[None], flat)
     share = level / np.maximum(flat, np.float32(0.02))
     try:
@@ -173,7 +172,7 @@ def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
 
 
 def _is_finer(presses: int, before: int) -> bool:
-    """Whether so many presses allow a finer map than so many before, or are many more."""
+    """Whether `presses` allow a finer map than `before`, or are at least `FINEST` more."""
     if presses < FEWEST:
         return False
     return degree_for(presses) > degree_for(before) or presses >= before + FINEST or not before

@@ -1,4 +1,4 @@
-"""Lead a person through a calibration: the untouched film, then ball after ball."""
+"""Guide a person through a calibration: the untouched film, then ball after ball."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from tactograph.nodes.live._touch_stream import Stream
 from tactograph.nodes.live._watch_film import Guide, film_at_rest, new_folder, tell
 
 FULL, MOST_FULL = 0.998, 0.01
-"""Light that counts as saturated, and the share of pixels that may be."""
+"""Light that counts as saturated, and the largest share of saturated pixels."""
 SMALLEST_PX = 10.0
-"""Radius of a contact that holds enough pixels to fit an LED's light by."""
+"""Smallest radius of a contact with enough pixels to fit an LED's light."""
 
 
 class GuidedPresses(NamedTuple):
-    """P presses so far as `read_balls` has them, and the film as `read_flat` has it."""
+    """The P presses so far as from `read_balls`, and the film as from `read_flat`."""
 
     image: SheetLight
     first: Light
@@ -68,43 +68,43 @@ def guide_presses(
 ) -> Iterator[GuidedPresses]:
     """Ask for one press after another, and yield all presses so far after each.
 
-    The untouched film is taken with one LED lit after the other, and with none.  A press is
-    taken by itself: the light differs from that of the untouched film, and then is still.
-    No key has to be pressed.  A press that shows no ball is reported and left out.  What is asked
-    for appears on the terminal at once.
+    The untouched film is captured under one LED after the other, and with all LEDs off.  A press
+    is captured automatically, once the light differs from that of the untouched film and is
+    still; no key is needed.  A press that shows no ball is reported and left out.  Instructions
+    appear on the terminal at once.
 
-    All images are kept beside `file`: ``cal_presses/untouched``, ``cal_presses/dark.png`` and
-    ``cal_presses/pressed/01`` and so on for ``cal.npz``, which `calibrate` reads.
+    All images are kept beside `file`, where `calibrate` can read them: for ``cal.npz``
+    ``cal_presses/untouched``, ``cal_presses/dark.png``, ``cal_presses/pressed/01`` and so on.
 
     Parameters
     ----------
     camera, library, port, rate, exposure, gain, white_balance, bits, timeout_s
-        As for `read_camera`; the LEDs cannot do without their controller here.
+        As for `read_camera`; here the LEDs need their controller.
     ball_radius_mm
         The ball's radius.
     pixel_size_mm
         mm per px on the film.
     file
-        The calibration that is to be written.
+        The calibration to write.
     leds
-        How many LEDs there are.
+        Number of LEDs.
     width_px, height_px
-        Size that the camera is asked for; None leaves it as the driver has it.
+        Image size to request from the camera; None keeps the driver's.
     still_s
-        For how long a press has to be held still.
+        How long a press must be held still.
     patience_s
-        So long a next press is waited for.
+        How long to wait for the next press.
 
     Returns
     -------
     GuidedPresses
-        As `read_balls` and `read_flat` give them.
+        As `read_balls` and `read_flat` return them.
 
     Raises
     ------
     InputError
         If the camera or the controller cannot be opened; if an LED stays dark; if the film
-        does not come to rest, or is never pressed; if there are presses already.
+        does not come to rest, or is never pressed; if the folder already holds presses.
     """
     folder = new_folder(file)
     wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance)
@@ -137,7 +137,7 @@ def guide_presses(
 
 
 def _ball(press: Touch, film: Flat, pixel: float, radius_mm: float) -> Ball:
-    """Where the ball touches; an error if the press is of no use."""
+    """The ball's contact; raises an error if the press cannot be used."""
     full = float((press.image >= FULL).mean())
     if full > MOST_FULL:
         raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
@@ -151,7 +151,7 @@ def _ball(press: Touch, film: Flat, pixel: float, radius_mm: float) -> Ball:
 
 
 def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
-    """What is known of a press, so that its ball is searched for only once."""
+    """The known properties of a press, so that its ball is searched for only once."""
     x, y = ball.center.tolist()
     return CaptureFile(
         ball_radius_mm=radius_mm, ball_center_px=[x, y], ball_contact_px=ball.contact, bits=bits
@@ -159,7 +159,7 @@ def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
 
 
 def _save_film(folder: Path, image: Light, dark: Dark) -> None:
-    """Means of many frames: finer than the camera's own steps, so 16 bits."""
+    """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
     with whole_files(folder / "untouched") as target:
         for k, plane in enumerate(image, start=1):
             cv2.imwrite(str(target / f"led{k}.png"), _levels(plane))
@@ -172,7 +172,7 @@ def _levels(plane: F4) -> NDArray[np.uint16]:
 
 
 def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:
-    """A capture as `read_balls` reads it: the frames as they came, and what pressed."""
+    """Save a capture for `read_balls`: the raw frames, and the properties of the ball."""
     with whole_files(folder) as target:
         for led, data in frames.items():
             cv2.imwrite(str(target / f"led{led}.png"), data)

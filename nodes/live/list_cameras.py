@@ -1,4 +1,4 @@
-"""List the cameras there are."""
+"""List the connected cameras."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from tactograph.nodes.live._linux_camera import linuxpy
 def list_cameras() -> None:
     """Print device, name and serial number of every camera, its formats, sizes and rates.
 
-    ``camera=serial:...`` names one of them whatever it is plugged into.  Formats, sizes and
-    rates need linuxpy (``pip install tactograph[linux]``).  Industrial cameras, as
-    ``genicam:...``, need harvesters (``pip install tactograph[genicam]``) and their maker's GenTL
-    producer, where GENICAM_GENTL64_PATH says.
+    ``camera=serial:...`` selects a camera regardless of its port.  Formats, sizes and rates need
+    linuxpy (``pip install tactograph[linux]``).  Industrial cameras, as ``genicam:...``, need
+    harvesters (``pip install tactograph[genicam]``) and their maker's GenTL producer in
+    GENICAM_GENTL64_PATH.
 
     Raises
     ------
     InputError
-        If the system is not Linux, which alone tells of cameras this way, and there is no
-        GenTL producer.
+        If the system is not Linux, the only one that lists cameras this way, and no industrial
+        camera is found.
     """
     industrial = genicam_cameras() if os.environ.get(PRODUCERS) else []
     if sys.platform != "linux" and not industrial:
@@ -55,7 +55,7 @@ def list_cameras() -> None:
 
 
 def _formats(device: str) -> list[str]:
-    """A line per pixel format: sizes, and the fastest rate of each."""
+    """One line per pixel format: sizes, and the fastest rate of each."""
     video = linuxpy()
     lines: dict[str, list[str]] = {}
     try:

@@ -1,4 +1,4 @@
-"""How a stream of heights does: rate, latency, faults, error, memory."""
+"""Statistics of a stream of heights: rate, latency, faults, error, memory."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from tactograph.nodes import Height, Metrics
 from tactograph.nodes.live._frames import LiveState
 
 BIN_S = 1e-4
-"""Latencies are counted in bins of this width, so that hours of them need no memory."""
+"""Width of the bins that count latencies, so that memory does not grow with time."""
 LONGEST_S = 5.0
-"""Longer ones fall into the last bin."""
+"""Upper end of the last bin, which also counts longer latencies."""
 WARM_S = 2.0
-"""What happens before is left out: kernels are compiled and caches filled."""
+"""Time left out at the start, in which kernels are compiled and caches filled."""
 
 
 @node
@@ -39,22 +39,22 @@ def live_statistics(
     session: Session,
     provenance: Provenance,
 ) -> None:
-    """Count the heights of a stream, report while it runs, and sum up at its end.
+    """Count the heights of a stream, report while it runs, and summarise at its end.
 
     Parameters
     ----------
     height
         H x W in mm.
     time
-        The end of its newest exposure, s of ``time.monotonic()``.
+        The end of its newest exposure, in s of ``time.monotonic()``.
     state
-        What the stream has counted.
+        The stream's counters.
     truth
-        H x W in mm, where it is known: what the film was at the newest exposure.
+        H x W in mm, if known: the true height at the newest exposure.
     contact
-        Figures of the contacts, as `measure_contact` gives them.
+        Figures of the contacts, as `measure_contact` returns them.
     folder
-        Where ``result.json`` goes when the stream ends; None: nowhere.
+        Folder for ``result.json`` at the end of the stream.  None: it is not written.
     every_s
         Time between two lines on the terminal.
     """
@@ -63,7 +63,7 @@ def live_statistics(
 
 
 class Statistics:
-    """Running figures of a stream, in bounded memory."""
+    """Running statistics of a stream, in bounded memory."""
 
     def __init__(self, folder: Path | None = None, every_s: float = 1.0) -> None:
         self._folder = folder
@@ -89,7 +89,7 @@ class Statistics:
         provenance: Provenance | None = None,
         contact: Metrics | None = None,
     ) -> None:
-        """Count one height, which is ready now."""
+        """Count one height that has just been computed."""
         now = time.monotonic()
         self._state, self._provenance = state, provenance
         if now - self._begun < WARM_S:
@@ -137,7 +137,7 @@ class Statistics:
         return figures
 
     def close(self) -> None:
-        """Sum up: on the terminal, and in ``result.json``."""
+        """Write the summary to the terminal and to ``result.json``."""
         figures = self.figures()
         width = max(map(len, figures))
         for name, figure in figures.items():
@@ -176,12 +176,12 @@ class Statistics:
 
 
 def _of_all(figures: Metrics, name: str) -> list[float]:
-    """A figure of every contact."""
+    """The values of one figure for all contacts."""
     return [figure for key, figure in figures.items() if key.startswith(f"{name}/")]
 
 
 def resident_mib() -> float:
-    """Memory of this process in MiB; where only its peak can be known, that."""
+    """Memory of this process in MiB; its peak if only that is known."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except (OSError, ValueError, IndexError):

@@ -1,4 +1,4 @@
-"""Show a stream of touches: in a window where there is a screen, as PNG files where not."""
+"""Show a stream of touches: in a window if there is a screen, else as PNG files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tactograph.nodes.marker.track_markers import Seen, Shifts
 
 RATES_OVER_S = 2.0
 OLDEST_LATENCY_S = 10.0
-"""A touch that is older comes from a recording, whose clock is another one."""
+"""An older touch comes from a recording, which has a different clock."""
 CLOSING_KEYS = (27, ord("q"))
 Where = Literal["auto", "window", "files"]
 
@@ -51,18 +51,18 @@ def preview(
 ) -> None:
     """Show the height in colour, the camera's image, the shadow labels and the rates.
 
-    Where there is no screen, or an OpenCV without windows, the picture goes to
-    ``folder/latest.png``, which is always a whole file.  A window that the user closes (or
-    leaves with q or Escape) stays closed; the stream goes on.
+    Without a screen, or with an OpenCV without windows, the picture goes to
+    ``folder/latest.png``, which is always a complete file.  A window that the user closes
+    (also by q or Escape) stays closed; the stream goes on.
 
     Parameters
     ----------
     height
         H x W in mm.
     shadow
-        H x W, the shadowed LEDs.
+        H x W, the LEDs that do not reach each pixel.
     image
-        K x H x W; LED 1 is shown, or the colours, and under the labels the mean.
+        K x H x W; shown are LED 1, or the colours, and under the labels the mean.
     pixel
         mm per px.
     name
@@ -70,28 +70,28 @@ def preview(
     time
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
     state
-        What the camera counts.
+        The camera's counters.
     markers, shift, seen
-        Markers M x 3, as `find_markers` gives them, their shifts M x 2 and whether each is seen,
-        as `track_markers` does: arrows over the camera's image.
+        Markers M x 3 from `find_markers`, their shifts M x 2 and whether each is seen from
+        `track_markers`; drawn as arrows over the camera's image.
     lights
-        "bgr" or "rgb" where the lights are the colours of one picture, see `read_camera`.
+        "bgr" or "rgb" if the lights are the colours of one picture, see `read_camera`.
     where
-        "auto": a window if there can be one, else files.
+        "auto": a window if possible, else files.
     folder
         For the PNG files.
     rate_hz
         Most pictures per second; touches in between are not drawn.
     keep
-        So many of the latest pictures stay beside ``latest.png`` under their touch's name.
+        Number of latest pictures to keep beside ``latest.png``, named after their touches.
     top_mm
-        Where the height's colours end.  None: at the highest so far, rounded up.
+        Upper end of the height's colour scale.  None: the greatest height so far, rounded up.
 
     Raises
     ------
     InputError
-        If a window is asked for and there can be none, or the folder cannot be written when
-        the preview begins.
+        If a window is requested but impossible, or the folder cannot be written when the
+        preview begins.
     """
     shown = session.keep(lambda: _Preview(_open_screen(where, folder, keep), 1 / rate_hz))
     shown.count(time, state)
@@ -135,7 +135,7 @@ class _Window:
 
 
 class _Files:
-    """``latest.png`` and, under their touches' names, the pictures before it."""
+    """``latest.png`` and the pictures before it, named after their touches."""
 
     def __init__(self, folder: Path, keep: int) -> None:
         self._folder, self._keep = folder, keep
@@ -143,7 +143,7 @@ class _Files:
         self._wrote = False
 
     def show(self, picture: Picture, name: str) -> bool:
-        """Write it; False if that has become impossible."""
+        """Write it; False once writing has become impossible."""
         encoded = cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
         names = ["latest", name] if self._keep and name else ["latest"]
         try:
@@ -166,7 +166,7 @@ class _Files:
 
 
 class _Preview:
-    """Where the pictures go, when the next one is due, and the rates."""
+    """The pictures' destination, the time of the next one, and the rates."""
 
     def __init__(self, screen: _Window | _Files, pause: float) -> None:
         self._screen: _Window | _Files | None = screen
@@ -177,7 +177,7 @@ class _Preview:
         self._latency: float | None = None
 
     def count(self, time: float | None, state: LiveState | None) -> None:
-        """Note that a touch came, whose exposure ended at `time`."""
+        """Count a touch whose exposure ended at `time`."""
         now = clock.monotonic()
         self._came.append((now, state.frames if state else 0))
         while now - self._came[0][0] > RATES_OVER_S:
@@ -189,7 +189,7 @@ class _Preview:
         return self._screen is not None and clock.monotonic() >= self._due
 
     def top_of(self, height: Height) -> float:
-        """Where the colours end: it grows with the height and never shrinks."""
+        """Upper end of the colour scale, which grows with the height and never shrinks."""
         highest = float(height.max())
         self._top = max(self._top, round_up(highest) if highest > 0 else round_up(0.1))
         return self._top
@@ -233,7 +233,7 @@ def _open_screen(where: Where, folder: Path, keep: int) -> _Window | _Files:
 
 
 def _why_no_window() -> str | None:
-    # Asked before OpenCV is: without a display its Qt windows end the whole program.
+    # Checked before OpenCV is, because without a display its Qt windows end the whole program.
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):

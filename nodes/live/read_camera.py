@@ -1,4 +1,4 @@
-"""Read touches from a camera: its LEDs flash one after the other, or are colours lit at once."""
+"""Read touches from a camera whose LEDs flash in turn, or are lit at once in several colours."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def read_camera(
     """Yield a touch with every camera frame, for as long as the camera runs.
 
     A frame is matched to its LED by its image, which shows the film at rest under one of the
-    LEDs, and by the controller's clock; both have to agree.  What shows two LEDs, none, the
-    wrong one, or not the film at all is counted, reported and discarded.  Camera and controller
-    are opened again whenever they fail.
+    LEDs, and by the controller's clock; both must agree.  Frames that show two LEDs, none, the
+    wrong one, or not the film at all are counted, reported and discarded.  Camera and controller
+    are reopened whenever they fail.
 
-    Of a one-shot sensor, whose LEDs are colours and lit at once, every colour frame is a touch.
-    It has no controller, and `port`, `refresh`, `ambient` and `motion` mean nothing to it.
+    With a one-shot sensor, whose LEDs have different colours and are lit at once, every colour
+    frame is a touch.  It has no controller and ignores `port`, `refresh`, `ambient` and `motion`.
 
     Parameters
     ----------
@@ -65,27 +65,28 @@ def read_camera(
         ``simulated`` for a simulated sensor, with its scene behind a question mark:
         ``simulated?radius_mm=3&depth_mm=0.5``.
     sensor
-        A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of one's own: what its
-        camera is asked for, how its pictures are turned, cut and shrunk, in which order its
-        colours are counted.  A copy of ``nodes/live/sensors/gelsight_mini.yaml`` is a start.
+        A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of your own.  It gives
+        the camera's settings, how its pictures are rotated, cropped and scaled down, and the
+        order of its colours.  Start from a copy of ``nodes/live/sensors/gelsight_mini.yaml``.
     library
-        "opencv" opens the camera; "linuxpy" does so on Linux, and frames have the kernel's time
-        and number, and grey ones all of their bits (``pip install tactograph[linux]``).
+        "opencv" opens the camera.  "linuxpy" (Linux only) adds the kernel's time and number of
+        each frame, and all bits of grey frames (``pip install tactograph[linux]``).
     port
-        The LED controller's serial port; None: found by its USB id.  ``simulated``: one made
-        of software.  ``none``: the LEDs flash by themselves, and the image alone decides.
+        The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
+        software controller.  ``none``: the LEDs flash by themselves, and the image alone
+        decides.
     calibration
-        The sensor's calibration: its flat frame says what the film looks like.
+        The sensor's calibration; its flat frame shows the film at rest.
     rate
         Frames per second, and steps of the LEDs per second.
     lights
-        "leds": they flash.  "bgr" or "rgb": the colours of a frame are the lights, in the order
-        in which the calibration counts them.  None: "bgr" if the calibration is a one-shot
-        sensor's (`write_press_calibration`), else "leds".
+        "leds": they flash.  "bgr" or "rgb": the colours of a frame are the lights, in the
+        calibration's order.  None: "bgr" if the calibration is a one-shot sensor's
+        (`write_press_calibration`), else "leds".
     exposure, gain, white_balance
-        In the driver's units; None does not change them.  Automatic ones are turned off.
+        In the driver's units; None keeps the driver's values.  Automatic control is turned off.
     refresh
-        "rolling": each frame replaces the older one of its LED, a touch per frame.  "cycle":
+        "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
         a touch whenever all LEDs are new.
     ambient
         Whether the cycle has a step with all LEDs off, whose light is subtracted.
@@ -93,28 +94,28 @@ def read_camera(
         A touch whose light changes by more than the limit (1 is the film at rest) from one
         cycle to the next is counted as "moved", or skipped.
     bits
-        Bit depth, if the camera fills less than its 16-bit frames.
+        Bit depth, if the camera uses fewer bits than its 16-bit frames hold.
     queue
-        Frames that wait at most; when the reconstruction is slower than the camera, the
-        oldest are dropped.
+        Most frames that wait; when the reconstruction is slower than the camera, the oldest
+        are dropped.
     timeout_s
-        Time without a frame after which the camera is opened again.
+        Time without a frame after which the camera is reopened.
     seconds, items
-        End after so long, or so many touches.  None: never.
+        Time, or number of touches, after which to end.  None: never.
     whole
-        Whether frames of flashing LEDs may stay the camera's integers.
+        Whether frames of flashing LEDs may remain the camera's integers.
 
     Returns
     -------
     Touches: the light K x H x W as fractions of full scale, a running number as name, the end
-    of the newest exposure in s of ``time.monotonic()``, the frames that are new, what was
-    counted so far, and the true height where the sensor is simulated.
+    of the newest exposure in s of ``time.monotonic()``, the new frames, the counters so far,
+    and the true height if the sensor is simulated.
 
     Raises
     ------
     InputError
-        If at the start the calibration, the camera or the controller cannot be opened, or
-        the camera's size is not the calibration's; if there is no such sensor.
+        If at the start the calibration, the camera or the controller cannot be opened, or the
+        camera's image size differs from the calibration's; if there is no such sensor.
     """
     flat, dark, one_shot = calibrated_film(calibration)
     height, width = dark.shape
@@ -181,7 +182,7 @@ def _rehearsal(
     whole: bool,
     **_: Any,
 ) -> Touch:
-    """The film at rest, as the calibration knows it, and most cameras would show it."""
+    """The film at rest from the calibration, in the pixel type that most cameras deliver."""
     film = calibrated_film(calibration)
     flashes = (lights or ("bgr" if film.one_shot else "leds")) == "leds"
     if not (whole and flashes) or ambient or bits is not None:

@@ -32,7 +32,7 @@ PORT = 9876
 OPENING_S = 5.0
 """How long a viewer may take to open."""
 LOOK_EVERY_S = 1.0
-"""Pause between two looks whether the viewer is still there."""
+"""Time between two checks that the viewer is still open."""
 LOOK_S = 0.05
 FLUSH_S = 2.0
 """How long the end of the stream waits for a viewer that does not answer."""
@@ -65,10 +65,10 @@ def view_rerun(
 ) -> None:
     """Send touches to a Rerun viewer, write them to an ``.rrd`` file, or both.
 
-    The surface is in mm, x right, -y up, z towards the camera.  Beside it stand the height as
-    an image whose values can be read off, its section through the highest point with its 90 %
-    band, the LEDs' images, the shadow labels, and over time the milliseconds of every node,
-    the latency and the metrics.  Needs ``pip install tactograph[rerun]``.
+    The surface is in mm, x right, -y up, z towards the camera.  Beside it are the height as an
+    image with readable values, a section through the highest point with its 90 % band, the
+    LEDs' images, the shadow labels, and over time the milliseconds of every node, the latency
+    and the metrics.  Needs ``pip install tactograph[rerun]``.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def view_rerun(
     name
         The touch's name.
     shadow
-        H x W, the shadowed LEDs.
+        H x W, the LEDs that do not reach each pixel.
     error
         H x W, the height's standard deviation in mm.
     metrics
@@ -89,24 +89,24 @@ def view_rerun(
     time
         When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
     markers, shift
-        M x 3 and M x 2 in px, as `track_markers` has them: arrows over the image of LED 1.
+        M x 3 and M x 2 in px, as from `track_markers`; drawn as arrows over the image of LED 1.
     lights
-        "bgr" or "rgb" where the lights are the colours of one picture, which is sent as one.
+        "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one.
     viewer
-        "spawn": open one on this screen, or use the one that is open.  "connect": to the one
-        at `url`, here or elsewhere.  "none": only the file.
+        "spawn": open a viewer on this screen, or use the one that is open.  "connect": use the
+        one at `url`, here or elsewhere.  "none": only the file.
     url
-        Of the viewer to connect to.
+        Address of the viewer.
     file
-        An ``.rrd`` file to write.  None: none.
+        An ``.rrd`` file to write.  None: no file.
     file_gb
-        What the file may take, near enough; after that nothing is added to it.
+        Approximate largest size of the file; beyond it, nothing more is sent.
     rate_hz
-        Most touches per second that are sent on.
+        Most touches per second that are sent.
     image_step
-        The LEDs' images and the labels are sent smaller by this factor.
+        Factor by which the LEDs' images and the labels are reduced.
     surface_step
-        Every such row and column becomes a vertex of the surface.
+        Spacing in px of the rows and columns whose pixels become vertices of the surface.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def rerun() -> Any:
 
 
 def _open(viewer: Viewer, url: str, file: Path | None, lights: Lights) -> Any:
-    """A recording stream that goes where it should."""
+    """A recording stream to the requested viewer and file."""
     rr = rerun()
     if viewer == "none" and file is None:
         raise InputError("view_rerun: viewer=none needs a file to write, such as file=live.rrd")
@@ -190,7 +190,7 @@ def _spawn(rr: Any) -> None:
 
 
 def _viewer_sink(rr: Any, url: str) -> Any:
-    """The way to the viewer; one that is not there is missed now, not seconds later."""
+    """The connection to the viewer; a missing viewer raises an error at once, not seconds later."""
     try:
         _reach(url, OPENING_S)
         return rr.GrpcSink(url)
@@ -202,7 +202,7 @@ def _viewer_sink(rr: Any, url: str) -> Any:
 
 
 def _reach(url: str, patience_s: float) -> None:
-    """Raise an OSError if nothing listens there, a ValueError if it is no address."""
+    """Raise an OSError if nothing listens there, a ValueError if `url` is not an address."""
     place = urlsplit(url)
     if place.hostname is None:
         raise ValueError("no address of a viewer, such as rerun+http://127.0.0.1:9876/proxy")
@@ -257,7 +257,7 @@ def _layout(lights: Lights) -> Any:
 
 
 class _Stream:
-    """A Rerun recording, and what is only sent once or not too often."""
+    """A Rerun recording, with the state of what is sent only once or at a limited rate."""
 
     def __init__(
         self, recording: Any, url: str | None, file: Path | None, most_bytes: float, pause: float
@@ -285,7 +285,7 @@ class _Stream:
         return True
 
     def _look(self, url: str) -> None:
-        """Say so if the viewer was closed; Rerun itself takes what comes and says nothing."""
+        """Warn if the viewer was closed, because Rerun itself does not report it."""
         try:
             _reach(url, LOOK_S)
         except OSError:
@@ -296,7 +296,7 @@ class _Stream:
         self._recording.log(path, *what, static=static)
 
     def begin(self, age: float | None) -> None:
-        """What follows belongs to one touch, exposed `age` seconds ago."""
+        """Begin a touch that was exposed `age` seconds ago."""
         self._touches += 1
         self._recording.set_time("touch", sequence=self._touches)
         self._recording.set_time("time", timestamp=clock.time() - (age or 0.0))
@@ -388,7 +388,7 @@ class _Stream:
 
 
 def _classes(count: int, lights: Lights) -> list[Any]:
-    """Name and colour of every label: one LED or colour, or several."""
+    """Name and colour of every label, for single LEDs or colours and for combinations."""
     rr = rerun()
     found = [rr.AnnotationInfo(0, "lit", (40, 40, 40))]
     for label in range(1, 1 << count):

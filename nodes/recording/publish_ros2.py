@@ -1,4 +1,4 @@
-"""Publish touches on topics of ROS 2."""
+"""Publish touches on ROS 2 topics."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def publish_ros2(
     provenance: Provenance,
     session: Session,
 ) -> None:
-    """Publish heights, contacts, markers and diagnostics on topics of ROS 2.
+    """Publish heights, contacts, markers and diagnostics on ROS 2 topics.
 
     The topics are those of `write_mcap`, below the namespace: ``tactograph/height`` and so on;
-    ``/diagnostics`` stays where ROS looks for it.  What nobody subscribes to is not sent.  Needs
+    ``/diagnostics`` stays where ROS expects it.  Topics without subscribers are not sent.  Needs
     a ROS 2 whose setup file is sourced.
 
     Parameters
@@ -45,12 +45,12 @@ def publish_ros2(
     height, image, pixel, name, shadow, metrics, time, contact, markers, shift, seen, points_step
         As for `write_mcap`.
     node_name, namespace
-        What ROS calls it; another for each sensor.
+        Its name in ROS, which must differ between sensors.
 
     Raises
     ------
     InputError
-        If ROS is not installed, or refuses the name.
+        If ROS is not installed or rejects the name.
     """
     sensor = session.keep(lambda: _Sensor(RosNode(node_name, namespace)))
     touch = TouchParts(height, image, pixel, name, shadow, contact, metrics, markers, shift, seen)

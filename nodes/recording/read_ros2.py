@@ -1,4 +1,4 @@
-"""Read touches from a topic of ROS 2 on which a camera driver publishes images."""
+"""Read touches from a ROS 2 topic on which a camera driver publishes images."""
 
 from __future__ import annotations
 
@@ -35,37 +35,38 @@ def read_ros2(
     seconds: Annotated[float, Gt(0)] | None = None,
     items: Annotated[int, Ge(1)] | None = None,
 ) -> Iterator[Touch]:
-    """Yield a touch whenever an image of every LED is new.
+    """Yield a touch whenever every LED has a new image.
 
-    Images are sensor_msgs/Image, ``mono8`` or ``mono16``, and ``header.frame_id`` says which
-    LED is lit: ``led1`` to ``ledK``.  Of a one-shot sensor every image, ``bgr8``, ``rgb8``, or
-    of 16 bits, is a touch.  What is neither is left out, with a warning.  Needs a ROS 2 whose
-    setup file is sourced.
+    Images are sensor_msgs/Image, ``mono8`` or ``mono16``, and ``header.frame_id`` names the lit
+    LED: ``led1`` to ``ledK``.  With a one-shot sensor every image (``bgr8``, ``rgb8``, or 16
+    bits) is a touch.  Other images are left out with a warning.  Needs a ROS 2 whose setup file
+    is sourced.
 
     Parameters
     ----------
     calibration
-        The sensor's; says how many LEDs there are, and whether it is a one-shot sensor's.
+        The sensor's calibration; it gives the number of LEDs and whether it is a one-shot
+        sensor.
     topic
-        Of the images; below the namespace unless it begins with a slash.
+        Topic of the images, below the namespace unless it begins with a slash.
     node_name, namespace
-        What ROS calls it.
+        Its name in ROS.
     lights
-        Of a one-shot sensor: the order in which the calibration counts the colours.
+        For a one-shot sensor: the calibration's order of the colours.
     bits
-        Bit depth, if the camera fills less than its 16-bit images.
+        Bit depth, if the camera uses fewer bits than its 16-bit images hold.
     seconds, items
-        End after so long, or so many touches.  None: never.
+        Time, or number of touches, after which to end.  None: never.
 
     Returns
     -------
     Touches as `read_camera` yields them, but `new` is empty and no faults are counted.  `time`
-    is the image's stamp, counted as ``time.monotonic()`` counts.
+    is the image's stamp, converted to the clock of ``time.monotonic()``.
 
     Raises
     ------
     InputError
-        If ROS is not installed or refuses a name, or the calibration cannot be read.
+        If ROS is not installed or rejects a name, or the calibration cannot be read.
     """
     film = calibrated_film(calibration)
     touches = RosTouches(film, lights, bits)
@@ -86,17 +87,17 @@ def read_ros2(
 
 @read_ros2.rehearsal
 def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
-    """The film at rest, as the calibration knows it."""
+    """The film at rest, from the calibration."""
     return calibrated_film(calibration).touch
 
 
 class RosTouches:
-    """Makes touches of images; knows no ROS but the fields of its images.
+    """Makes touches from images; of ROS it only uses the fields of its images.
 
     Parameters
     ----------
     film
-        How many LEDs there are, of which size images have to be, whether all LEDs are lit.
+        Gives the number of LEDs, the image size, and whether all LEDs are lit at once.
     lights, bits
         As for `read_ros2`.
 
@@ -114,7 +115,7 @@ class RosTouches:
         self._state = LiveState()
 
     def take(self, image: Any) -> Touch | None:
-        """Take a sensor_msgs/Image; the touch if it is whole with it."""
+        """Take a sensor_msgs/Image; return the touch if this completes it."""
         self._state.frames += 1
         try:
             light = self._light(image)

@@ -36,44 +36,44 @@ def record(
     provenance: Provenance,
     session: Session,
 ) -> None:
-    """Record the frames behind a touch as MCAP files, which `replay`, Foxglove and ROS 2 read.
+    """Record the frames of a touch as MCAP files, which `replay`, Foxglove and ROS 2 read.
 
-    ``folder/000001_<start>.mcap`` and so on.  A frame is a sensor_msgs/Image on the topic
-    ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off, ``/colour/image_raw`` of a
-    one-shot sensor), stamped with the end of its exposure; after the frames of a touch comes
-    its name and the camera's state as JSON on ``/touch``.  When this function returns, a kill
-    of the program loses none of it, unless the disk has not taken it within a quarter of a
-    second; a power cut loses what the disk has not yet been asked to keep, see `sync_ms`.
+    The files are ``folder/000001_<start>.mcap`` and so on.  A frame is a sensor_msgs/Image on
+    the topic ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off, ``/colour/image_raw``
+    for a one-shot sensor), stamped with the end of its exposure.  The frames of a touch are
+    followed by its name and the camera's state as JSON on ``/touch``.  Once this function
+    returns, killing the program loses none of the touch, unless the disk has not taken it within
+    a quarter of a second.  A power cut loses what has not yet been synced, see `sync_ms`.
 
-    A disk that is slow, full or gone does not stop the stream: touches are left out, which is
-    said in one line and counted, and recording goes on once the disk does.
+    A disk that is slow, full or gone does not stop the stream: touches are left out, with one
+    warning and a count, and recording resumes when the disk does.
 
     Parameters
     ----------
     new
-        The frames that came since the touch before, each H x W or H x W x 3, 8 or 16 bit.
+        The frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit.
     image
-        K x H x W; tells how many LEDs there are.
+        K x H x W; gives the number of LEDs.
     name
         The touch's name.
     state
-        What the camera counts, written beside each touch.
+        The camera's counters, written with each touch.
     folder
-        Made if needed.  A recording that is there already is continued in new files.
+        Created if needed.  An existing recording is continued in new files.
     file_mb, file_minutes
-        A new file is begun when one is as large, or as old.
+        Size and duration after which a new file begins.
     total_gb
-        What all files in the folder may take together.
+        Largest total size of all files in the folder.
     when_full
-        At that limit "stop" recording, or let the "oldest" file go.
+        At that limit, "stop" recording or delete the "oldest" file.
     sync_ms
-        Least pause between two orders to the disk to keep what was written: what a power cut
-        may cost.  0: after each touch, or as often as the disk manages.
+        Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
+        touch, or as often as the disk manages.
     queue_mb
         Memory for touches that wait for the disk.
     wait
-        Let the stream wait for a slow disk, instead of leaving touches out: for streams that
-        are not live.
+        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
+        not live.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def record(
 
 
 class _Recording:
-    """The log, and what turns the camera's clock into the time of day."""
+    """The log, and the offset from the camera's clock to the time of day."""
 
     def __init__(self, folder: Path, limits: Limits, *, leds: int, provenance: Provenance) -> None:
         self._offset = time.time_ns() - time.monotonic_ns()

@@ -1,4 +1,4 @@
-"""Replay a recording: the frames of `record`, put together to touches again."""
+"""Replay a recording: assemble the frames of `record` into touches again."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from tactograph.nodes.recording.record import FORMAT
 
 TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 LOOK_AHEAD = 40
-"""Frames from which the camera's rate is found."""
+"""Frames from which the camera's rate is estimated."""
 LONGEST_PAUSE_S = 1.0
-"""Longer pauses, as between two recordings in one folder, are not waited for."""
+"""Longer pauses, as between two recordings in one folder, are skipped."""
 
 
 @node
@@ -44,18 +44,18 @@ def replay(
     speed: Annotated[float, Ge(0)] = 1.0,
     refresh: Refresh = "rolling",
 ) -> Iterator[Touch]:
-    """Yield the touches of a recording, as the camera's source did or otherwise assembled.
+    """Yield the touches of a recording, assembled as in the live stream or differently.
 
     No touch is left out: a graph that is slower than `speed` falls behind.  A recording whose
-    end is missing, as after a power cut, is replayed as far as it goes, with a warning.
+    end is missing, as after a power cut, is replayed up to that point, with a warning.
 
     Parameters
     ----------
     recording
-        An ``.mcap`` file of `record`, or the folder of them, which are taken in their order.
+        An ``.mcap`` file of `record`, or the folder of such files, which are read in order.
     calibration
-        For recordings that hold frames with all LEDs off: what of those is the camera's own
-        dark, which the graph takes off by itself.
+        For recordings that hold frames with all LEDs off: gives the camera's own dark image,
+        which the graph subtracts by itself.
     speed
         1: at the recorded pace; 2: twice as fast; 0: as fast as possible.
     refresh
@@ -64,13 +64,13 @@ def replay(
 
     Returns
     -------
-    Touches as `read_camera` yields them.  `time` is counted as ``time.monotonic()`` counts on
-    this computer now, so that it is negative for what was recorded before its start.
+    Touches as `read_camera` yields them.  `time` is converted to this computer's present clock
+    of ``time.monotonic()``, so it is negative for frames recorded before the clock's start.
 
     Raises
     ------
     InputError
-        If there is no recording there, or a file is none of `record`.
+        If there is no recording, or a file was not written by `record`.
     """
     source = _Recording(recording)
     frames = source.frames()
@@ -87,7 +87,7 @@ def replay(
 def _paced(
     source: _Recording, frames: Iterator[RawFrame], pace: _Pace, one_shot: bool
 ) -> Iterator[RawFrame]:
-    """Let each frame wait until it is due; all are of one kind of sensor."""
+    """Yield each frame when it is due; refuse a mix of both kinds of sensor."""
     for frame in frames:
         if (frame.led == ALL_LIT) != one_shot:
             raise InputError(
@@ -99,7 +99,7 @@ def _paced(
 
 
 def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[Touch]:
-    """Every colour frame is a touch."""
+    """Yield every colour frame as a touch."""
     state = LiveState(settings=source.settings)
     before: int | None = None
     for frame in frames:
@@ -116,7 +116,7 @@ def _flashed(
     calibration: Path | None,
     refresh: Refresh,
 ) -> Iterator[Touch]:
-    """The newest frames of all LEDs are a touch."""
+    """Yield the newest frames of all LEDs as touches."""
     state = LiveState(settings=source.settings)
     new: list[RawFrame] = []
     assembler = _assembler(source, first, calibration, refresh)
@@ -148,35 +148,35 @@ def _touch(
 
 
 def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
-    """The lights of a one-shot sensor's frame, in the order that the camera was read in."""
+    """The lights of a one-shot sensor's frame, in the order used while recording."""
     bits = settings.get("bits")
     top = float(2**bits - 1 if bits else np.iinfo(frame.data.dtype).max)
     return planes_of(frame.data, "rgb" if settings.get("lights") == "rgb" else "bgr", top)
 
 
 class _Recording:
-    """The frames of one or several files, and what stands beside them.
+    """The frames of one or several files, and the data stored with them.
 
     Attributes
     ----------
     path
-        Of the file, or of the folder.
+        The file, or the folder.
     leds
-        How many there are; known with the first frame.
+        Number of LEDs; known from the first frame on.
     settings
-        The camera's, as far as they have been read.
+        The camera's settings, as far as they have been read.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._files = _files(path)
-        # From the time of day back to this computer's clock.
+        # From this computer's monotonic clock to the time of day.
         self._offset = time.time_ns() - time.monotonic_ns()
         self.leds = 0
         self.settings: dict[str, Any] = {}
 
     def frames(self) -> Iterator[RawFrame]:
-        """Yield the frames in the files' order; warn of what was lost."""
+        """Yield the frames in the order of the files; warn of lost data."""
         for path in self._files:
             file = McapFile(path)
             count = 0
@@ -230,13 +230,13 @@ class _Recording:
             state = json.loads(message.body.data)["state"]
             settings = None if state is None else dict(state["settings"])
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            return  # it says what the camera was set to, and no more
+            return  # a touch without readable settings is no reason to stop
         if settings is not None and settings.get("bits") in (None, *range(1, 17)):
             self.settings = settings
 
 
 class _Pace:
-    """Lets a recording's time pass at some speed."""
+    """Paces a recording at a given speed."""
 
     def __init__(self, speed: float) -> None:
         self._speed = speed
@@ -244,7 +244,7 @@ class _Pace:
         self._before = 0.0
 
     def wait(self, recorded: float) -> None:
-        """Return when a frame is due that was exposed at `recorded`."""
+        """Wait until a frame that was exposed at `recorded` is due."""
         if not self._speed:
             return
         now = time.monotonic()
@@ -270,7 +270,7 @@ def _files(path: Path) -> list[Path]:
 def _assembler(
     source: _Recording, frames: list[RawFrame], calibration: Path | None, refresh: Refresh
 ) -> Assembler:
-    """An assembler for frames such as these; nobody asks it for motion, so any film will do."""
+    """An assembler for such frames; since it is not asked for motion, any film will do."""
     shape = frames[0].data.shape
     dark = np.zeros(shape, np.float32)
     if calibration is not None:

@@ -39,15 +39,15 @@ def write_mcap(
     provenance: Provenance,
     session: Session,
 ) -> None:
-    """Write heights, images and diagnostics as messages of ROS 2 into ``folder/*.mcap``.
+    """Write heights, images and diagnostics as ROS 2 messages into ``folder/*.mcap``.
 
-    The topics of a touch: ``/height`` (sensor_msgs/Image 32FC1, metres, as ROS wants it),
-    ``/points`` (sensor_msgs/PointCloud2, metres), ``/shadow`` (mono8, a
-    bit per LED), ``/contact`` (mono8, the contact's number), ``/contacts`` (PointCloud2, a point
-    per contact with its figures, metres and radians), ``/markers`` (PointCloud2, a point per
-    marker with its shift, metres), ``/led<k>/image`` (mono8), ``/diagnostics`` (diagnostic_msgs:
-    milliseconds per node, metrics, warnings) and ``/touch`` (std_msgs/String, its name).  All of
-    a touch bear the same stamp.
+    The topics of a touch: ``/height`` (sensor_msgs/Image 32FC1, in metres by ROS convention),
+    ``/points`` (sensor_msgs/PointCloud2, metres), ``/shadow`` (mono8, a bit per LED),
+    ``/contact`` (mono8, the contact's number), ``/contacts`` (PointCloud2, a point per contact
+    with its figures, metres and radians), ``/markers`` (PointCloud2, a point per marker with its
+    shift, metres), ``/led<k>/image`` (mono8), ``/diagnostics`` (diagnostic_msgs: milliseconds
+    per node, metrics, warnings) and ``/touch`` (std_msgs/String, its name).  All messages of a
+    touch have the same stamp.
 
     Parameters
     ----------
@@ -60,29 +60,30 @@ def write_mcap(
     name
         The touch's name.
     shadow
-        H x W, the shadowed LEDs.
+        H x W, the LEDs that do not reach each pixel.
     metrics
-        Figures for the diagnostics; those of `measure_contact` make up ``/contacts``, too.
+        Figures for the diagnostics; those of `measure_contact` also make up ``/contacts``.
     time
         When the newest frame was exposed, in seconds of ``time.monotonic()``; without it the
         stamp is the time of writing.
     contact
         H x W, the number of the contact at each pixel.
     markers, shift, seen
-        M x 3 and M x 2 in px, and M, as `find_markers` and `track_markers` give them.
+        M x 3 and M x 2 in px, and M, as `find_markers` and `track_markers` return them.
     folder
-        Made if needed.  What is there already is continued in new files.
+        Created if needed.  An existing export is continued in new files.
     points_step
-        Every such row and column of the height becomes points; 0: no point cloud.
+        Spacing in px of the rows and columns of the height that become points; 0: no point
+        cloud.
     file_mb
-        A new file is begun when one is as large.
+        Size at which a new file begins.
     total_gb
-        What all files in the folder may take together.
+        Largest total size of all files in the folder.
     when_full
-        At that limit "stop" writing, or let the "oldest" file go.
+        At that limit, "stop" writing or delete the "oldest" file.
     wait
-        Let the stream wait for a slow disk, instead of leaving touches out: for streams that
-        are not live.
+        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
+        not live.
 
     Raises
     ------

@@ -25,7 +25,7 @@ from tactograph.nodes.shadow._pieces import PIECE
 
 if TYPE_CHECKING:
     from tactograph.nodes.shadow._pieces import Choice, Images, Pixels, Room
-    from tactograph.nodes.shadow.label_lights import Made, Rules
+    from tactograph.nodes.shadow.label_lights import Labelled, Rules
 
 Vector = tuple[np.float32, np.float32, np.float32]
 Symmetric = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np.float32]
@@ -65,7 +65,7 @@ INFINITE = np.float32(np.inf)
 
 @compiled
 def label(
-    first: int, last: int, images: Images, prior: F4, rules: Rules, room: Room, made: Made
+    first: int, last: int, images: Images, prior: F4, rules: Rules, room: Room, made: Labelled
 ) -> None:
     """Label some rows."""
     columns, most = images.x.size, room.best.cost.size
@@ -464,7 +464,7 @@ def _add_squares(v: F4, n: F4, light: F4, weight: F4, count: int, sums: F4) -> N
 
 
 @compiled
-def _write(rules: Rules, room: Room, row: int, start: int, count: int, made: Made) -> None:
+def _write(rules: Rules, room: Room, row: int, start: int, count: int, made: Labelled) -> None:
     """Enter what is wanted of a piece of a row."""
     best = room.best
     _write_slope(best.normal, rules.steepest, row, start, count, made.slope)

@@ -1,4 +1,4 @@
-"""Where a height keeps the light of each LED away from itself."""
+"""Find the shadows that a height casts under each LED."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def cast_shadows(
     *,
     reach_px: Annotated[int, Interval(ge=0, le=32)] = 3,
 ) -> Labels:
-    """March from every pixel towards every LED, and see whether the surface rises above the ray.
+    """March from every pixel towards every LED; test whether the surface rises above the ray.
 
-    Labels from the image alone err where a shadow begins, light being weak there; the shadow
-    that the height casts is sharper, provided that the height is right.  So the two are asked
-    together: a pixel is in shadow if the height says so, and the image agrees near by.
+    Labels from the image alone err where a shadow begins, because light is weak there.  The
+    shadow that the height casts is sharper, if the height is right.  So both are combined: a
+    pixel is in shadow if the height casts one and the image shows one near by.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def cast_shadows(
     pixel
         mm per px.
     seen
-        H x W, the shadows in the image; without it the height decides alone.
+        H x W, the shadows in the image; without it the height alone decides.
     reach_px
-        How many pixels away, along both axes, the image may show the shadow.
+        Largest distance in px, along each axis, at which the image may show the shadow.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def cast_shadows(
 
 @cast_shadows.opencl()
 def _launch(run: Launch) -> None:
-    """The top of the surface, above which no ray need be followed, and of each block; the rays."""
+    """Find the highest point of the surface, where rays end, and of each block; cast the rays."""
     height, out = run.inputs["height"], run.outputs["cast_shadows"]
     rows, columns = shape = run.sizes["H"], run.sizes["W"]
     top, blocks = run.scratch((1,)), (-(-rows // BLOCK), -(-columns // BLOCK))

@@ -12,9 +12,9 @@ from tactograph.nodes.light._lens import is_straight, nearest_ideal
     tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
 )
 def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
-    """Return the confidence in the labels that each pixel of the camera sees.
+    """Return the confidence in the labels at each pixel of the camera.
 
-    It is that of the nearest ideal pixel, as with `labels_as_seen`.  Without a lens it is
+    It is that of the nearest ideal pixel, as in `labels_as_seen`.  Without a lens it is
     returned unchanged.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Find where one LED is mirrored by the film, and leave its light out."""
+"""Find where the film mirrors an LED, and exclude that light."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tactograph.nodes.light._near_light import expected_light, light_vectors
 from tactograph.nodes.shadow._pieces import images_of, room_for
 
 FEWEST = 3
-"""LEDs that have to remain: two would leave two normals."""
+"""LEDs that must remain: two would allow two normals."""
 UNKNOWN = np.float32(1e3)
-"""Standard deviation of a light that says nothing."""
+"""Standard deviation of a light that carries no information."""
 
 
 class Highlights(NamedTuple):
-    """The LEDs that are mirrored, and the deviations with which their light counts no more."""
+    """The mirrored LEDs, and standard deviations by which their light no longer counts."""
 
     highlight: Labels
     sigma: Light
@@ -51,15 +51,15 @@ def label_highlights(
     excess: Annotated[float, Gt(0)] = 4.0,
     lobe_deg: Annotated[float, Interval(gt=0, le=90)] = 20.0,
 ) -> Highlights:
-    """Mark the LED whose light exceeds what the others allow, where it could be mirrored.
+    """Mark the LED whose light exceeds what the others predict, where it could be mirrored.
 
     The idea is Barsky and Petrou's ("The 4-source photometric stereo technique for
     three-dimensional surfaces in the presence of highlights and shadows", 2003): with four
-    LEDs any three tell what the fourth should give.  Where all of them together fit no unit
-    normal (`_near_light`, N1), each is left out in turn.  The one without which the others
-    fit best is a highlight if they fit well, it is brighter than they predict, and their
-    normal lies near the direction half-way between LED and camera.  Where it is darker it is
-    a shadow, which is `label_lights`' to find.  With three LEDs nothing is marked.
+    LEDs any three predict the fourth.  Where no unit normal fits all of them (`_near_light`,
+    N1), each LED is left out in turn.  The one without which the others fit best is a
+    highlight if the others fit well, it is brighter than they predict, and their normal lies
+    near the direction half-way between LED and camera.  A darker LED is in shadow;
+    `label_lights` finds it.  With three LEDs nothing is marked.
 
     Parameters
     ----------
@@ -76,15 +76,15 @@ def label_highlights(
     likely
         Chi-square of the others below which they agree.
     excess
-        By how many standard deviations a highlight is brighter than predicted.
+        Standard deviations by which a highlight is at least brighter than predicted.
     lobe_deg
         Largest angle between the normal and the half-way direction.
 
     Returns
     -------
     Highlights
-        H x W, bit k-1 where LED k is mirrored; K x H x W, `sigma`, but 1000 there, so that
-        `label_lights` leaves that light out without calling it a shadow.
+        H x W, bit k-1 set where LED k is mirrored; K x H x W, `sigma`, raised to 1000 there,
+        so that `label_lights` ignores that light without calling it a shadow.
     """
     from tactograph.nodes.shadow._highlight_loops import mark
 
@@ -110,7 +110,7 @@ label_highlights.opencl(grid="H W", lanes="grid")
 
 @label_highlights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """A film in slopes of all kinds under LEDs around it, some of it mirroring or in shadow."""
+    """Random slopes under LEDs around the film, with highlights and shadows here and there."""
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     places_mm = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])

@@ -1,8 +1,7 @@
-"""Tell for each pixel which LEDs light it, and find its slope from those."""
+"""Find which LEDs light each pixel, and from their light its slope."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -50,17 +49,6 @@ class Rules(NamedTuple):
     sets: NDArray[np.int64]
 
 
-class Made(NamedTuple):
-    """The node's outputs; those that nobody wants are empty."""
-
-    slope: F4
-    twin: F4
-    variance: F4
-    used: NDArray[np.uint8]
-    shadow: NDArray[np.uint8]
-    misfit: F4
-
-
 @node(
     tolerance=Flips(
         2e-3, 2e-3, 2e-3, why="sets of LEDs that explain a pixel equally well, nearly singular sets"
@@ -84,24 +72,25 @@ def label_lights(
     steepest: Annotated[float, Gt(0)] = 30.0,
     wanted: Wanted = EVERYTHING,
 ) -> Labelled:
-    """Return the slope and the LEDs that explain a pixel's light best.
+    """Return the slope and the LEDs that explain each pixel's light best.
 
-    The light relative to the film at rest is n.v_k with |n| = 1 (`_near_light`, N1), where
-    LED k reaches.  An LED below ``floor`` standard deviations does not.  Of the sets of the
-    others without none, one or two of them, the one of least
+    The light of an LED k that reaches the pixel, relative to the film at rest, is n.v_k with
+    |n| = 1 (`_near_light`, N1).  LEDs darker than ``floor`` standard deviations are excluded.
+    Among the remaining LEDs, every subset that leaves out none, one or two (``dark``) is
+    tried.  The subset of least cost wins::
 
         sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
         + sum over left out max((m_k - n.v_k) / spread_k + one_sided, 0)^2 + (m_k / 0.1)^2
 
-    wins: a shadow costs, and has to be dark, though none is quite black: spread_k is sigma_k
-    and 1.5 % of the film's light.  Three LEDs or more give n by linear least
-    squares, scaled to |n| = 1, and a Gauss-Newton step in the tangent plane; two give the
-    two unit normals that fit exactly.
+    Each LED left out costs ``price``, and its light must be dark.  Shadows are not perfectly
+    black: spread_k adds 1.5 % of the film's light to sigma_k, in quadrature.  Three or more
+    LEDs give n by linear least squares, scaled to |n| = 1, and a Gauss-Newton step in the
+    tangent plane.  Two LEDs give the two unit normals that fit exactly.
 
-    Film brightens where it is touched, unevenly, and for all LEDs alike.  So the light of
-    three LEDs or more has an unknown factor of the standard deviation ``uneven``: the normal
-    follows from how the LEDs compare.  More than three are judged so, too.  Three alone are
-    judged by |n| = 1, which is all that shows a shadow among them.
+    Touch brightens the film unevenly, but by the same factor for all LEDs.  So three or more
+    LEDs share an unknown factor with standard deviation ``uneven``, and the normal follows
+    from the ratios of their light.  The cost of more than three LEDs allows for this factor,
+    too.  The cost of three does not: there only |n| = 1 can reveal a shadow.
 
     Parameters
     ----------
@@ -110,7 +99,7 @@ def label_lights(
     lights
         K x 3 in mm from the middle of the image.
     height
-        H x W in mm, as far as known: light comes from another direction higher up.
+        H x W in mm, as far as known; the direction of the light depends on it.
     prior
         2 x H x W, the slope expected; for ``pair: prior`` only.
     pixel
@@ -118,29 +107,30 @@ def label_lights(
     uneven
         Standard deviation of the film's brightness, as a share.
     pair
-        What decides between a pair's two normals, unless one is the film at rest:
-        ``prior`` the nearer to the prior; ``attached`` the one that puts the dark LEDs
-        behind the surface, else the less steep.
+        How to choose between a pair's two normals, unless one is the film at rest:
+        ``prior`` takes the one nearer to the prior; ``attached`` the one that turns away from
+        the dark LEDs (attached shadow), or the less steep one if both do alike.
     dark
-        So many LEDs are left out at most, beyond those below the floor; with 0 all count as
-        lit, also those.
+        Largest number of LEDs left out, apart from those below the floor; with 0 all LEDs
+        count as lit, even those.
     floor
-        Light in standard deviations below which an LED surely does not reach.
+        Light, in standard deviations, below which an LED certainly does not reach the pixel.
     price
-        Of leaving out an LED, as a square of standard deviations.
+        Cost of leaving out an LED, in squared standard deviations.
     one_sided
-        Standard deviations by which a shadow is darker than the light predicted.
+        Standard deviations by which a shadow has to be darker than the predicted light.
     steepest
         Largest slope returned, as 1 / n_z.
 
     Returns
     -------
     Labelled
-        Slope 2 x H x W, zero where fewer than two LEDs reach; the twin that a pair of LEDs
-        allows too (else the slope again); the variance of the slope from that of the light,
-        1e12 where not known; bit k-1 of ``used`` where the slope rests on LED k, of
-        ``shadow`` where LED k does not light the pixel (not used, and less than half of
-        what the slope predicts); the misfit, the choice's sum of squares.
+        ``slope``, 2 x H x W, zero where fewer than two LEDs reach; ``twin``, the other slope
+        that a pair of LEDs allows (else the slope again); ``variance`` of the slope from that
+        of the light, 1e12 where not known; ``used``, bit k-1 set where the slope rests on LED
+        k; ``shadow``, bit k-1 set where LED k does not light the pixel (not used, and less
+        than half of what the slope predicts); ``misfit``, the sum of squares of the chosen
+        subset.
     """
     from tactograph.nodes.shadow._label_loops import label
 
@@ -148,16 +138,14 @@ def label_lights(
     told: list[Any] = [pair == "prior", dark, *numbers, _sets(len(light))]
     rules = Rules(*told)
     images, believed = images_of(light, sigma, lights, height, pixel), only_read(prior)
-    made = _outputs(height.shape, wanted)
+    made = _room_for(height.shape, wanted)
 
     def label_rows(rows: slice) -> None:
         label(rows.start, rows.stop, images, believed, rules, room_for(len(light)), made)
 
     in_blocks(label_rows, *height.shape)
-    found: Iterator[Any] = (
-        plane if name in wanted else None for name, plane in zip(made._fields, made, strict=True)
-    )
-    return Labelled(*found)
+    unwanted: dict[str, Any] = {name: None for name in made._fields if name not in wanted}
+    return made._replace(**unwanted)
 
 
 label_lights.opencl(grid="H W", lanes="grid")
@@ -165,7 +153,7 @@ label_lights.opencl(grid="H W", lanes="grid")
 
 @label_lights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film, and noise that is neither none nor all."""
+    """LEDs around the film, and moderate noise."""
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
@@ -173,18 +161,18 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     return {"lights": lights.astype(np.float32), "sigma": sigma.astype(np.float32)}
 
 
-def _outputs(shape: tuple[int, int], wanted: Wanted) -> Made:
-    """Room for what is wanted."""
+def _room_for(shape: tuple[int, int], wanted: Wanted) -> Labelled:
+    """Arrays for the outputs that are wanted; the others are empty."""
     sizes = dict(zip("HW", shape, strict=True))
     planes: list[Any] = []
-    for name in Made._fields:
+    for name in Labelled._fields:
         whole = label_lights.output_shape(name, sizes)
         size = whole if name in wanted else (0,) * len(whole)
         planes.append(np.empty(size, label_lights.outputs[name].dtype))
-    return Made(*planes)
+    return Labelled(*planes)
 
 
 def _sets(count: int) -> NDArray[np.int64]:
-    """The sets of LEDs that may be left out, small ones first; two LEDs stay."""
+    """The sets of LEDs that may be left out, small ones first; two LEDs must remain."""
     sets = [s for s in range(1 << count) if s.bit_count() <= count - 2]
     return np.array(sorted(sets, key=lambda s: (s.bit_count(), s)), np.int64)

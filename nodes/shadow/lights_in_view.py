@@ -1,4 +1,4 @@
-"""Where the LEDs are for the shadows that a camera near the film sees."""
+"""The positions of the LEDs for shadows as a camera near the film sees them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
     lights
         K x 3 in mm from the middle of the image.
     camera
-        1 / D in 1/mm; 0 returns the LEDs.
+        1 / D in 1/mm; 0 returns the LEDs unchanged.
     """
     share = np.maximum(1 - np.float32(camera) * lights[:, 2:], LEAST)
     return np.asarray(lights / share, np.float32)

@@ -1,4 +1,4 @@
-"""Clean labels of single pixels that disagree with their neighbours."""
+"""Remove labels of single pixels that disagree with their neighbours."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ LEDS = 8
 
 @node(neutral="shadow")
 def majority_labels(shadow: Labels) -> Labels:
-    """Return for every LED what the majority of 3 x 3 pixels says.
+    """Return for every LED the majority label of 3 x 3 pixels.
 
-    One lit pixel inside a shadow would look like the edge that casts it.
+    A single lit pixel inside a shadow would be taken for the edge that casts it.
 
     Parameters
     ----------
     shadow
-        H x W; beyond the frame its border goes on.
+        H x W; beyond the frame the border repeats.
     """
     out = np.zeros_like(shadow)
     for bit in range(LEDS):

@@ -1,4 +1,4 @@
-"""No shadow measures a height: for sensors whose LEDs' places are not known."""
+"""No heights from shadows: for sensors whose LED positions are not known."""
 
 from __future__ import annotations
 

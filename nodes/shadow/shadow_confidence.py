@@ -1,4 +1,4 @@
-"""How probable it is that a pixel's shadow labels are right."""
+"""The probability that a pixel's shadow labels are right."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tactograph.nodes import (
 from tactograph.nodes.light._near_light import expected_light, light_vectors
 
 FAINTEST = np.float32(0.02)
-"""Light that is expected at least."""
+"""Lower bound on the expected light."""
 HALF, ONE = np.float32(0.5), np.float32(1)
 
 
@@ -49,39 +49,39 @@ def shadow_confidence(
 ) -> Confidence:
     """Return the probability that the labels of all LEDs are right.
 
-    For each LED the logarithm of the odds that its label is right is a sum: `sure` far from
-    any edge of its shadow; less at an edge, which may lie a pixel beside; more or less by the
-    share of the expected light that is there, from -1/2 to 1/2 in favour of the label, which
-    counts the less the noisier it is, and where the image alone says otherwise.  The
-    probabilities of the LEDs are multiplied.
+    For each LED the log odds that its label is right are a sum.  Far from any edge of its
+    shadow they are `sure`.  Near an edge, which may be off by a pixel, they are less.  The
+    share of the expected light that is present, counted from -1/2 to 1/2 in favour of the
+    label, raises or lowers them.  It counts less where the light is noisy, and where the image
+    alone gives another label.  The probabilities of the LEDs are multiplied.
 
-    The coefficients were fitted to simulated captures (`benchmarks/label_confidence.py`):
-    logistic regression, of which they are the usual reading as log odds.
+    The coefficients are log odds from a logistic regression on simulated captures
+    (`benchmarks/label_confidence.py`).
 
     Parameters
     ----------
     shadow
         H x W, the labels in question.
     seen
-        H x W, those of the image alone; `shadow` again where there are no others.
+        H x W, those of the image alone; `shadow` again if there are no others.
     light, sigma
         K x H x W, 1 on the film at rest, and its standard deviation.
     slope, height
-        2 x H x W and H x W in mm: they say how much light is expected.
+        2 x H x W and H x W in mm; they determine the expected light.
     lights
         K x 3 in mm.
     pixel
         mm per px.
     sure
-        Log odds of a label far from edges, with the light halfway between the two.
+        Log odds of a label far from edges, if half of the expected light is present.
     by_light
         Log odds per share of the light in the label's favour.
     at_edge, near_edge
         Log odds lost one and two pixels from another label of the same LED.
     by_light_contradicted
-        What `by_light` is where `seen` differs: the light has been heard already.
+        `by_light` where `seen` differs, because `seen` has already used the light.
     noisy
-        Expected light, in standard deviations, that tells half of what much light would.
+        Expected light, in standard deviations, at which the share counts half.
 
     Returns
     -------
@@ -112,7 +112,7 @@ shadow_confidence.opencl(grid="H W", lanes="rows")
 
 
 def _edges(labels: Labels, reach: int) -> NDArray[np.uint8]:
-    """The LEDs whose label is not the same all over the pixels so far away, or nearer."""
+    """The LEDs whose label varies among the pixels within `reach` along each axis."""
     rows, columns = labels.shape
     padded = np.pad(labels, reach, mode="edge")
     some, every = labels.copy(), labels.copy()

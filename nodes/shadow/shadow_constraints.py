@@ -1,4 +1,4 @@
-"""Shadows measure heights: the paper's equation 1, read backwards."""
+"""Measure heights from shadows: the paper's equation 1, inverted."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HALF = np.float32(0.5)
 STEEPEST = np.float32(3)
 OUTSIDE = np.float32(-1e6)
 SPAN, SPAN_OF_LANES = 16, 64
-"""Pixels of a row in which a work-item of a device looks for the ends of shadows."""
+"""Pixels of a row in which one work-item looks for the ends of shadows."""
 
 
 class Rays(NamedTuple):
@@ -51,7 +51,7 @@ class Rays(NamedTuple):
 
 
 class Film(NamedTuple):
-    """What one LED's light on the film is, and would be without shadow (`_near_light`, N1)."""
+    """One LED's light on the film, and what predicts it without shadow (`_near_light`, N1)."""
 
     light: F4
     """H x W."""
@@ -82,11 +82,12 @@ def shadow_constraints(
 ) -> ShadowRises:
     """Measure how far the edge that casts a shadow stands above the shadow's end.
 
-    From every lit pixel whose neighbour towards the LED is dark the ray to the LED runs
-    through the dark to the first lit pixel, which cast the shadow.  It touches the film at
-    both ends, so their heights differ by the shadow's length times the tangent of the
-    light's elevation (the paper's equation 1, which predicts the length from the height).
-    The end of the shadow lies where half of the light arrives, found between pixels.
+    A ray starts at every lit pixel whose neighbour towards the LED is dark.  It runs towards
+    the LED through the shadow to the first lit pixel, the edge that casts the shadow.  The
+    light touches the film at both ends, so their heights differ by the shadow's length times
+    the tangent of the light's elevation (the paper's equation 1, which predicts the length
+    from the height).  The shadow ends where half of the light arrives, interpolated between
+    pixels.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def shadow_constraints(
     used
         H x W, the LEDs its slope was found with; both ends need two.
     slope
-        2 x H x W; carries heights over the last half pixel.
+        2 x H x W; extrapolates the height from the pixel to the shadow's end.
     height
         H x W in mm, roughly; the elevation of a near LED depends on it a little.
     lights
@@ -107,7 +108,7 @@ def shadow_constraints(
     step_px
         Step along the ray.
     longest_px
-        Longest shadow that is measured; with 0 none is.
+        Longest shadow that is measured; with 0 no shadow is.
 
     Returns
     -------
@@ -132,7 +133,7 @@ def shadow_constraints(
 
 
 def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> Rays:
-    """The lit pixels of known slope that are dark one pixel on towards the LED (in px)."""
+    """Rays from the lit pixels of known slope whose next pixel towards the LED (in px) is dark."""
     rows, columns = dark.shape
     ring = cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & known))
@@ -182,7 +183,7 @@ def _measure(
 def _march(
     rays: Rays, film: Film, dark: NDArray[np.bool_], step: np.float32, longest: float
 ) -> tuple[F4, F4]:
-    """How far along each ray, in px, the shadow ends and the edge that casts it lies.
+    """The distances along each ray, in px, of the shadow's end and of the edge that casts it.
 
     The edge is `OUTSIDE` where there is none within the frame and the longest shadow.
     """
@@ -226,7 +227,7 @@ def _launch(run: Launch) -> None:
 
 @shadow_constraints.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """Patches of shadow on a rough film that two LEDs at least were used on nearly everywhere."""
+    """Patches of shadow on a rough film, on which nearly everywhere two or more LEDs were used."""
     shape = sizes["H"], sizes["W"]
     patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
     shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]

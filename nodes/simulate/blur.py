@@ -1,4 +1,4 @@
-"""What a lens that is not quite sharp does to the images."""
+"""Blur the images like a lens that is slightly out of focus."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-6, why="sums of many terms"))
 def blur(light: Light, *, deviation_px: Annotated[float, Interval(ge=0, le=20)] = 0.0) -> Light:
-    """Return the images through a lens whose point is a Gaussian spot.
+    """Return the images seen through a lens with a Gaussian point spread.
 
     Parameters
     ----------
     light
-        K x H x W; beyond the border its pixels go on.
+        K x H x W; its border pixels are replicated.
     deviation_px
-        Standard deviation of the spot; 0 is a sharp lens.
+        Standard deviation of the point spread; 0 is a sharp lens.
     """
     weights = gaussian(deviation_px)
     return smoothed(smoothed(light, weights, 2), weights, 1)

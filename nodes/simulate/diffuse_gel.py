@@ -1,4 +1,4 @@
-"""LEDs whose light the gel partly diffuses before it reaches the film."""
+"""Simulate a gel that diffuses part of the LEDs' light before it reaches the film."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from tactograph.nodes import Light
 def diffuse_gel(
     light: Light, rest: Light, *, share: Annotated[float, Interval(ge=0, le=1)] = 0.0
 ) -> Light:
-    """Return light a share of which comes from all sides, whatever the film's slope.
+    """Return light of which a share comes from all sides, independent of the film's slope.
 
-    The light of the film, 1 at rest, becomes (1 - share) n.v + share: shadows are no longer
-    black.  On a GelSight bench sensor the share is 0.36 to 0.42.
+    The light of the film, 1 at rest, becomes (1 - share) n.v + share, so that shadows are no
+    longer black.  On a GelSight bench sensor the share is 0.36 to 0.42.
 
     Parameters
     ----------
     light
-        K x H x W, all of it from the LEDs.
+        K x H x W, directly from the LEDs.
     rest
-        K x H x W, the same of the film at rest.
+        K x H x W, the same for the film at rest.
     share
-        Part of the film's light at rest that the gel has diffused.
+        Share of the film's light at rest that the gel diffuses.
     """
     return (np.float32(1) - np.float32(share)) * light + np.float32(share) * rest
 

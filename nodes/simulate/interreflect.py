@@ -1,4 +1,4 @@
-"""The light that a film throws on itself, added to what the LEDs throw on it."""
+"""Add the light reflected from film to film to that of the LEDs."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ def interreflect(
 ) -> Light:
     """Return the light of a film that lights itself, bounce after bounce.
 
-    Radiosity: each bounce is the sum of `film_bounce` over what the LEDs and the bounce before
-    it made of the film.  What measures that way finds the light that was given here.
+    Radiosity: each round applies the sum of `film_bounce` to the light of the LEDs plus that of
+    the previous round.  A reconstruction that uses the same model recovers the LEDs' light.
 
     Parameters
     ----------
     light
         K x H x W, from the LEDs alone.
     rest
-        K x H x W, the same of the film at rest.
+        K x H x W, the same for the film at rest.
     height
         H x W, mm.
     lights
@@ -70,13 +70,13 @@ def interreflect(
     albedo
         Share of the light that the film reflects; 0 is a film that does not light itself.
     bounces
-        How many; a film of albedo 0.7 has converged to a thousandth after 5.
+        Number of bounces; at an albedo of 0.7 the light has converged to a thousandth after 5.
     cells
-        Most cells, squares of as many pixels as it takes.
+        Largest number of cells, which are squares of pixels.
     rim_mm
-        How far the film goes on beyond the frame, flat and at rest.
+        How far the film extends beyond the frame, flat and at rest.
     coat_alpha, refractive_index, camera_mm
-        As of `render`: roughness of a coat, 0 for none, its index, and the height of the pupil.
+        As for `render`: roughness of a coat (0 for none), its index, and height of the pupil.
     """
     if albedo == 0:
         return light.copy()
@@ -94,11 +94,11 @@ def interreflect(
 
 
 def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, grid: Grid) -> F4:
-    """The light of all bounces, relative to the film at rest, by cells of a side."""
+    """The light of all bounces on a grid of cells, relative to the film at rest, at pixels."""
     of = cells_of(height, film.lights, np.float32(pixel), grid)
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
-    # The cells see the same of one another at every bounce.
+    # The cells' mutual visibility is the same for every bounce.
     seen = list(sights(of, grid, 0.0, film.refraction))
     for _ in range(bounces):
         bounced = bounce(direct + bounced, film, of, grid, seen, from_above=True)
@@ -127,7 +127,7 @@ def _launch(run: Launch) -> None:
 def _launch_on_cells(
     run: Launch, relative: DeviceArray, grid: Grid, constants: dict[str, int]
 ) -> DeviceArray:
-    """What `_on_cells` does, but for bringing it to pixels."""
+    """The same as `_on_cells`, without the interpolation to pixels."""
     settings, count, lights = run.settings, run.sizes["K"], run.inputs["lights"]
     direct, table = (
         launch_cells(run, grid, constants, relative, None, lights, 0.0) for _ in range(2)
@@ -147,7 +147,7 @@ def _launch_on_cells(
 
 @interreflect.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs in front of a film that is nowhere black at rest, and not too rough to converge."""
+    """LEDs before a film that is nowhere black at rest and smooth enough to converge."""
     sideways = rng.uniform(-20, 20, (K, 2))
     lights: F4 = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)
     rest = rng.uniform(0.3, 1, (K, H, W)).astype(np.float32)

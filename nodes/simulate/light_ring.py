@@ -1,4 +1,4 @@
-"""Where the LEDs of a simulated sensor stand."""
+"""LED positions of a simulated sensor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, LightPositions
 
 MOST_LIGHTS = 8
-"""A label is a byte with a bit per LED."""
+"""A label is a byte with one bit per LED."""
 
 
 @node

@@ -1,4 +1,4 @@
-"""Press an object into the film: what the film's surface does."""
+"""Press an object into the film and compute the film's surface."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 ACCURACY = 1e-6
-"""What the sweeps leave of an error, as a share of it."""
+"""Share of an initial error that remains after the sweeps."""
 LONGEST_REACH_PX = 1000.0
-"""Beyond this the sweeps take minutes, and no film in the picture comes back to rest."""
+"""Beyond this the sweeps take minutes, and no film in the picture returns to rest."""
 SHORTEST_REACH_PX = 0.01
-"""Below this the film's next pixel stays at rest to four digits: nothing to solve."""
+"""Below this the neighbour of a touched pixel stays at rest to four digits: nothing to solve."""
 
 
 class _Sweeps(NamedTuple):
-    """Over-relaxation: how many sweeps, and the two factors of each."""
+    """Over-relaxation: number of sweeps, weight of the neighbours, and relaxation factor."""
 
     number: int
     share: np.float32
@@ -47,20 +47,20 @@ def press(
 
     The film is a membrane of tension T on an elastic layer of stiffness k.  It takes the
     shape that minimises  integral of T/2 |grad z|^2 + k/2 z^2  and does not cut the object:
-    z >= h - stand-off.  Away from the contact it comes back to rest as exp(-d / reach),
-    reach = sqrt(T / k).  Solved by projected successive over-relaxation, red and black
-    pixels in turn, level at the image's border.  A skin of finite thickness then rounds
-    what is left of the kinks.
+    z >= h - stand-off.  Away from the contact it returns to rest as exp(-d / reach),
+    reach = sqrt(T / k).  The solver is projected successive over-relaxation with red and black
+    pixels in turn; the film is level at the image's border.  A skin of finite thickness then
+    rounds the remaining kinks.
 
     Parameters
     ----------
     object
-        H x W, mm: its surface above its base, as a shape node gives it.
+        H x W, mm: its surface above its base, as a shape node returns it.
     pixel
         mm per pixel.
     stand_off_mm
-        From the object's base to the film at rest: what of the object stays behind the
-        film.  At 0 all of it is pressed in; at its full height it just touches.
+        Distance from the object's base to the film at rest: the part of the object that stays
+        behind the film.  At 0 all of it is pressed in; at its full height it just touches.
     reach_mm
         Distance over which the film rises towards the contact; 0 for a film that moves only
         where it is touched.
@@ -105,7 +105,7 @@ def _launch(launch: Launch) -> None:
 
 
 def _sweeps(reach_px: float) -> _Sweeps:
-    """The best factors for this stiffness, and the sweeps they need (Young's theory)."""
+    """The optimal factors for this stiffness, and the sweeps they need (Young's theory)."""
     _check_reach("reach_mm", reach_px)
     if reach_px < SHORTEST_REACH_PX:
         return _Sweeps(0, np.float32(0), np.float32(0))

@@ -28,11 +28,11 @@ def print_markers(
     center_y_mm: Annotated[float, Interval(ge=-10, le=10)] = 0.0,
     reach_mm: Annotated[float, Ge(0.1)] = 4.0,
 ) -> Light:
-    """Return the light of a film with a square grid of dark dots, or dashes, on it.
+    """Return the light of a film printed with a square grid of dark dots or dashes.
 
-    The print moves with the film.  What is seen at P lay at P - u before, with the drag u falling
-    off as a Gaussian about a centre: u = drag exp(-|P - centre|^2 / (2 reach^2)).  A marker of the
-    grid's place G is so seen at the P for which P = G + u(P).
+    The print moves with the film.  The point seen at P lay at P - u before, where the drag u
+    falls off as a Gaussian about a centre: u = drag exp(-|P - centre|^2 / (2 reach^2)).  So a
+    marker at the grid position G is seen at the P for which P = G + u(P).
 
     Parameters
     ----------
@@ -41,15 +41,15 @@ def print_markers(
     pixel
         mm per px.
     pitch_mm
-        Of the grid, which has a marker in the middle of the image.
+        Pitch of the grid, which has a marker in the middle of the image.
     radius_mm, dash_mm
-        Of a dot; a dash is a dot drawn out along x by so much.
+        Radius of a dot, and the length by which a dash is stretched along x.
     contrast
-        Share of the light that a marker takes.
+        Share of the light that a marker absorbs.
     drag_x_mm, drag_y_mm
-        By how much the film is dragged at the centre.
+        Drag of the film at the centre.
     center_x_mm, center_y_mm
-        Of the drag, from the middle of the image.
+        Centre of the drag, from the middle of the image.
     reach_mm
         Standard deviation of the drag's fall-off.
     """

@@ -1,4 +1,4 @@
-"""Light a surface with one LED at a time: the images a sensor would take.
+"""Light a surface with one LED at a time and render the images that a sensor would take.
 
 Long because one node is one algorithm: rays, lobe, coat and occlusion, as in its kernel.
 """
@@ -25,15 +25,15 @@ I4 = NDArray[np.int32]
 GOLDEN_ANGLE = 2.3999631
 """Radians between neighbouring points of a sunflower spiral, which fills a disk evenly."""
 LIFT_PX = 1e-3
-"""A ray starts this many pixel sizes above the surface, lest rounding hit its own pixel."""
+"""Height of a ray's start above the surface in pixel sizes, so that it misses its own pixel."""
 
 
 SMALLEST_COSINE = np.float32(1e-3)
-"""A coat is not looked at more flatly."""
+"""Smallest cosine towards LED, camera and half-vector that a coat is computed for."""
 
 
 class Rendered(NamedTuple):
-    """What each LED causes, and where it does not reach."""
+    """The image under each LED, and the pixels that it does not reach."""
 
     light: Light
     labels: Labels
@@ -55,7 +55,7 @@ class _Surface(NamedTuple):
 
 
 class _Spots(NamedTuple):
-    """A point of every pixel, each H x W: its place in px and in mm, its slope."""
+    """One point of every pixel, each H x W: its position in px and in mm, and its slope."""
 
     column: F4
     row: F4
@@ -68,7 +68,7 @@ class _Spots(NamedTuple):
 
 
 class _Film(NamedTuple):
-    """How LEDs shine and the film reflects, and how its shadows are sought."""
+    """How LEDs emit and the film reflects, and how its shadows are traced."""
 
     distant: bool
     gloss: float
@@ -82,7 +82,7 @@ class _Film(NamedTuple):
 
 
 class _Rays(NamedTuple):
-    """From every pixel towards one point of an LED: H x W, mm (unit length if distant)."""
+    """Rays from every pixel to one point of an LED: H x W, mm (unit length if distant)."""
 
     x: F4
     y: F4
@@ -119,17 +119,17 @@ def render(
 ) -> Rendered:
     """Return the image under each LED and the pixels it does not reach.
 
-    A Lambertian film (section 3: I = albedo * n.L), with optional gloss or under a coat,
-    seen from straight above: every pixel is the film's point below it (`view` makes what a
-    camera nearby sees of that).  A near LED lights each pixel from its own direction and falls off
-    with the inverse square of its distance.  The normal comes from central differences,
-    one-sided at the border.  Attached shadow: the surface faces away from the LED.  Cast
-    shadow: the ray from the pixel towards the LED, followed over the bilinearly
-    interpolated height, meets the surface.  What lies outside the image casts no shadow.
+    The film is Lambertian (section 3: I = albedo * n.L), with optional gloss or coat, and seen
+    from straight above: every pixel shows the film's point below it (`view` converts this to
+    the view of a near camera).  A near LED lights each pixel from a different direction, and
+    its light falls off with the inverse square of the distance.  The normal comes from central
+    differences, one-sided at the border.  In an attached shadow the surface faces away from the
+    LED.  In a cast shadow the ray from the pixel towards the LED, followed over the bilinearly
+    interpolated height, meets the surface.  Film outside the image casts no shadow.
 
     A coat is a rough dielectric.  With c_i and c_o the cosines towards LED and camera, F
     Fresnel's reflectance, D Beckmann's distribution, G its shadowing (Walter et al. 2007) and
-    h half-way between both directions, it makes n.L into::
+    h half-way between both directions, it replaces n.L by::
 
         c_i (1 - F(c_i)) (1 - F(c_o)) + pi / albedo  F(v.h) D(alpha) G / (4 c_o)
 
@@ -142,36 +142,37 @@ def render(
     lights
         K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest.
     distant
-        Whether the LEDs are infinitely far: parallel light, no fall-off.
+        Whether the LEDs are infinitely far away: parallel light, no fall-off.
     level
-        Light of the film at rest at its brightest point in the image, under the LED that
-        is brightest there: the exposure.  Slopes that face an LED come out brighter.
+        Exposure: light of the film at rest at its brightest point in the image, under the LED
+        that is brightest there.  Slopes that face an LED are brighter.
     gloss
-        Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance; a film
-        under a coat has none.
+        Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance; ignored
+        for a film with a coat.
     shininess
-        Exponent of the highlight; higher is smaller and sharper.
+        Exponent of the highlight; a higher one is smaller and sharper.
     led_size_mm
-        Diameter of the LEDs, disks parallel to the film; 0 is a point with hard shadows.
+        Diameter of the LEDs, which are disks parallel to the film; 0 is a point with hard
+        shadows.
     rays
-        Rays per pixel to an LED that has a size; they give its soft shadows.
+        Rays per pixel to an LED of finite size; they produce its soft shadows.
     samples
-        Points per pixel along x and along y, whose mean it is; from 2 on, pixels on a
-        shadow's edge are mixed as a camera mixes them.  Time grows with the square.
+        Points per pixel along x and along y, which are averaged.  From 2 on, pixels on a
+        shadow's edge mix light and shadow, as in a camera.  Time grows with the square.
     step_px
         Step of the ray over the height field, in pixels.
     cosine_leds
-        Whether the LEDs' disks face the middle of the film and shine by the cosine, as
-        surfaces do, instead of lying parallel to the film and shining evenly.
+        Whether the LEDs' disks face the middle of the film and emit by the cosine law, instead
+        of lying parallel to the film and emitting uniformly.
     coat_alpha
-        Roughness of a coat, Beckmann's alpha; 0 is a film without one.
+        Roughness of a coat, Beckmann's alpha; 0 is a film without a coat.
     refractive_index
         Of the coat.
     albedo
         Share of the light that the film under the coat reflects.
     camera_mm
-        Distance of the camera's pupil from the film at rest, from where a coat is seen; 0 is
-        infinitely far.
+        Distance of the camera's pupil, which sees the coat, from the film at rest; 0 is
+        infinitely far away.
 
     Returns
     -------
@@ -181,8 +182,8 @@ def render(
     Raises
     ------
     InputError
-        If a near LED does not stand above the surface's highest point (NumPy; the kernel
-        cannot refuse, and renders such an LED's light as it falls).
+        If a near LED is not above the surface's highest point, or a distant one not above the
+        film (NumPy only; the kernel cannot refuse and renders such an LED anyway).
     """
     surface = _surface(height, np.float32(pixel))
     _check_above(lights, surface.top, distant)
@@ -217,7 +218,7 @@ def _launch(launch: Launch) -> None:
 
 @render.example
 def _example(rng: np.random.Generator, K: int, **sizes: int) -> dict[str, F4]:
-    """LEDs in front of any height a test draws."""
+    """LEDs in front of any height that a test draws."""
     sideways = rng.uniform(-20, 20, (K, 2))
     return {"lights": np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)}
 
@@ -225,7 +226,7 @@ def _example(rng: np.random.Generator, K: int, **sizes: int) -> dict[str, F4]:
 def _lit_from(
     surface: _Surface, spots: list[_Spots], led: F4, points: list[F4], film: _Film
 ) -> tuple[F4, I4]:
-    """Return the sum of the radiance that the points of an LED cause, and how many reach."""
+    """Return the summed radiance from the points of an LED, and how many of them reach."""
     total = np.zeros(surface.size, np.float32)
     reached = np.zeros(surface.size, np.int32)
     for spot, point in itertools.product(spots, points):
@@ -291,9 +292,9 @@ def _check_above(lights: F4, top: np.float32, distant: bool) -> None:
 def _gain(
     lights: F4, size: tuple[int, ...], pixel: np.float32, distant: bool, level: float
 ) -> np.float32:
-    """The exposure: `level` over the flat film's largest irradiance inside the image.
+    """The exposure: `level` divided by the flat film's largest irradiance inside the image.
 
-    Under a point light that is at the point of the image nearest to the LED's foot.
+    Under a point light the maximum lies at the image point nearest to the LED's foot.
     """
     brightest = np.float32(0)
     for x, y, z in lights:
@@ -313,10 +314,10 @@ def _outside(foot: np.float32, size: int, pixel: np.float32) -> np.float32:
 
 
 def _points(led: F4, count: int, size_mm: np.float32, facing: bool) -> list[F4]:
-    """`count` points spread evenly over an LED's disk, opposite ones in pairs.
+    """`count` points spread evenly over an LED's disk, in opposite pairs.
 
-    Their mean is the centre, where an odd one lies.  The disk faces the middle of the film, or
-    lies parallel to the film.
+    Their mean is the centre, where the point left over from an odd count lies.  The disk faces
+    the middle of the film, or lies parallel to the film.
     """
     odd = count % 2
     i = np.arange(count) + odd
@@ -341,7 +342,7 @@ def _disk(led: F4) -> tuple[F4, F4]:
 
 
 def _emitted(led: F4, ray: _Rays) -> F4:
-    """Cosine between a ray and the axis of the LED's disk: what it shines that way."""
+    """Cosine between a ray and the axis of the LED's disk: relative emission along the ray."""
     x, y, z = led / np.sqrt((led * led).sum())
     return np.maximum((x * ray.x + y * ray.y + z * ray.z) / ray.length, np.float32(0))
 
@@ -371,7 +372,7 @@ def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:
 
 
 def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
-    """What takes the place of n.L under a rough dielectric coat, seen from the pupil."""
+    """The replacement of n.L under a rough dielectric coat, seen from the pupil."""
     lx, ly, lz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length
     vx, vy, vz = _to_camera(spot, np.float32(film.camera_mm))
     seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, SMALLEST_COSINE)
@@ -398,9 +399,9 @@ def _to_camera(spot: _Spots, distance: np.float32) -> tuple[F4, F4, F4]:
 
 
 def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film: _Film) -> B1:
-    """Follow the rays of the wanted pixels; return which of them meet no surface.
+    """Follow the rays of the wanted pixels; return which of them do not meet the surface.
 
-    All undecided rays take a step at a time together, so that NumPy works on long arrays.
+    All undecided rays advance together step by step, so that NumPy works on long arrays.
     """
     rows, columns = surface.size
     x, y = spot.column[wanted], spot.row[wanted]
@@ -409,7 +410,7 @@ def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film:
     across: F4 = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     step = np.float32(film.step_px)
     dx, dy, dz = dx / across * step, dy / across * step, dz / across * step * surface.pixel
-    # The LED itself ends a ray; rays to a distant one end at the border of the image.
+    # A ray ends at the LED; rays to a distant LED end at the border of the image.
     last: F4 = across / (step * surface.pixel)
     if film.distant:
         last[:] = np.inf

@@ -1,4 +1,4 @@
-"""A ball: standing half out of the plane, lying on it, or a cap of it pressed through."""
+"""A ball: a hemisphere on the plane, a full ball lying on it, or a spherical cap."""
 
 from __future__ import annotations
 

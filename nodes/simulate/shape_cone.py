@@ -31,7 +31,7 @@ def shape_cone(
     height_px: Side = 240,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    """Return the height of a cone: one slope, in every direction.
+    """Return the height of a cone, which has one slope in every direction.
 
     Parameters
     ----------

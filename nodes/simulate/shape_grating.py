@@ -38,7 +38,7 @@ def shape_grating(
     height_px: Side = 240,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    """Return the height of a grating: what a sensor resolves, and ridges shading grooves.
+    """Return the height of a grating, to test resolution and ridges that shade grooves.
 
     Parameters
     ----------

@@ -19,21 +19,21 @@ def shape_image(
     rise_mm: Length | None = None,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    """Return the height held in a picture or an array; the image is as large as that.
+    """Return the height stored in a picture or an array; the image has the same size.
 
     Parameters
     ----------
     file
         PNG, TIFF, PGM, BMP (grey; 8 or 16 bit, or a float TIFF) or NPY, H x W.
     rise_mm
-        Height of full scale: white for integers, 1.0 for floats.  By default floats are mm;
-        integers need it.
+        Height of full scale: white for integers, 1.0 for floats.  By default floats are in mm;
+        integers need this parameter.
     pixel_size_mm
         Side of a pixel of the file.
 
     Returns
     -------
-    Height H x W, mm (what is negative becomes 0), and the pixel size.
+    Height H x W, mm (negative values become 0), and the pixel size.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Any mesh file, laid down and seen from above."""
+"""Any mesh file, laid on the plane and seen from above."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tactograph.nodes.simulate._shape import (
 
 Up = Literal["flat", "x", "-x", "y", "-y", "z", "-z"]
 PAIRS_AT_ONCE = 1 << 21
-"""Pairs of a triangle and a pixel that are looked at together; bounds the memory."""
+"""Pairs of a triangle and a pixel that are processed at once; this bounds the memory."""
 
 
 @node
@@ -44,15 +44,15 @@ def shape_mesh(
     Parameters
     ----------
     file
-        Whatever trimesh reads: STL, PLY, OBJ, OFF, GLB, ...
+        Any format that trimesh reads: STL, PLY, OBJ, OFF, GLB, ...
     length_mm
-        Longest horizontal extent after scaling; by default a unit of the file is 1 mm.
+        Longest horizontal extent after scaling; by default one unit of the file is 1 mm.
     up
-        The mesh's axis that looks at the camera; "flat" lays it on its flattest side, its
-        longest axis along x.
+        The mesh's axis that points to the camera; "flat" lays the mesh on its flattest side,
+        with its longest axis along x.
     rise_mm
-        Height of the highest point above the plane; the rest is sunk.  By default the mesh
-        lies on the plane.
+        Height of the highest point above the plane; what lies lower is sunk into the plane.
+        By default the mesh lies on the plane.
     angle_deg
         Turns the mesh from x (right) towards y (down).
     offset_mm
@@ -117,7 +117,7 @@ def _laid_down(vertices: F8, up: Up) -> F8:
 
 
 def _rasterised(corners: F8, rows: int, columns: int) -> F8:
-    """Return the highest point over each pixel's centre; corners T x 3 x (column, row, z)."""
+    """Return the highest point above each pixel's centre; corners T x 3 x (column, row, z)."""
     # Triangles seen edge-on cover nothing.
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     corners = corners[np.abs(_cross(b - a, c - a)) > 0]
@@ -140,7 +140,7 @@ def _rasterised(corners: F8, rows: int, columns: int) -> F8:
 def _raise_to(
     height: F8, corners: F8, low: np.ndarray, wide: np.ndarray, pairs: np.ndarray, columns: int
 ) -> None:
-    """Raise the pixels inside each triangle to it, by barycentric interpolation."""
+    """Raise the pixels inside each triangle to its height, by barycentric interpolation."""
     triangle = np.repeat(np.arange(len(corners)), pairs)
     nth = np.arange(len(triangle)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
     column = low[triangle, 0] + nth % wide[triangle]

@@ -32,18 +32,18 @@ def shape_pyramid(
     height_px: Side = 240,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    """Return the height of a pyramid: plane faces, one slope each, and sharp ridges.
+    """Return the height of a pyramid, with plane faces of one slope each and sharp ridges.
 
     Parameters
     ----------
     faces
         Number of faces.
     inradius_mm
-        From the axis to the foot of a face, measured at right angles to its foot.
+        Distance from the axis to the foot of a face, perpendicular to the foot.
     rise_mm
         Height of the tip above the plane.
     angle_deg
-        Azimuth in which the first face looks, from x (right) towards y (down).
+        Azimuth of the first face, from x (right) towards y (down).
     offset_mm
         Axis of the pyramid from the centre of the image.
     width_px, height_px, pixel_size_mm

@@ -34,7 +34,7 @@ def shape_steps(
     height_px: Side = 240,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    """Return the height of a staircase: vertical walls of known height.
+    """Return the height of a staircase, with vertical walls of known height.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def shape_steps(
     tread_mm
         Depth of a step, in the direction in which the stairs climb.
     step_mm
-        Rise from a step to the next.
+        Rise from one step to the next.
     breadth_mm
-        Extent across the climb.
+        Extent across the direction of the climb.
     angle_deg
         Azimuth in which the stairs climb, from x (right) towards y (down).
     offset_mm

@@ -24,7 +24,7 @@ from tactograph.nodes.simulate._shape import (
 )
 
 FINER = 4
-"""Letters are drawn this much finer than the image, so that their outline is smooth."""
+"""Letters are drawn this many times finer than the image, so that their outline is smooth."""
 
 
 @node
@@ -40,14 +40,14 @@ def shape_text(
     height_px: Side = 240,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    r"""Return the height of raised letters, in the bold face that Matplotlib brings along.
+    r"""Return the height of raised letters, in the bold font that Matplotlib includes.
 
     Parameters
     ----------
     text
-        What is written; ``\n`` begins a new line.
+        The text; ``\n`` begins a new line.
     size_mm
-        Size of the type: from line to line.
+        Font size: the distance from line to line.
     rise_mm
         Height of the letters' flat tops.
     bevel_mm

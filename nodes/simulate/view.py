@@ -1,4 +1,4 @@
-"""What a camera nearby sees of a film that was rendered from straight above."""
+"""Convert a film rendered from straight above to the view of a near camera."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 HALVINGS = 24
-"""They leave a float32's own precision of a step."""
+"""Bisections of a step; this many reach the precision of a float32."""
 
 
 class Viewed(NamedTuple):
-    """The images, and the truth that each of their pixels sees."""
+    """The images, and the ground truth at each of their pixels."""
 
     light: Light
     height: Height
@@ -48,10 +48,10 @@ def view(
 ) -> Viewed:
     """Return images, height, slope and labels as the pixels of a real camera see them.
 
-    The pupil stands above the middle of the image.  A pixel that sees (u, v) on the film at
-    rest sees (u f, v f, z), f = 1 - z / camera_mm, where its ray of sight first meets the
-    film: high places look larger, and hide what lies behind them.  The lens makes the pixel
-    at (x, y) see ``(u, v) = (x, y) (1 + lens_at_corner (r^2 - 1/2))``, r = 1 in the corner.
+    The pupil is above the middle of the image.  A pixel that sees (u, v) on the film at rest
+    sees (u f, v f, z), f = 1 - z / camera_mm, where its line of sight first meets the film.  So
+    high parts look larger and hide what lies behind them.  The lens makes the pixel at (x, y)
+    see ``(u, v) = (x, y) (1 + lens_at_corner (r^2 - 1/2))``, with r = 1 in the corner.
 
     Parameters
     ----------
@@ -64,10 +64,10 @@ def view(
     labels
         H x W.
     camera_mm
-        Distance of the pupil from the film at rest; 0 is infinitely far.
+        Distance of the pupil from the film at rest; 0 is infinitely far away.
     lens_at_corner
-        Distortion in the corner against that half-way to it (by area), as a share of the
-        distance from the middle: below 0 a pincushion, above 0 a barrel.
+        Twice the distortion in the corner, relative to the distance from the middle; it is 0 at
+        r^2 = 1/2.  Below 0 a pincushion, above 0 a barrel.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def _launch(run: Launch) -> None:
 
 
 def _seen_at_rest(rows: int, columns: int, lens: np.float32) -> tuple[F4, F4]:
-    """Return the places on the film at rest that the pixels see, px from the middle."""
+    """Return the positions on the film at rest that the pixels see, in px from the middle."""
     half = np.float32(0.5)
     y, x = np.indices((rows, columns)).astype(np.float32)
     left, above = half * np.float32(columns - 1), half * np.float32(rows - 1)
@@ -121,7 +121,7 @@ def _seen_at_rest(rows: int, columns: int, lens: np.float32) -> tuple[F4, F4]:
 
 
 def _places(u: F4, v: F4, size: tuple[int, int]) -> tuple[F4, F4]:
-    """Return columns and rows of places that are measured from the middle."""
+    """Return columns and rows of positions given from the middle."""
     half = np.float32(0.5)
     return u + half * np.float32(size[1] - 1), v + half * np.float32(size[0] - 1)
 
@@ -129,7 +129,7 @@ def _places(u: F4, v: F4, size: tuple[int, int]) -> tuple[F4, F4]:
 def _met(
     height: F4, u: F4, v: F4, ends: tuple[np.float32, np.float32], camera: np.float32
 ) -> tuple[F4, F4]:
-    """Follow the rays of sight down from the highest place; return where they meet the film."""
+    """Follow the lines of sight down from the highest point; return where they meet the film."""
     bottom, top = ends
     rows, columns = height.shape
 
@@ -154,7 +154,7 @@ def _met(
 
 
 def _steps(rows: int, columns: int, rise: np.float32, camera: np.float32) -> int:
-    """So many that none goes further than half a pixel over the film."""
+    """Number of steps such that none moves more than half a pixel over the film."""
     diagonal = 0.5 * math.hypot(rows - 1, columns - 1)
     return 1 + math.ceil(2 * diagonal * float(rise) / float(camera))
 

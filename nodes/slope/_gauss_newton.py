@@ -1,4 +1,4 @@
-"""One Gauss-Newton step for a slope: the normal's derivatives, and the solution cut in length."""
+"""One Gauss-Newton step for a slope: the normal's derivatives, and a step of limited length."""
 
 from __future__ import annotations
 

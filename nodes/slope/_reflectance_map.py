@@ -1,7 +1,7 @@
 """A reflectance that varies over the film: what one-shot colour sensors need.
 
-Their lights are LEDs a few millimetres beside the film, so how light depends on the slope is
-another function at every place, and light grows with height.  Divided by the film at rest::
+Their LEDs are a few millimetres beside the film.  So light depends on the slope by another
+function at every place, and grows with height.  Divided by the film at rest::
 
     I_k / I_flat - 1 = sum_b c_kb(x, y) B_b(n) + c_k8(x, y) z                             (M1)
 
@@ -27,13 +27,13 @@ TERMS = 15
 SHADES = 9
 """Eight harmonics and the height."""
 SUBSAMPLE = 120
-"""So many pixels of a press are fitted: 27 functions of the slope need no more."""
+"""Number of pixels fitted per press: 27 functions of the slope need no more."""
 INNER = 0.85
 """Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
 ROBUST = 3.0
-"""Cauchy's scale in standard deviations of the residual."""
+"""Scale of Cauchy's weight, in standard deviations of the residual."""
 RIDGE = 1e-6
-"""Relative; keeps terms that the presses do not determine at zero."""
+"""Relative regularisation that keeps terms which the presses do not determine at zero."""
 
 
 class Pixels(NamedTuple):
@@ -69,7 +69,7 @@ def ball_pixels(
     """Return pixels evenly spread over the inner `share` of a contact circle (x, y, radius)."""
     y, x = np.indices(flat.shape[1:])
     inside = np.flatnonzero(np.hypot(x - circle[0], y - circle[1]) < share * circle[2])
-    # A stride that is no divisor of rows spreads the pixels over all columns.
+    # A stride that does not divide the rows' length spreads the pixels over all columns.
     inside = inside[:: inside.size // most + 1]
     return Pixels(
         x.flat[inside].astype(np.float64),

@@ -32,12 +32,12 @@ def cliff_variance(
     jump: Annotated[float, Ge(0)] = 3.0,
     grazing: Annotated[float, Ge(0)] = 0.3,
 ) -> SlopeVariance:
-    """Add (jump max(m - grazing, 0))^2 where a pixel lit with m has darkness right behind it.
+    """Add (jump max(m - grazing, 0))^2 where the pixel right behind one lit with m is dark.
 
-    A round body is lit at a grazing angle where its shadow begins, m close to 0, or what
-    a film that diffuses light and the noise of a label make of that; a sharp edge is lit well,
-    and the step behind it shows in no slope.  The largest m over the LEDs and over 3 x 3
-    pixels counts, for a step lies between two pixels.
+    A round body is lit at a grazing angle where its shadow begins: m is close to 0, apart from
+    diffused light and noisy labels.  A sharp edge is well lit there, and no slope shows the
+    step behind it.  The largest m over the LEDs and over 3 x 3 pixels counts, because a step
+    lies between two pixels.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def cliff_variance(
     pixel
         mm per px.
     jump
-        Standard deviation of the slope across an edge, by its light beyond `grazing`.
+        Standard deviation of the slope across an edge, per light above `grazing`.
     grazing
-        Light at which a smooth film may well turn away from an LED.
+        Light up to which a smooth film may be turning away from an LED.
     """
     cliff = np.zeros(shadow.shape, np.float32)
     for k, plane in enumerate(light):
@@ -67,9 +67,9 @@ def cliff_variance(
 
 
 def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
-    """The lit pixels behind which, away from the LED (at `led`, in px from the centre), it is dark.
+    """The lit pixels whose next pixel away from the LED (at `led`, in px from the centre) is dark.
 
-    The next pixel is one of the eight around.
+    The next pixel is one of the eight neighbours.
     """
     rows, columns = dark.shape
     around = cv2.dilate(dark, np.ones((3, 3), np.uint8)) > dark

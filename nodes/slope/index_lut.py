@@ -1,10 +1,10 @@
 """Index the look-up tables once, so that nearest neighbours are found fast.
 
 The look-up is exact.  The index is a tree of three levels of 16 boxes along the table's principal
-axes, along which a Lambertian film's light is thin.  A film at rest lies off the table, so that
-many entries are almost equally near, and only boxes in all principal axes prune them.  On CPUs 16
-pixels of similar light walk the tree together, in the kernel and in ``_packet_search.py``; the
-frame is sorted by light, so that they are alike.  Equal entries are merged and ties go to the
+axes, along which a Lambertian film's light is thin.  The light of a film at rest lies off the
+table: many entries are then almost equally near, and only boxes along all principal axes prune
+them.  On CPUs the frame is sorted by light, and 16 pixels of similar light search the tree
+together, in the kernel and in ``_packet_search.py``.  Equal entries are merged and ties go to the
 first entry, so both back ends find the same slope.
 """
 
@@ -26,9 +26,9 @@ WIDE = 16
 """Boxes that are tested at once: the leaves of a middle, the middles of a top."""
 TOP = WIDE * WIDE * LEAF
 FAR = np.float32(1e18)
-"""Where the boxes lie that fill up the last group; farther than any light."""
+"""Position of the boxes that pad the last group; farther than any light."""
 SLACK = 4e-6
-"""Boxes are wider by this part of the largest light, so that rounding hides no entry."""
+"""Boxes are widened by this share of the largest light, so that rounding hides no entry."""
 
 
 class LutIndex(NamedTuple):
@@ -82,7 +82,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
         A table that no pixel belongs to has no tops.
     """
     count = light.shape[1]
-    # Sorting lets go of the interpreter's lock, so threads help.
+    # Sorting releases the interpreter's lock, so threads help.
     with ThreadPoolExecutor(cores()) as pool:
         tables = list(pool.map(lambda k: _table(light, slope, lit, k), (None, *range(count))))
     starts = [
@@ -101,7 +101,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
 
 
 def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -> _Table:
-    """One table: the pixels that all the other LEDs reach, the dropped light put to zero."""
+    """One table: the pixels that all other LEDs reach, with the dropped light set to zero."""
     count = light.shape[1]
     needed = (1 << count) - 1 & ~(0 if dropped is None else 1 << dropped)
     chosen = (lit & needed) == needed
@@ -146,7 +146,7 @@ def _principal_axes(points: F4) -> tuple[F4, F4]:
 
 
 def _leaf_order(places: F4) -> NDArray[np.intp]:
-    """The numbers of the entries, a leaf a row; entries are repeated until all are full."""
+    """The numbers of the entries, one leaf per row; entries repeat until all leaves are full."""
     tops = -(-len(places) // TOP)
     todo = [np.resize(np.arange(len(places)), (1, tops * TOP))]
     done = []
@@ -166,7 +166,7 @@ def _leaf_order(places: F4) -> NDArray[np.intp]:
 
 
 def _split(places: F4, order: NDArray[np.intp], at: int) -> NDArray[np.intp]:
-    """Part every row of entries along its own widest extent: the `at` lowest come first."""
+    """Split every row of entries along its own widest extent: the `at` lowest come first."""
     there = places[order]
     widest = np.ptp(there, axis=1).argmax(axis=1)
     key = np.take_along_axis(there, widest[:, None, None], axis=2)[..., 0]

@@ -17,16 +17,16 @@ from tactograph.nodes import F4, Labels, Light, Slope
 from tactograph.nodes.slope.index_lut import LutIndex, index_lut
 
 PIECE = 1024
-"""So many pixels at least are in a cell of the sort, on average; the kernel's PIECE."""
+"""Least mean number of pixels in a cell of the sort; the kernel's PIECE."""
 MOST_LEVELS = 10
 SAMPLES = 8
 """Pixels per cell that are sampled for the medians; the kernel's SAMPLES."""
 SPARSER = 3
-"""The cells of shadowed pixels are so many levels coarser; the kernel's SPARSER."""
+"""Levels by which the cells of shadowed pixels are coarser; the kernel's SPARSER."""
 CHUNKS = 64
 """Work-items that share the frame's pixels."""
 PARTS = 64
-"""So many parts of the frame are shared out among the host's cores."""
+"""Number of parts of the frame that the host's cores share."""
 
 
 @node(
@@ -42,11 +42,11 @@ def lut_nearest(
     *,
     neighbours: Annotated[int, Interval(ge=1, le=16)] = 1,
 ) -> Slope:
-    """Return the slope of the entry nearest in light: exact (3.1 and 3.3).
+    """Return the slope of the entry of nearest light; the search is exact (3.1 and 3.3).
 
-    A pixel that all LEDs reach is looked up in the table of all lights, a shadowed one in
-    the table without its shadowed LED; if several are, without the darkest of them.  Of
-    entries equally near the first is taken.
+    A pixel that all LEDs reach is looked up in the table of all lights.  A shadowed pixel is
+    looked up in the table without its shadowed LED, or without the darkest if there are
+    several.  Among equally near entries the first is taken.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ def lut_nearest(
     shadow
         H x W, bit k-1 set where LED k is shadowed.
     index
-        Of the tables.
+        The index of the tables.
     neighbours
-        The mean slope of so many nearest entries is returned.
+        Number of nearest entries whose mean slope is returned.
 
     Returns
     -------
     ndarray
         Slope 2 x H x W; zero where the table needed is empty.
     """
-    # numba takes half a second to import, which a look-up on a device need not wait for.
+    # Importing numba takes half a second; a look-up on a device need not wait for it.
     from tactograph.nodes.slope._packet_search import find_cells, search_cells
 
     count, height, width = light.shape
@@ -94,7 +94,7 @@ def _cells(lights: int, size: int) -> tuple[int, int]:
 
 
 def _medians(lights: F4, levels: int) -> F4:
-    """Where the cells part: a sample halved again and again, by one LED after the other."""
+    """The medians that separate cells: a sample is halved repeatedly, by each LED in turn."""
     count, size = lights.shape
     samples = np.nan_to_num(lights[:, np.arange(SAMPLES << levels) * size // (SAMPLES << levels)])
     medians = np.zeros(1 << levels, np.float32)
@@ -109,7 +109,7 @@ def _medians(lights: F4, levels: int) -> F4:
 
 @lut_nearest.opencl()
 def _launch(run: Launch) -> None:
-    """A pixel per work-item, or the frame sorted by light and searched in packets of lanes."""
+    """Search a pixel per work-item, or sort the frame by light and search packets of lanes."""
     height, width = run.sizes["H"], run.sizes["W"]
     arrays = [run.inputs[name] for name in lut_nearest.inputs]
     neighbours = run.settings["neighbours"]
@@ -146,7 +146,7 @@ def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) ->
 
 @lut_nearest.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Tables of random light, in large images of many tops; labels of which every one occurs."""
+    """Tables of random light, with many tops for large images; labels of every kind."""
     count = 700 if H * W < 5000 else 40_000
     entries = rng.random((count, K)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (count, 2)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Trust a slope less where its lights contradict it, or allow a second one."""
+"""Trust a slope less where its light contradicts it, or allows a second slope."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def misfit_variance(
     open_pairs: bool = False,
     steepest: Annotated[float, Gt(0)] = 4.0,
 ) -> SlopeVariance:
-    """Return the variance of the slopes, noise and doubt together.
+    """Return the variance of the slopes, including misfit and ambiguity.
 
-    Where the lights fit worse than noise explains, the variance grows with the misfit.
+    Where the light fits worse than noise explains, the variance grows with the misfit.
     Two lights allow two normals; before any height is known the choice between them is a
     guess, and half their difference is its standard deviation.
 
@@ -35,14 +35,14 @@ def misfit_variance(
     variance
         2 x H x W, from the noise alone.
     slope, twin
-        2 x H x W, the slope taken and the other that its lights allow.
+        2 x H x W, the chosen slope and the other one that its light allows.
     misfit
         H x W, chi-square of the slope.
     usual
         Misfit that noise explains.
     open_pairs
-        Whether the choice between slope and twin still is a guess.  A slope that is the
-        rest's own is none: it would be a coincidence.
+        Whether the choice between slope and twin is still a guess.  A slope of nearly zero,
+        that of the film at rest, is not: it would be a coincidence.
     steepest
         A steeper twin counts as this steep.
     """

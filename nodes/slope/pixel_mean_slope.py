@@ -19,8 +19,8 @@ ONE = np.float32(1)
 def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1)] = 0.05) -> Slope:
     """Correct slopes for the change of the normal within a pixel.
 
-    A pixel gathers the light of its whole area, so its lights give the mean normal, whereas
-    a step of height is the mean slope.  With n' the change of the normal per pixel along an
+    A pixel gathers the light of its whole area, so its light gives the mean normal.  A step of
+    height, however, is the mean slope.  With n' the change of the normal per pixel along an
     axis, Jensen's inequality to second order says, for p = -n_x / n_z, that the mean slope
     exceeds the slope of the mean normal by (n'_x n'_z + p n'_z^2) / (12 n_z^2), summed over
     both axes; the same for q.
@@ -45,7 +45,7 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
 
 
 def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
-    """The slopes of some rows, of which the others are neighbours."""
+    """The corrected slopes of `rows`; the other rows serve as neighbours."""
     p, q = slope
     square = ONE + p * p + q * q
     nz = ONE / np.sqrt(square)

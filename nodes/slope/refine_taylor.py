@@ -50,9 +50,9 @@ def refine_taylor(
     steps
         How many times the step is taken; the paper takes one.
     limit
-        Longest step, as the angle in radians by which it turns the normal.  The expansion
-        holds only near G_0; on steep sides, where light hardly depends on slope, noise
-        would be blown up without it.
+        Longest step, as the angle in radians by which it turns the normal.  The expansion is
+        valid only near G_0.  Without the limit noise would be amplified on steep sides, where
+        light hardly depends on slope.
     """
     lights, coarse = light.reshape(len(light), -1), slope.reshape(2, -1)
     lit, refined = shadow.ravel() == 0, np.empty((2, shadow.size), np.float32)

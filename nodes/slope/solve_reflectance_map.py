@@ -1,4 +1,4 @@
-"""Slope from light whose dependence on slope is another one at every place."""
+"""Slope from light whose dependence on slope varies over the film."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def solve_reflectance_map(
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
     Minimises sum_k flat_k (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 + prior (p^2 + q^2) per
-    pixel (equation M1).  The flat image is the weight because the variance of a quotient of
-    shot noise is as its inverse: dim lights say little.
+    pixel (equation M1).  The flat image is the weight because under shot noise the variance of
+    light relative to it is inversely proportional to it: dim light carries little information.
 
     Parameters
     ----------
@@ -57,11 +57,11 @@ def solve_reflectance_map(
     steps
         Gauss-Newton steps at most.
     prior
-        Weight of small slopes; matters where no light tells the slope.
+        Weight that favours small slopes; matters where light does not determine the slope.
     limit
         Longest step, as the angle in radians by which it turns the normal.
     still
-        A pixel whose step is no longer than this, or than half of the limit, takes no other.
+        A pixel stops after a step no longer than this, or than half of `limit` if that is less.
     """
     maps = _maps(reflectance, light.shape[1:])
     rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]

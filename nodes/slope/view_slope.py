@@ -13,7 +13,7 @@ LEAST = np.float32(0.1)
 
 
 def is_orthographic(camera: Vergence) -> bool:
-    """Whether the camera is so far away that it sees the film itself."""
+    """Whether the camera is so far away that the seen height is that of the film."""
     return camera == 0
 
 
@@ -37,11 +37,11 @@ def view_slope(
     height
         H x W in mm, the seen height as far as known.
     camera
-        1 / D in 1/mm; 0 returns the slope.
+        1 / D in 1/mm; 0 returns the slope unchanged.
     pixel
         mm per px.
     inverse
-        From slopes of the seen height to slopes of the film.
+        Convert slopes of the seen height to slopes of the film.
     """
     if is_orthographic(camera):
         return slope

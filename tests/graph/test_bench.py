@@ -39,7 +39,9 @@ def test_an_item_is_timed_without_its_first_run(
     assert toys == ["at_rest", "touch 1", "touch 2"], "each item is read once, nothing is written"
 
 
-def test_options_say_where(tactograph: Command, toys: list[str], graph: str) -> None:
+def test_the_back_end_of_the_options_alone_is_measured(
+    tactograph: Command, toys: list[str], graph: str
+) -> None:
     done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2")
     assert done.out.count("items per second") == 1
     assert "opencl" not in done.out

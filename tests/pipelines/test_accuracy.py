@@ -79,7 +79,9 @@ FILMS = {
 
 
 @pytest.mark.parametrize(("rig", "shape"), FILMS)
-def test_soft_presses(reconstruct: Reconstruct, rig: str, shape: str) -> None:
+def test_reconstruct_reaches_its_error_on_soft_presses(
+    reconstruct: Reconstruct, rig: str, shape: str
+) -> None:
     found = reconstruct("reconstruct", rig, shape)["metrics"]
     assert found["rmse_px"] <= FILMS[rig, shape]
 

@@ -57,7 +57,7 @@ REACHED = [
 
 
 @pytest.mark.parametrize(("rig", "shape", "rmse", "largest", "over"), REACHED)
-def test_heights(
+def test_precise_reaches_its_error_on_every_shape(
     metrics: Figures,
     rig: str,
     shape: str,

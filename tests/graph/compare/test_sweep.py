@@ -78,7 +78,7 @@ def test_a_parameter_may_be_one_of_a_group() -> None:
         ("0.5, true, text", (0.5, True, "text")),
     ],
 )
-def test_values(text: str, values: tuple[object, ...]) -> None:
+def test_a_range_or_a_list_gives_the_values_swept(text: str, values: tuple[object, ...]) -> None:
     found = read_sweep(f"node.param={text}").values
     assert found == pytest.approx(values) if "text" not in text else found == values
     assert list(map(type, found)) == list(map(type, values))

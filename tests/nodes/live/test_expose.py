@@ -66,5 +66,6 @@ def test_too_much_light_is_clipped():
     assert (expose(flat(3.0)).image == 1).all()
 
 
-def test_single_pixel():
-    assert expose(flat(0.5, (1, 1, 1)), vignetting=0.5, **SILENT).image.shape == (1, 1, 1)
+def test_the_corner_of_a_single_pixel_is_darkened_nowhere():
+    image = expose(flat(0.5, (1, 1, 1)), vignetting=0.5, **SILENT).image
+    np.testing.assert_allclose(image, 0.5, atol=0.5 / 255)

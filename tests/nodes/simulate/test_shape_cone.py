@@ -14,7 +14,7 @@ def test_slope_is_rise_over_run_all_around():
     np.testing.assert_allclose(np.hypot(p, q)[flank], 0.5, rtol=5e-3)
 
 
-def test_volume():
+def test_a_cone_holds_a_third_of_its_cylinder():
     height, pixel = shape_cone(radius_mm=5.0, rise_mm=3.0)
     assert height.sum() * pixel**2 == pytest.approx(np.pi * 25, rel=2e-3)
 

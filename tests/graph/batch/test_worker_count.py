@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tactograph.graph.batch import worth_starting as module
-from tactograph.graph.batch.worth_starting import at_most, worth_starting
+from tactograph.graph.batch import worker_count as module
+from tactograph.graph.batch.worker_count import at_most, worker_count
 
 
 @pytest.mark.parametrize(
@@ -20,10 +20,10 @@ def test_a_process_has_a_core_and_captures_enough(
     device = SimpleNamespace(is_cpu=is_cpu)
     monkeypatch.setattr(module, "open_device", lambda *_: (device, ""))
     monkeypatch.setattr(module, "cores", lambda: 4)
-    assert worth_starting(["opencl", "numpy"], None, captures) == number
+    assert worker_count(["opencl", "numpy"], None, captures) == number
     assert at_most(captures) >= number
 
 
 def test_without_a_device_the_cores_are_shared_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "cores", lambda: 4)
-    assert worth_starting(["numpy"], None, 9000) == 4
+    assert worker_count(["numpy"], None, 9000) == 4

@@ -11,7 +11,7 @@ FEWEST = 256
 """Captures that make up for the start of a process, which takes a second."""
 
 
-def worth_starting(backends: Sequence[str], device: str | None, captures: int) -> int:
+def worker_count(backends: Sequence[str], device: str | None, captures: int) -> int:
     """How many processes do so many captures soonest, of a graph that prefers these back ends.
 
     One for each core: each does more by itself than with a share of all.  A GPU has one.
