@@ -3,11 +3,11 @@
     python benchmarks/bench.py --out bench
     python benchmarks/bench.py --graphs paper,reconstruct --sizes 640x480 --tables 117000
 
-From host images in memory to host height in memory.  Captures are simulated; tables are drawn
-from the calibration's own entries, or topped up with jittered copies.  Each case is a process
-of its own, in which the literal flow and the graph alternate: ratios hold on a busy machine.
-A case that takes longer than --seconds is given up.  Cases measured before, by the same --out,
-stay in the table unless they are measured again, so the whole can be done in parts.
+Times are from host images in memory to host height in memory.  Captures are simulated; tables
+are drawn from the calibration's own entries, or extended by jittered copies.  Each case runs in
+its own process, in which the literal flow and the graph alternate, so that ratios hold on a busy
+machine.  A case that takes longer than --seconds is aborted.  Cases measured earlier with the
+same --out stay in the table unless they are measured again, so the whole can be done in parts.
 """
 
 from __future__ import annotations

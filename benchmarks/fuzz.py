@@ -1,12 +1,12 @@
-"""Spoil what comes in, and see that every command ends in one clear line.
+"""Corrupt inputs, and check that every command ends in one clear line.
 
     python benchmarks/fuzz.py --minutes 10 --seed 1
 
-Graph files, captures, calibrations, recordings and parameters are spoilt as hypothesis draws it,
-by the seed: bytes changed, cut off, repeated; numbers made absurd; files of a folder swapped.
-Each is given to the command line in a process of its own.  It has to end within a minute and 2 GB
-with exit code 0, or with exit code 2 and one line that begins with "tactograph: ".  What does not
-is printed, with the files that led there, and the exit code is 1.
+Hypothesis, with the seed, corrupts graph files, captures, calibrations, recordings and parameters:
+bytes are changed, cut off or repeated, numbers made absurd, files of a folder swapped.  Each is
+given to the command line in its own process.  It must end within a minute and 2 GB with exit code
+0, or with exit code 2 and one line that begins with "tactograph: ".  Violations are printed with
+the files that caused them, and the exit code is 1.
 """
 
 from __future__ import annotations

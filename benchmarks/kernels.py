@@ -1,4 +1,4 @@
-"""Which kernels an item's time goes to, and which gaps between them, by the device's own clock.
+"""How an item's time divides into kernels and the gaps between them, by the device's own clock.
 
     python benchmarks/kernels.py reconstruct capture=press calibration=cal.npz
     python benchmarks/kernels.py precise capture=press calibration=cal.npz --outputs height,error

@@ -6,11 +6,12 @@
     python benchmarks/precise.py --graph precise_stream --moves 3     # a touch that moves
     python benchmarks/precise.py --capture balls_2 --calibration six.npz --graph reconstruct
 
-An easy capture (a ball pressed into a soft film), and a hard one (a cat, rigid, under near LEDs):
-those of tests/data, with twice as many pixels and noise drawn anew.  From images in memory to
-maps in memory.  With `--before`, a command that starts the Python of another version, both take
-turns, a process each, so that ratios hold on a busy machine; processor time counts all threads.
-Memory is the most that the process has held, libraries and the compiler of kernels included.
+The captures are an easy one (a ball pressed into a soft film) and a hard one (a rigid cat under
+near LEDs) from tests/data, with twice as many pixels per side and new noise.  Times are from
+images in memory to maps in memory.  With `--before`, a command that starts the Python of another
+version, both versions alternate, each in its own process, so that ratios hold on a busy machine.
+Processor time counts all threads.  Memory is the process's peak, including libraries and the
+compiler of kernels.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What the LED controller does with requests, time and steps; pins are the board's affair.
+"""The LED controller's logic for requests, time and steps; the board handles the pins.
 
-Only what MicroPython has is used here.  A board is any object with
+Only features of MicroPython are used.  A board is any object with
 
 ``ticks()``
     microseconds, counted modulo 2**30, as ``time.ticks_us`` of MicroPython
@@ -35,7 +35,7 @@ LONGEST_WATCHDOG = 60000
 
 
 class RefusedError(Exception):
-    """A request that is not carried out, and why."""
+    """A request that is refused, with the reason."""
 
 
 def number(word, low, high, what):
@@ -81,7 +81,7 @@ class Controller:
     # Interrupts
 
     def step(self):
-        """A step begins: the LED before goes off, the next one on."""
+        """Begin a step: switch the previous LED off and the next one on."""
         if not self._cycling:
             return
         tick = self.board.ticks()
@@ -97,12 +97,12 @@ class Controller:
         self._light(self._order[index])
 
     def dark(self):
-        """The on-time of a step ends."""
+        """End the on-time of a step."""
         self._sense()
         self._light(0)
 
     def _sense(self):
-        """Find out whether the LED that is lit has burnt out."""
+        """Check whether the lit LED has burnt out."""
         led = self._lit
         # A dimmed LED is switched faster than its current could be measured.
         if not led or self._levels[led] != FULL:
@@ -125,7 +125,7 @@ class Controller:
     # Main loop
 
     def poll(self):
-        """Tell of a cycle that began; switch off when the host has been silent for too long."""
+        """Report a cycle that began; switch off if the host has been silent for too long."""
         now = self.now()
         if self._cycling and self._cycle != self._told:
             cycle, began = self._cycle_start()

@@ -21,9 +21,9 @@ TRIGGER_PIN = 15
 SENSE_PIN = None
 """26, 27 or 28 where the LEDs' common resistor is wired to it."""
 LEAST_CURRENT = 800
-"""What the sense pin reads at least, of 65535, when current flows: 40 mV of 3.3 V."""
+"""Smallest reading of the sense pin, of 65535, when current flows: 40 mV of 3.3 V."""
 CHUNK = 64
-"""Bytes taken in at once, so that a flood of them does not keep the main loop."""
+"""Most bytes read at once, so that a flood of them does not block the main loop."""
 DIMMING = 100000
 """Frequency of the dimming in Hz: hundreds of periods in an exposure."""
 
@@ -70,7 +70,7 @@ def on_time():
 
 
 class Board:
-    """What `Controller` asks of a board."""
+    """The board that `Controller` requires."""
 
     def __init__(self):
         self.controller = None

@@ -1,11 +1,11 @@
 """Lines of the LED controller's protocol: ``$body*CRC`` and a newline.
 
-Only what MicroPython has is used here.
+Only features of MicroPython are used.
 """
 
 VERSION = 1
 LONGEST = 120
-"""Bytes of a line at most, from ``$`` to the last digit of the checksum."""
+"""Most bytes of a line, from ``$`` to the last digit of the checksum."""
 
 
 def crc16(data):
@@ -25,10 +25,10 @@ def frame(body):
 
 
 def unframe(line):
-    """The text in a line without its newline, or None if it is not whole and right.
+    """The text in a line without its newline, or None if the line is not complete and valid.
 
-    Exactly one spelling of a line is right, so that a single byte that was altered is always
-    found: the checksum has capital digits, and ``$`` and ``*`` stand nowhere else.
+    Every line has exactly one valid spelling, so that a single altered byte is always detected:
+    the checksum has capital digits, and ``$`` and ``*`` occur nowhere else.
     """
     if len(line) < 6 or line[:1] != b"$" or line[-5:-4] != b"*":
         return None
@@ -42,7 +42,7 @@ def unframe(line):
 
 
 class Lines:
-    """Cuts a stream of bytes into lines; whatever is not a right line is counted in `bad`."""
+    """Splits a stream of bytes into lines; invalid lines are counted in `bad`."""
 
     def __init__(self):
         self.bad = 0

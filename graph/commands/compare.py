@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option(
     "--sweep", "sweeps", multiple=True, metavar="NODE.PARAM=VALUES",
-    help="Try values: 0.01..0.2:10, log:0.01..1:5 or a,b,c.  Several sweeps make a grid.",
+    help="Try values, FROM..TO:COUNT: 0.01..0.2:10, log:0.01..1:5; or a,b,c.  "
+    "Several sweeps make a grid.",
 )  # fmt: skip
 @click.option("--seed", metavar="NODE.PARAM", help="The seed that repeats count up.")
 @click.option(

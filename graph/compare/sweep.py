@@ -17,7 +17,7 @@ from tactograph.graph.files.groups import group_of, meant_nodes
 from tactograph.graph.files.strict_yaml import parse_scalar
 
 MOST_VALUES = 1000
-HOW = "write it as node.param=0.01..0.2:10, log:0.01..1:5 or a,b,c"
+HOW = "write it as node.param=FROM..TO:COUNT, such as 0.01..0.2:10, log:0.01..1:5, or as a,b,c"
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Sweep:
 
 
 def read_sweep(word: str) -> Sweep:
-    """Read ``node.param=low..high:count``, the same with ``log:`` before it, or ``a,b,c``.
+    """Read ``node.param=from..to:count``, the same with ``log:`` before it, or ``a,b,c``.
 
     A range of whole numbers at whole distances gives whole numbers.
 

@@ -14,11 +14,14 @@ from typing import Any
 from scipy.special import stdtrit
 
 from tactograph.graph.compare.compare import Row
+from tactograph.graph.compare.text_table import fitting_table
 from tactograph.graph.files.whole_files import whole_files
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
 TIME = "ms"
+STAR = "*"
+"""Marks the best figure on the terminal."""
 CONFIDENCE = 0.95
 
 
@@ -86,14 +89,19 @@ def make_lines(rows: Iterable[Row]) -> list[Line]:
 
 
 def over_all(lines: Sequence[Line]) -> list[Line]:
-    """The means over all captures, if there are several: what a paper would state."""
+    """The means over all captures, if there are several: what a paper would state.
+
+    Errors of both signs do not cancel: the mean is that of their sizes, and says so.
+    """
     if len({line.capture for line in lines}) < 2:
         return []
     groups: dict[tuple[str, ...], list[Line]] = {}
     for line in lines:
         groups.setdefault((line.variant, line.backend, repr(line.sweep)), []).append(line)
-    means = [group for group in groups.values() if len(group) > 1]
-    return [_mean_line(group) for group in means if not any(line.error for line in group)]
+    whole = [g for g in groups.values() if len(g) > 1 and not any(line.error for line in g)]
+    found = ((name, x.figures.get(name)) for g in whole for x in g for name in columns(g))
+    signed = any(each is not None and _size(name, each.mean) != each.mean for name, each in found)
+    return [_mean_line(group, ", signs left out" if signed else "") for group in whole]
 
 
 def columns(lines: Iterable[Line], details: bool = False) -> list[str]:
@@ -116,13 +124,23 @@ def higher_is_better(name: str) -> bool:
 
 
 def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
-    """Whether no line of the same capture has a better figure, and some a worse one."""
+    """Whether no line of the same capture has a better figure, and some a worse one.
+
+    The time of a single run is never the best: the next run takes another.
+    """
     if name not in line.figures:
         return False
-    peers = [x.figures[name].mean for x in lines if x.capture == line.capture and name in x.figures]
-    quality = [value if higher_is_better(name) else -abs(value) for value in peers]
-    own = line.figures[name].mean
-    return (own if higher_is_better(name) else -abs(own)) == max(quality) > min(quality)
+    peers = [x.figures[name] for x in lines if x.capture == line.capture and name in x.figures]
+    if name == TIME and any(peer.count < 2 for peer in peers):
+        return False
+    sizes = [_size(name, peer.mean) for peer in peers]
+    best = max(sizes) if higher_is_better(name) else min(sizes)
+    return _size(name, line.figures[name].mean) == best and min(sizes) < max(sizes)
+
+
+def _size(name: str, value: float) -> float:
+    """A figure as it is judged: an error counts without its sign."""
+    return value if higher_is_better(name) else abs(value)
 
 
 def write_tables(rows: Sequence[Row], out: Path) -> None:
@@ -138,30 +156,27 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
 
 def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) -> None:
     """Print the figures, the best value of each capture marked with a star."""
-    from rich.console import Console
-    from rich.table import Table
-
     lines = make_lines(rows)
     shown = [*lines, *over_all(lines)]
-    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
-    for heading in _row_headings(lines):
-        table.add_column(heading, no_wrap=True)
-    for name in columns(lines):
-        longest = max(map(len, words(name).split()))
-        table.add_column(words(name), justify="right", min_width=longest)
-    for line in shown:
-        cells = [_starred(line, name, shown) for name in columns(lines)]
-        table.add_row(*_row_labels(line, lines), *cells)
-    console = Console(width=width, highlight=False, markup=False)
-    with console.capture() as captured:
-        console.print(table)
-    echo(captured.get().rstrip())
+    names, labels = columns(lines), _row_headings(lines)
+    table = [
+        [*_row_labels(line, lines), *(_starred(line, name, shown) for name in names)]
+        for line in shown
+    ]
+    echo(fitting_table([*labels, *map(words, names)], table, len(labels), width))
+    if any(cell.endswith(STAR) for cells in table for cell in cells):
+        echo(f"{STAR} best of its capture: {_what_is_best(names)}")
     for line in lines:
         if line.error:
             swept = "".join(f" {target}={value}" for target, value in line.sweep.items())
             echo(f"failed: {line.variant} on {line.capture or 'its own data'}{swept}: {line.error}")
     for text in fallback_lines(rows):
         echo(f"fallback: {text}")
+
+
+def _what_is_best(names: Iterable[str]) -> str:
+    highest = [words(name) for name in names if higher_is_better(name)]
+    return f"highest {', '.join(highest)}; else nearest to zero" if highest else "nearest to zero"
 
 
 def fallback_lines(rows: Iterable[Row]) -> list[str]:
@@ -185,13 +200,15 @@ def _line(rows: Sequence[Row]) -> Line:
     return Line(first.variant, first.capture, first.backend, first.sweep, rows, figures)
 
 
-def _mean_line(lines: Sequence[Line]) -> Line:
+def _mean_line(lines: Sequence[Line], remark: str) -> Line:
     """A plain mean: captures are no repeats, so an interval would say nothing."""
     first = lines[0]
     names = [name for name in first.figures if all(name in line.figures for line in lines)]
-    means = {name: fmean(line.figures[name].mean for line in lines) for name in names}
-    figures = {name: Estimate(mean, mean, mean, 1) for name, mean in means.items()}
-    of = f"mean of {len(lines)} captures"
+    figures = {}
+    for name in names:
+        mean = fmean(_size(name, line.figures[name].mean) for line in lines)
+        figures[name] = Estimate(mean, mean, mean, 1)
+    of = f"mean of {len(lines)} captures{remark}"
     return Line(first.variant, of, first.backend, first.sweep, first.rows, figures)
 
 
@@ -213,7 +230,7 @@ def _value(value: Any) -> str:
 def _starred(line: Line, name: str, lines: Sequence[Line]) -> str:
     if name not in line.figures:
         return ""
-    return f"{line.figures[name]}{'*' if is_best(line, name, lines) else ' '}"
+    return f"{line.figures[name]}{STAR if is_best(line, name, lines) else ' '}"
 
 
 def _write_csv(lines: Sequence[Line], file: Path) -> None:

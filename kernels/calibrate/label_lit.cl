@@ -1,6 +1,6 @@
 #include "common.clh"
 
-// A bit per LED that gives a pixel more light than `black` (which 0), or does not (1).
+// One bit per LED that gives a pixel more light than `black` (which = 0), or does not (1).
 __kernel void label_lit(
     __global const float *restrict light,
     __global uchar *restrict out,

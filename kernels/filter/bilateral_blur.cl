@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "border.clh"
 
-// The mean over a disk, weighted by how near a pixel lies and how alike its light is.
+// The mean over a disk, weighted by a pixel's distance and by the difference of its light.
 LANED __kernel void bilateral_blur(
     __global const float *restrict light,
     __global float *restrict out,

@@ -1,7 +1,7 @@
 #include "common.clh"
 
-// The light where the mask is set, else the value of a plane through what is known around,
-// weighted by its distance; from no light to twice the mean around.
+// The light where the mask is set, else the value of a plane fitted to the known surroundings,
+// weighted by their distance; limited to the range from 0 to twice the mean around.
 __kernel void fill_masked(
     __global const float *restrict light,
     __global const uchar *restrict mask,

@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "border.clh"
 
-// The value in the middle, in all lanes: sorted as far as there.
+// The median, in all lanes, by sorting up to the middle.
 static floats middle_of(floats *window, const int count)
 {
     for (int i = 0; i <= count / 2; ++i)

@@ -3,8 +3,8 @@
 #include "pixels.clh"
 #include "bicubic.clh"
 
-// Every pixel where a homography h, from the middle of the result, leads in the images.  A
-// work-item does LANES pixels of a row, of all LEDs.
+// Every pixel, looked up where a homography h, from the middle of the result, leads in the images.
+// A work-item does LANES pixels of a row, of all LEDs.
 LANED __kernel void look_up(
     __global const float *restrict light,
     __global const float *restrict h,

@@ -15,7 +15,7 @@
 #define TILTED 0.1f
 #define FLAT 0.3f
 #define ERRORS 8
-// How many LEDs there are: where it is known to the compiler, loops over them are unrolled.
+// The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
 #define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
 #define MOST LEDS
@@ -32,7 +32,7 @@
     x *= 0x846ca68bU; \
     x ^= x >> 16;
 
-// +1 or -1, as the hash of a number and of what is drawn says.
+// +1 or -1, by the hash of a number and of the draw's key.
 static float drawn(const uint number, const uint key)
 {
     uint x = number ^ key;
@@ -85,7 +85,7 @@ static Response respond(
         whole += weight[k] * shown[k] * shown[k];
         leds += lit ? one_more : nothing;
     }
-    // Of three LEDs or more, less what the film's brightness explains.
+    // For three LEDs or more, less what the film's brightness explains.
     const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
     floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
     EACH_LED(k) {
@@ -126,15 +126,15 @@ static floats within(const floats value, const float most)
     return LESS_OF(raised, high);
 }
 
-// What is told of each error: its signs by the share of bounced light that is wrong, by what has not
-// settled and by how much all normals lean; its wave's direction, phase in turns, and length.
+// The parameters of each error: its signs for the wrong share of bounced light, for what has not
+// settled and for the lean of all normals; its wave's direction, phase in turns, and length.
 typedef struct {
     float sign, settling, leaning, across, down, phase, wavelength;
 } Kind;
 
-// The errors of the slopes inside the window, all in one launch since they share what they read: the
-// lights' noise, what all pixels of an LED have in common, the LEDs being elsewhere and bounced light
-// uncertain; and normals that lean in waves where the film's model is wrong.
+// The errors of the slopes inside the window, all in one launch because they read the same data:
+// the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and of the
+// bounced light; and normals that lean in waves because the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
@@ -224,7 +224,7 @@ LANED __kernel void err_slopes(
     }
 }
 
-// By how much steps to the right, or down, differ from those beside them.
+// By how much steps to the right, or down, differ from their neighbours.
 static floats turned_right(
     __global const float *want, const int y, const int x, const int count, const int W)
 {
@@ -272,7 +272,7 @@ __kernel void err_rises(
     rise[to * ties + t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
 }
 
-// What steps lack if all lack it uphill.
+// By how much steps are too small, all of them uphill.
 static floats lacking(
     const floats step_, const floats turn_, const float pixel, const float kink)
 {
@@ -298,7 +298,7 @@ LANED __kernel void err_kinks(
     store_floats(y + 1 < H ? south : none, down + i, count);
 }
 
-// Add the squares of what errors did, each times its share.
+// Add the squares of the changes by errors, each times its share.
 LANED __kernel void add_squares(
     __global const float *restrict moved, __global float *restrict total, const int size,
     const int loads, __global const float *restrict shares)
@@ -324,7 +324,7 @@ __kernel void free_part(
     variance[i] *= freed[i];
 }
 
-// The index within 0 .. size - 1 that mirroring at both ends, whose pixels are not repeated, gives.
+// The index within 0 .. size - 1 after mirroring at both ends, without repeating the end pixels.
 static int mirrored(int i, const int size)
 {
     if (size == 1) return 0;
@@ -364,7 +364,7 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
-// What the height of a pixel departs from its neighbours by, beyond a film's bend.
+// The departure of a pixel's height from its neighbours, beyond what a film bends.
 LANED __kernel void bends(
     __global const float *restrict height, __global float *restrict bent, const int H, const int W,
     const float pixel)
@@ -380,8 +380,8 @@ LANED __kernel void bends(
     store_floats(MORE_OF(found, none), bent + y * W + x, count);
 }
 
-// The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may as
-// well lie in the next.
+// The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may
+// equally lie in the next pixel.
 LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict bent,

@@ -30,7 +30,7 @@ __kernel void divide(
     spectrum[i] = spectrum[i] * inverse[i] * pixel;
 }
 
-// Rows become columns, and the last plane the first: the slopes of an image that is turned over.
+// Rows become columns, and the last plane the first: the slopes of the transposed image.
 __kernel void turn_over(
     __global const float *restrict planes, __global float *restrict turned, const int count,
     const int H, const int W)
@@ -126,7 +126,7 @@ static floats sweep(
 
 // The Poisson equation along the rows whose columns are transformed: each frequency v is a
 // tridiagonal system -z[x-1] + (2 + c) z[x] - z[x+1] = -spectrum[x], whose pivots' inverses are
-// known.  Frequency 0 leaves the height free by a constant, and gets a mean of zero.
+// known.  Frequency 0 determines the height up to a constant, and gets a mean of zero.
 LANED __kernel void solve(
     __global float *restrict spectrum,
     __global const float *restrict pivots,
@@ -177,7 +177,7 @@ LANED __kernel void transform_back(
             b[2 * (v + r) + 1] = second > 0 ? others[r] : rows[r];
         }
     }
-    // Real and imaginary parts swapped, the transform is the inverse one.
+    // With real and imaginary parts swapped, the transform is the inverse.
     const floats none = 0.0f;
     for (int k = 0; k < H; ++k) {
         const float2 w = turns[k];

@@ -5,7 +5,7 @@
 // Heights of a row beside those that a work-item does.
 #define AT(row, dx) load_within_border(row, x + (dx), count, W, REPLICATE)
 
-// Loose pixels move by the least of their departures along the four lines through them.
+// Loose pixels move by the smallest of their departures along the four lines through them.
 LANED __kernel void settle_loose(
     __global const float *restrict height,
     __global const float *restrict variance,

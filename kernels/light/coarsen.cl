@@ -4,8 +4,8 @@
 #include "cells.clh"
 #include "cell_side.clh"
 
-// The mean, or the first, of every cell of side x side pixels; beyond the border its pixels
-// count again.  A work-item does LANES cells of a row.
+// The mean, or the first, of every cell of side x side pixels; beyond the border the border pixels
+// repeat.  A work-item does LANES cells of a row.
 LANED __kernel void coarsen(
     __global const PIXEL *restrict light,
     __global float *restrict out,

@@ -7,8 +7,8 @@
 #include "coated_bounce.clh"
 #include "sweep.clh"
 
-// The light of cells brought to pixels, with what they miss, of which larger cells miss more; and no
-// further from the one before than `share`.
+// The light of cells interpolated at pixels, with a correction for what they miss, from cells twice
+// as large; and relaxed from the previous result by `share`.
 LANED __kernel void interpolate(
     __global const float *restrict bounced,
     __global const float *restrict of_larger,

@@ -19,7 +19,7 @@
 #define NOT_CALM -1.0f
 #define LEAST 1e-6f
 
-// K x H x W cells: light, and noise as a share of which it counts.
+// K x H x W cells: light, and noise, which counts times `share`.
 typedef struct {
     __global const float *light, *sigma;
     int K, H, W;
@@ -46,7 +46,7 @@ LANED __kernel void halve(
     store_floats(mean, halved + row * w + column, count);
 }
 
-// The mean of what lies around each cell; beyond the frame its border goes on.
+// The mean over the window around each cell; beyond the frame the border repeats.
 LANED __kernel void look_around(
     __global const float *restrict light, __global float *restrict around,
     const int K, const int H, const int W)
@@ -89,7 +89,7 @@ static floats gain_of(__global const float *c, const floats *t)
     return gain;
 }
 
-// Whether the light of all LEDs is that of the drift, beyond what counts as noise.
+// Whether the light of all LEDs agrees with the drift, within the noise and `beyond`.
 static ints is_calm(
     const Film *film, __global const float *light, __global const float *drift, const floats *t,
     const int i, const int count, const float share, const float beyond)
@@ -119,7 +119,7 @@ static float count_calm(
     return group_sum(calm, parts);
 }
 
-// 1 where a cell is calm and so is what lies around it, 0 where it alone is, else NOT_CALM; and
+// 1 where a cell and the mean around it are calm, 0 where the cell alone is, else NOT_CALM; and
 // 1 where no touch shows around a cell, else 0.
 LANED __kernel void find_clear(
     __global const float *restrict light,
@@ -145,8 +145,8 @@ LANED __kernel void find_clear(
     store_floats(untouched ? one : none, still + i, count);
 }
 
-// How many cells a clear one is away from where a touch shows, SKIRT + 1 at most; the others as
-// they are.
+// The distance in cells of a clear cell from where a touch shows, at most SKIRT + 1; the others
+// unchanged.
 LANED __kernel void find_away(
     __global const float *restrict clear,
     __global const float *restrict still,
@@ -180,7 +180,7 @@ static float count_clear(__global const float *away, const int size, __local flo
     return group_sum(clear, parts);
 }
 
-// How far a clear cell is away at most.
+// The largest distance of a clear cell.
 static float furthest(__global const float *away, const int size, __local float *parts)
 {
     floats far = 0.0f;
@@ -246,8 +246,8 @@ static void weigh_calm(
     barrier(CLK_GLOBAL_MEM_FENCE);
 }
 
-// Clear cells count by the square of how far from a touch they are, `most` at most; where that
-// is 0 all calm ones do.
+// Clear cells count by the square of their distance to a touch, which is at most `most`; if that
+// is 0 all calm cells count.
 static void weigh_clear(
     __global const float *away, const float most, const int size, __global float *weights)
 {
@@ -262,8 +262,8 @@ static void weigh_clear(
     barrier(CLK_GLOBAL_MEM_FENCE);
 }
 
-// Sums over the cells, as far as they count, of what `known` leaves: of the first `used` terms'
-// products, of terms times light by LED, and of the noise's square by LED.
+// Weighted sums over the cells: of the products of the first `used` terms, of terms times the light
+// less `known` by LED, and of the noise's square by LED.
 static void tally(
     const Film *film, __global const float *weights, __global const float *known,
     const int used, __global float *shares, __local float *sums)
@@ -330,7 +330,7 @@ static float settle(
 {
     float a[PAIRS], b[TERMS], change[TERMS], explained = 0.0f;
     for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
-    // Without calm film the sums are empty; what comes out is not used.
+    // Without calm film the sums are empty, and the result is not used.
     a[0] = fmax(a[0], LEAST);
     for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += held;
     for (int j = 0; j < used; ++j) b[j] = sums[PAIRS + TERMS * k + j];
@@ -343,7 +343,7 @@ static float settle(
     return explained;
 }
 
-// The old drift, and what the border makes of it if more of the film is calm under that.
+// The old drift, and the start: that drift, or scaled to the border if this makes more film calm.
 LANED __kernel ONE_GROUP void begin(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -376,7 +376,7 @@ LANED __kernel ONE_GROUP void begin(
         drift[i] = calm_beside > calm_before ? drift[i] : old[i];
 }
 
-// The drift anew, from the cells that are calm under the one found so far.
+// The next drift, from the cells that are calm under the current one.
 LANED __kernel ONE_GROUP void follow(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -401,7 +401,7 @@ LANED __kernel ONE_GROUP void follow(
 }
 
 // The last round, by clear film away from touches; then the level once more, and the old drift
-// where nothing real was found.
+// where the change is not significant.
 LANED __kernel ONE_GROUP void finish(
     __global const float *restrict light,
     __global const float *restrict sigma,

@@ -3,7 +3,7 @@
 #include "near_light.clh"
 #include "drift.clh"
 
-// Light over the drift of its LED.
+// Light divided by the drift of its LED.
 LANED __kernel void level_light(
     __global const float *restrict light,
     __global const float *restrict drift,

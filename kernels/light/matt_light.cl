@@ -5,8 +5,8 @@
 
 #define MOST 8
 
-// The light of a real film as that of a matt one.  A work-item does STRETCH pixels of a row, LANES
-// at a time: on CPUs what it knows of each LED stays in the same memory, near the core.
+// The light of a real film converted to that of a matt one.  A work-item does STRETCH pixels of a
+// row, LANES at a time: on CPUs its data of each LED stay in the same memory, near the core.
 LANED __kernel void matt_light(
     __global const float *restrict light,
     __global const float *restrict sigma,

@@ -7,8 +7,8 @@
 #define BLOCK 16
 #define NOISE 0.01f
 
-// What neither a normal nor the film's brightness explains of the light, and 1 where all LEDs and a
-// tilted film tell; else 0.
+// The residual of the light under a normal and the film's brightness, and 1 where all LEDs are used
+// on tilted film, else 0.
 LANED __kernel void leave(
     __global const float *restrict light, __global const float *restrict slope,
     __global const float *restrict height, __global const uchar *restrict used,
@@ -42,7 +42,7 @@ LANED __kernel void leave(
     store_floats(tells ? one : none, counts + at, count);
 }
 
-// Over blocks of pixels, the products with neighbours `lag` pixels away, and how many count.
+// Over blocks of pixels, the sums of products with neighbours `lag` pixels away, and of pairs.
 LANED __kernel void add_blocks(
     __global const float *restrict left, __global const float *restrict counts,
     __global float *restrict total, __global float *restrict known, const int K, const int H,

@@ -1,6 +1,6 @@
 #include "common.clh"
 
-// A variance of p and q on bare film, another under markers.
+// One variance of p and q on bare film, another under markers.
 __kernel void bare_variance(
     __global const uchar *restrict bare,
     __global float *restrict out,

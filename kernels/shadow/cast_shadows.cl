@@ -25,8 +25,8 @@ void highest(
 
 #define BLOCK 16
 
-// The largest height of each block of pixels and of those that begin the next: what lies between
-// the pixels of the block is no higher.
+// The largest height of each block of pixels and of those that begin the next blocks, so that no
+// interpolated height in the block is larger.
 __kernel void block_tops(
     __global const float *restrict height,
     __global float *restrict tops,
@@ -40,7 +40,7 @@ __kernel void block_tops(
     tops[row * columns + column] = found;
 }
 
-// How far a ray that begins at `at` and goes `u` per step is in block number `block` of a line.
+// How far along a line a ray that begins at `at` and goes `u` per step stays in block `block`.
 static float way_out(const float at, const float u, const int block)
 {
     if (u > 0.0f) return ((float)((block + 1) * BLOCK) - at) / u;
@@ -104,7 +104,7 @@ LANED __kernel void spread_labels(
     store_bytes(labels, near + y * W + x, count);
 }
 
-// Labels: shadows that the height casts, and that the image shows near by.
+// Labels: shadows that the height casts and the image shows near by.
 __kernel void cast(
     __global const float *height,
     __global const float *lights,

@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "lens.clh"
 
-// The confidence in the labels that each pixel of the camera sees.
+// The confidence in the labels at each pixel of the camera.
 LANED __kernel void confidence_as_seen(
     __global const float *restrict confidence,
     __global const float *restrict lens,

@@ -7,7 +7,7 @@
 #define UNKNOWN 1e3f
 #define NONE (-1)
 
-// What the lights of LANES pixels say: light and weight of each LED, and where it comes from.
+// LANES pixels: light and weight of each LED, and the vectors of equation N1.
 typedef struct {
     floats light[MOST], weight[MOST];
     Vector towards[MOST];
@@ -105,7 +105,7 @@ static Vector half_way(
     return found;
 }
 
-// Mark the LED whose light exceeds what the others allow, where it could be mirrored.
+// Mark the LED whose light exceeds what the others predict, where it could be mirrored.
 LANED __kernel void label_highlights(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -136,7 +136,7 @@ LANED __kernel void label_highlights(
         level += seen.weight[k] * away * away;
     }
     ints marked = 0, doubted = level > unlikely;
-    // Where the level film explains the light, so does the normal that explains it best.
+    // If level film explains the light, the best normal explains it, too.
     if (K > 3 && ANY(doubted)) doubted &= fit(&seen, K, NONE).misfit > unlikely;
     if (K > 3 && ANY(doubted)) {
         floats best = INFINITY;

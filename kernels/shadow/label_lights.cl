@@ -14,8 +14,8 @@
 #define UNKNOWN 1e12f
 #define TINY 1e-20f
 
-// Vectors of LANES pixels that are done side by side, since one's long chain of operations waits
-// less if others are under way; and vectors that a work-item does.
+// Vectors of LANES pixels that are done side by side, because a long chain of operations waits
+// less if others are under way; and vectors per work-item.
 #if LANES == 1
 #define RUN 1
 #define SHARE 1
@@ -25,8 +25,8 @@
 #endif
 
 // Pixels under all LEDs: light, its standard deviation, one over its variance, and the vectors
-// of equation N1; the normal believed in before; the LEDs that surely do not reach, as bits, and
-// those of them that have to be left out.
+// of equation N1; the prior normal; the LEDs that certainly do not reach, as bits, and those of
+// them that must be left out.
 typedef struct {
     int K;
     floats light[MOST], sigma[MOST], weight[MOST];
@@ -52,7 +52,7 @@ typedef struct {
     floats xx, xy, xz, yy, yz, zz;
 } Symmetric;
 
-// Sums of w v v' and of w m v, times `scale`, which is one over the trace of the first: so that
+// Sums of w v v' and of w m v, times `scale`, which is one over the trace of the first, so that
 // products stay small.
 typedef struct {
     Symmetric a;
@@ -147,7 +147,7 @@ static Vector solution(const Symmetric a, const Vector b)
 static Vector gauss_newton(
     const Symmetric a, const Vector b, const floats scale, const Vector n)
 {
-    // The matrix times the first tangent, and what the second takes of its own product.
+    // The matrix times the first tangent, and the part of the second's product that is needed.
     const floats ux = a.xx * n.z - a.xz * n.x, uy = a.xy * n.z - a.yz * n.x;
     const floats uz = a.xz * n.z - a.zz * n.x;
     const floats vy = a.yy * n.z - a.yz * n.y, vz = a.yz * n.z - a.zz * n.y;
@@ -227,7 +227,7 @@ static Equations at_any_brightness(const Equations *made, const Vector n, const 
     return less;
 }
 
-// The unit normal that judges a set of three LEDs or more, and the one that it gives.
+// The unit normal by which a set of three LEDs or more is judged, and the one that it gives.
 static Judged least_squares(const Equations *made, const int count, const float uneven)
 {
     const Vector start = linear(made);
@@ -237,7 +237,7 @@ static Judged least_squares(const Equations *made, const int count, const float 
     return found;
 }
 
-// The light that LEDs called dark would give; plenty for a normal the camera cannot see.
+// The light that the dark LEDs would give; plenty for a normal that the camera cannot see.
 static floats lit_behind(const Pixels *pixels, const int used, const Vector n)
 {
     const floats plenty = 10.0f, none = 0.0f;
@@ -331,7 +331,7 @@ static Slope variance_of(
     return variance;
 }
 
-// The LEDs whose light is not there.
+// The LEDs whose light is missing.
 static ints dim_of(const Pixels *pixels, const Vector n)
 {
     const ints nothing = 0;
@@ -344,7 +344,7 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     return dim;
 }
 
-// The sum of squares over the LEDs that are lit; of more than three at any brightness.
+// The sum of squares over the LEDs used; for more than three at any brightness.
 static floats squares_of(
     const Pixels *pixels, const int lit, const Vector normal, const float uneven)
 {
@@ -380,8 +380,8 @@ static floats excess_of(
     return excess;
 }
 
-// What an LED left out costs at least: its light is much for a shadow, wherever the surface faces.
-// One below the floor is dark.
+// A lower bound on the cost of an LED left out: its light, whatever the normal is.  An LED below
+// the floor is dark and costs nothing here.
 static floats light_of_one(const Pixels *pixels, const int k)
 {
     const floats none = 0.0f, much = pixels->light[k] * (1.0f / SHADE);
@@ -512,7 +512,7 @@ static void list_doubtful(
     const Pixels *here, const floats squares, const float price, const int at, const int count,
     Doubtful *doubtful)
 {
-    // Leaving an LED out costs its price and its light at least.
+    // Leaving an LED out costs at least its price and its light.
     const ints may_be = (here->forced != 0) | !(squares <= price), nothing = 0;
     if (!ANY(may_be)) return;
     ints kind = 0;
@@ -567,7 +567,7 @@ static void all_lit(
     }
 }
 
-// Order the doubtful pixels by kind, so that those which are done together try the same sets.
+// Order the doubtful pixels by kind, so that those processed together try the same sets.
 static void sort_by_kind(const Doubtful *doubtful, const int K, int *order)
 {
 #if LANES == 1
@@ -628,7 +628,7 @@ static void any_set(
             best.normals.twin = chosen_of(better, tried.twin, best.normals.twin);
         }
     }
-    // Where all LEDs explain a pixel best, what they give is there already.
+    // If all LEDs explain a pixel best, its result is already written.
     const ints same = best.used == all;
     int stay[LANES];
     STORE_LANES(same, stay);

@@ -17,7 +17,7 @@ static ints gathered(const ints spread_)
     return (halves | halves >> 12) & 0xff;
 }
 
-// Per LED what the majority of 3 x 3 pixels says; the border goes on beyond the frame.
+// Per LED the majority label of 3 x 3 pixels; beyond the frame the border repeats.
 LANED __kernel void majority_labels(
     __global const uchar *restrict shadow,
     __global uchar *restrict out,

@@ -5,7 +5,7 @@
 
 #define FAINTEST 0.02f
 
-// The LEDs whose label is not the same all over the pixels `reach` away, or nearer.
+// The LEDs whose label varies among the pixels within `reach` along each axis.
 static ints edges(
     __global const uchar *labels, const int y, const int x, const int count, const int H,
     const int W, const int reach)
@@ -22,7 +22,7 @@ static ints edges(
     return some & ~every;
 }
 
-// The share of the light to be expected that is there, less a half; noisy light tells less.
+// The share of the expected light that is present, less a half; noisy light counts less.
 static floats share_of(const floats light, const floats sigma, const floats shown, const float noisy)
 {
     const floats none = 0.0f, one = 1.0f, faintest = FAINTEST, expected = MORE_OF(shown, faintest);

@@ -9,7 +9,7 @@
 #define NEAREST_EDGE 1.2f
 #define NOTHING -1
 #define MOST 8
-// Within so many pixels of a shadow lies all light that tells where it ends.
+// All light that shows where a shadow ends lies within this many pixels of it.
 #define AROUND_END 4
 
 // Any of the labels of `count` pixels.
@@ -68,7 +68,7 @@ __kernel void lit_part(
     }
 }
 
-// Four pixels around a point of the frame, and how far between them it lies.
+// Four pixels around a point of the frame, and its place between them.
 typedef struct {
     int a, b, c, d;
     float u, v;
@@ -121,7 +121,7 @@ static int nearest(const float x, const float y, const int H, const int W)
     return column >= 0 && column < W && row >= 0 && row < H ? row * W + column : NOTHING;
 }
 
-// How far along a ray the shadow ends and the edge that casts it lies; no edge is negative.
+// The distances along a ray of the shadow's end and its casting edge; negative if there is no edge.
 static float2 march(
     __global const uchar *shadow, __global const float *part, const int k, const float column,
     const float row, const float ux, const float uy, const int H, const int W, const float step_,
@@ -146,13 +146,13 @@ static float2 march(
     return (float2)(end, -1.0f);
 }
 
-// What the shadows of an LED say, one after another.
+// The measurements from the shadows of an LED, one after another.
 typedef struct {
     __global int *top, *foot;
     __global float *rise;
 } Measured;
 
-// The edge whose shadow of LED k ends at a pixel, and how far it stands above; how many there are.
+// The edge whose shadow of LED k ends at a pixel, and its rise above it; returns their number.
 static int measure_at(
     __global const uchar *shadow, __global const uchar *used, __global const float *slope,
     __global const float *height, __global const float *lights, __global const float *part,
@@ -188,8 +188,8 @@ static int measure_at(
     return 1;
 }
 
-// For each LED and span of a row: what the shadows that end there say, one after another from the
-// span's first pixel on, and how many they are.
+// For each LED and span of a row: the measurements from the shadows that end there, one after
+// another from the span's first pixel on, and their number.
 __kernel void measure(
     __global const uchar *restrict shadow, __global const uchar *restrict used,
     __global const float *restrict slope, __global const float *restrict height,
@@ -217,7 +217,7 @@ __kernel void measure(
     for (int k = 0; k < K; ++k) counts[k * H * across + n] = found[k];
 }
 
-// The measurements of all spans without gaps; those of a span end where `ends` says.
+// The measurements of all spans without gaps; those of a span end at `ends`.
 __kernel void gather_spans(
     __global const int *restrict top_of, __global const int *restrict foot_of,
     __global const float *restrict rise_of, __global const int *restrict counts,

@@ -1,6 +1,6 @@
 #include "common.clh"
 
-// A filter along one axis of every plane; beyond the border its pixels go on.
+// A filter along one axis of every plane; border pixels are replicated.
 __kernel void spread(
     __global const float *restrict light,
     __global const float *restrict weights,

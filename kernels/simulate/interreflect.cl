@@ -22,7 +22,7 @@ LANED __kernel void relative(
     store_floats(load_floats(light + i, count) / MORE_OF(level, least), out + i, count);
 }
 
-// The light of a cell of the frame: what the LEDs throw on it, and the film.
+// The light of a cell of the frame: from the LEDs, and from film to film.
 __kernel void add_bounce(
     __global const float *restrict direct,
     __global const float *restrict bounced,
@@ -38,7 +38,7 @@ __kernel void add_bounce(
     }
 }
 
-// The bounces added to the light, with what cells miss, of which larger cells miss more.
+// Adds the bounces to the light, extrapolated from two sizes of cells to what cells miss.
 LANED __kernel void add_light(
     __global const float *restrict light,
     __global const float *restrict rest,

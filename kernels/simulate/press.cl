@@ -15,7 +15,7 @@ __kernel void rise(
 }
 
 // Half a sweep of projected successive over-relaxation: the pixels of one colour of a
-// chessboard, whose neighbours have the other.  A work-item for every two pixels of a row.
+// chessboard, whose neighbours have the other colour.  One work-item per two pixels of a row.
 __kernel void settle(
     __global const float *restrict obstacle,
     __global float *film,
@@ -32,7 +32,7 @@ __kernel void settle(
     film[i] = fmax(here + relax * (pull * share - here), obstacle[i]);
 }
 
-// Weighted mean along one axis (1: x); beyond the border the film goes on level.
+// Weighted mean along one axis (1: x); border pixels are replicated.
 __kernel void smooth(
     __global const float *restrict film,
     __global const float *restrict weights,

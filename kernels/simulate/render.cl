@@ -12,7 +12,7 @@ typedef struct {
     float pixel, top;
 } Surface;
 
-// A point of a pixel: its place in px and in mm, its slope.
+// A point of a pixel: its position in px and in mm, and its slope.
 typedef struct {
     float column, row;
     float x, y, z;
@@ -90,7 +90,7 @@ typedef struct {
     float alpha, index, albedo, camera_mm;
 } Coat;
 
-// Irradiance of the flat film under an LED: at the image's point nearest to the LED's foot.
+// Irradiance of the flat film under an LED, at the image point nearest to the LED's foot.
 float flat_irradiance(const Surface s, const float x, const float y, const float z,
                       const int distant)
 {
@@ -101,7 +101,7 @@ float flat_irradiance(const Surface s, const float x, const float y, const float
     return z / (square * sqrt(square));
 }
 
-// The exposure: `level` over the largest of them.
+// The exposure: `level` divided by the largest flat irradiance.
 float exposure(const Surface s, __global const float *lights, const int K, const int distant,
                const float level)
 {
@@ -112,8 +112,8 @@ float exposure(const Surface s, __global const float *lights, const int K, const
     return level / brightest;
 }
 
-// To point i of `count` on sunflower spirals over an LED's disk, which faces the middle of the film
-// or lies parallel to it: pairs of opposite points, whose mean is the centre; an odd one lies there.
+// Ray to point i of `count` on sunflower spirals over an LED's disk, which faces the middle of the
+// film or lies parallel to it.  Points come in opposite pairs; an odd one lies at the centre.
 Ray towards(const Spot spot, __global const float *led, const float size_mm, const int i,
             const int count, const int distant, const int facing)
 {
@@ -152,7 +152,7 @@ float cosine(const Spot spot, const Ray ray)
     return (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length);
 }
 
-// Cosine between a ray and the axis of the LED's disk: what it shines that way.
+// Cosine between a ray and the axis of the LED's disk: relative emission along the ray.
 float emitted(__global const float *led, const Ray ray)
 {
     const float far_ = sqrt(led[0] * led[0] + led[1] * led[1] + led[2] * led[2]);
@@ -160,7 +160,7 @@ float emitted(__global const float *led, const Ray ray)
     return fmax(along / ray.length, 0.0f);
 }
 
-// What takes the place of n.L under a rough dielectric coat, seen from the pupil.
+// The replacement of n.L under a rough dielectric coat, seen from the pupil.
 float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
 {
     const float lx = ray.x / ray.length, ly = ray.y / ray.length, lz = ray.z / ray.length;
@@ -196,7 +196,7 @@ float highlight(const Spot spot, const Ray ray, const float gloss, const float s
     return gloss * pow(fmax(n_h, 0.0f), shininess);
 }
 
-// Whether a ray meets no surface on its way.
+// Whether a ray reaches its end without meeting the surface.
 int unobstructed(const Surface s, const Spot spot, const Ray ray, const int distant,
                  const float step)
 {
@@ -205,7 +205,7 @@ int unobstructed(const Surface s, const Spot spot, const Ray ray, const int dist
     const float dx = ray.x / across * step, dy = ray.y / across * step;
     const float dz = ray.z / across * step * s.pixel;
     const float right = (float)(s.W - 1), bottom = (float)(s.H - 1);
-    // The LED itself ends a ray; rays to a distant one end at the border of the image.
+    // A ray ends at the LED; rays to a distant LED end at the border of the image.
     const float last = distant ? INFINITY : across / (step * s.pixel);
     for (float i = 1.0f; i < last; i += 1.0f) {
         const float x = spot.column + i * dx, y = spot.row + i * dy, z = start + i * dz;
@@ -217,7 +217,7 @@ int unobstructed(const Surface s, const Spot spot, const Ray ray, const int dist
     return 1;
 }
 
-// Where sample i of n lies within its pixel, from its centre.
+// Offset of sample i of n from the centre of its pixel.
 float offset(const int i, const int n)
 {
     return ((float)i + 0.5f) / (float)n - 0.5f;
@@ -234,7 +234,7 @@ __kernel void row_tops(__global const float *restrict height, __global float *re
     rows[y] = top;
 }
 
-// The highest point of all, by a single work-item: there are few rows.
+// The highest point of all rows; there are few, so a single work-item suffices.
 __kernel void highest(__global const float *restrict rows, __global float *restrict top,
                       const int H)
 {

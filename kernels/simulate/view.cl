@@ -8,7 +8,7 @@ typedef struct {
     float camera_mm;
 } Scene;
 
-// A point of an image, and how it lies between four pixels.
+// The four pixels around a point of an image, and its position between them.
 typedef struct {
     int left, right, upper, lower;
     float x, y;
@@ -35,7 +35,7 @@ float bilinear(__global const float *plane, const Between b, const int W)
     return above * (1.0f - b.y) + below * b.y;
 }
 
-// Where a ray of sight is at height z; it goes through (u, v) px from the middle at rest.
+// Position at height z of the line of sight through (u, v), in px from the middle at rest.
 float2 place_at(const Scene s, const float u, const float v, const float z)
 {
     const float nearer = s.camera_mm > 0.0f ? 1.0f - z / s.camera_mm : 1.0f;
@@ -62,7 +62,7 @@ __kernel void row_ends(
     rows[H + y] = bottom;
 }
 
-// Those of all, by a single work-item: there are few rows.
+// The extremes of all rows; there are few, so a single work-item suffices.
 __kernel void ends(__global const float *restrict rows, __global float *restrict out, const int H)
 {
     GRID_1(i, 1)
@@ -75,7 +75,7 @@ __kernel void ends(__global const float *restrict rows, __global float *restrict
     out[1] = bottom;
 }
 
-// Images and truth as the pixels of a camera with a pupil and a lens see them.
+// Images and ground truth as seen by a camera with a pupil and a lens.
 __kernel void view(
     __global const float *restrict light,
     __global const float *restrict height,

@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "border.clh"
 
-// The light of the brightest LED that leaves the next pixel away from it dark; else 0.
+// The light of the brightest LED for which the next pixel away from it is dark; else 0.
 static float cliff(
     __global const float *light,
     __global const uchar *shadow,
@@ -25,7 +25,7 @@ static float cliff(
     return brightest;
 }
 
-// Whether any LED is dark at `count` pixels of a row, or beside them: only there can be a cliff.
+// Whether any LED is dark at `count` pixels of a row, or beside them: cliffs occur only there.
 static int is_near_shadow(
     __global const uchar *shadow, const int H, const int W, const int y, const int x,
     const int count)

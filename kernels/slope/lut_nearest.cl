@@ -24,7 +24,7 @@ static int comes_before(
 
 static void enter(Several *several, const float square, const int number)
 {
-    // Leaves are filled up with entries that stand elsewhere too.
+    // Leaves are padded with entries that also occur elsewhere.
     for (int i = 0; i < several->found; ++i)
         if (several->number[i] == number) return;
     int place = several->found;
@@ -155,8 +155,8 @@ static void scan_leaf(
     nearest->leaf = closer ? (ints)(leaf) : nearest->leaf;
 }
 
-// Where a packet of pixels is: its light, that light along the table's axes, the box around
-// it, and two leaves that are likely to be near.
+// A packet of pixels: its light, that light along the table's axes, the box around it, and two
+// leaves that are likely to be near.
 typedef struct {
     floats light[LIGHTS], point[LIGHTS];
     float low[LIGHTS], high[LIGHTS];
@@ -206,7 +206,7 @@ static void walk(Nearest *nearest, const Packet *packet, const Table *table)
     }
 }
 
-// Fill in where the pixels of a packet are along the table's axes, and the box around them.
+// Fill in a packet's coordinates along the table's axes, and the box around its pixels.
 static void place(Packet *packet, const Table *table)
 {
     #pragma unroll
@@ -267,7 +267,7 @@ void search_cells(
         float value[LIGHTS][PADDED];
         ushort order[PADDED];
         int found[PADDED];
-        // The last packet is filled up with the last pixel.
+        // The last packet is padded with the last pixel.
         for (int i = 0; i < count; ++i)
             for (int k = 0; k < LIGHTS; ++k)
                 value[k][i] = k == t - 1 ? 0.0f : tame(sorted[LIGHTS * (from + i) + k]);
@@ -284,7 +284,7 @@ void search_cells(
     }
 }
 
-// Back from the order of the cells to that of the image.
+// From the order of the cells back to that of the image.
 __kernel void put_back(
     __global const float *restrict found_slopes,
     __global const int *restrict place,

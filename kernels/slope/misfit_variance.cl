@@ -1,6 +1,6 @@
 #include "common.clh"
 
-// The variance of the slopes, widened by misfit and by an open choice between two normals.
+// The variance of the slopes, increased by misfit and by an open choice between two normals.
 __kernel void misfit_variance(
     __global const float *restrict variance,
     __global const float *restrict slope,

@@ -1,5 +1,5 @@
-"""What presses of known shape teach of film, LEDs and noise.
+"""Calibrate film, LEDs and noise from presses of known shape.
 
-Finds balls, places the LEDs, fits tables and reflectance, rates and keeps the calibration.
-What the other rooms use of it comes through `read_calibration`.
+Finds balls, places the LEDs, fits tables and reflectance, rates and stores the calibration.
+The other packages use it through `read_calibration`.
 """

@@ -1,9 +1,9 @@
-"""Balls on a lattice: found in one image, placed together, each then by itself.
+"""Balls on a lattice: found in one image, placed together, then refined one by one.
 
-A ball shows as a disc over which the LEDs' light differs, more towards the rim.  The peaks of a
-template's correlation are some hundredths of the pitch off, all in one way, since LEDs do not
-stand evenly.  The lattice of known pitch is laid through them; light with the simplest model
-that real films need (diffuse share and gain) then says where the balls really are.
+A ball shows as a disc over which the LEDs' light differs, more so towards the rim.  The peaks of
+the correlation with a template share an error of some hundredths of the pitch, since the LEDs
+are not evenly spaced.  A lattice of known pitch is fitted to them.  A fit of the light with the
+simplest model that real films need (diffuse share and gain) then places the balls.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from tactograph.nodes.calibrate._light_fit import Rest
 from tactograph.nodes.light._near_light import F8, places
 
 FINE = 6.0
-"""Radius in px of a ball in the image that is searched."""
+"""Radius in px of a ball in the reduced image that is searched."""
 ALIKE = 0.5
-"""Correlation with the template from which a peak is a ball."""
+"""Correlation with the template above which a peak is a ball."""
 OUTSIDE = 1.3
-"""Radii at which the film around a ball is at rest again."""
+"""Distance, in ball radii, at which the film around a ball is at rest again."""
 CONTACT = 0.9
-"""Contact radius over the ball's, to begin with."""
+"""Initial contact radius, relative to the ball's."""
 OFF_LATTICE = 0.15
-"""Pitches that a ball may lie off the lattice."""
+"""Largest distance of a ball from the lattice, in pitches."""
 SAMPLES = 60
-"""Of each ball, to place it."""
+"""Samples per ball to place it."""
 RINGS = np.arange(0.5, 1.0, 0.04)
-"""Radii at which the contact's end is sought."""
+"""Radii, relative to the ball's, between which the contact's edge is searched for."""
 WORSE = 1.5
-"""Times the inner residual at which the film has left the ball."""
+"""Residual, relative to the inner one, above which the film has left the ball."""
 FAR_MM = 1e3
 
 
@@ -49,14 +49,14 @@ class Grid(NamedTuple):
 def find_grid(
     light: F4, radius_px: float, pitch_px: float, pixel: float, rest: Rest | None
 ) -> Grid | None:
-    """Return the balls of a press into a lattice of them; None if there are fewer than four.
+    """Return the balls of a press that shows a lattice of balls; None if fewer than four.
 
     Parameters
     ----------
     light
         K x H x W, relative to the film at rest.
     radius_px, pitch_px
-        Of the balls, and of the lattice.
+        Radius of the balls, and pitch of the lattice.
     pixel
         mm per px.
     rest
@@ -77,7 +77,7 @@ def find_grid(
 
 
 def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
-    """Where the LEDs' light varies as over a ball: x, y in px, N x 2, and the correlation."""
+    """Positions (x, y in px, N x 2) where the LEDs' light varies as over a ball; correlations."""
     factor = max(1, int(radius_px / FINE))
     small = [
         cv2.resize(plane, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
@@ -98,10 +98,10 @@ def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
 
 
 def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
-    """The places of a square lattice of known pitch nearest to the peaks, and which are near."""
+    """The lattice points nearest to the peaks, for a known pitch, and which peaks are close."""
     away = peaks[:, None] - peaks[None]
     near = np.abs(np.hypot(away[..., 0], away[..., 1]) / pitch_px - 1) < OFF_LATTICE
-    # Four times the angle is the same for all neighbours on a square lattice.
+    # Four times the angle (modulo 2 pi) is the same for all neighbours on a square lattice.
     angle = np.angle(np.exp(4j * np.arctan2(away[near][:, 1], away[near][:, 0])).sum()) / 4
     offset = np.zeros(2)
     for _ in range(5):
@@ -112,7 +112,7 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
         step = np.round(place - offset)
         left = place - offset - step
         kept = np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
-        # A turn by d moves the place (a, b) by d (-b, a).
+        # A rotation by d moves the point (a, b) by d (-b, a).
         spread = step[kept] - step[kept].mean(axis=0)
         turned = spread[:, 0] * left[kept][:, 1] - spread[:, 1] * left[kept][:, 0]
         angle += float(turned.sum() / max((spread**2).sum(), 1e-9))
@@ -124,14 +124,14 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
 
 
 def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Balls that the frame does not cut."""
+    """Which balls the frame does not cut off."""
     x, y = circle[:, 0], circle[:, 1]
     inside = (x > radius_px) & (x < shape[1] - 1 - radius_px)
     return np.asarray(inside & (y > radius_px) & (y < shape[0] - 1 - radius_px))
 
 
 def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | None) -> F8:
-    """The circles where the light says that the balls are."""
+    """The circles after a fit of the balls' positions to the light."""
     balls = _samples(light, circle, 0.85 * radius_px, radius_px, pixel)
     start = _start(balls)
     width = pixel * light.shape[2]
@@ -144,7 +144,7 @@ def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | 
 
 
 def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float) -> Balls:
-    """Samples of all balls, evenly over each."""
+    """Samples of all balls, spread evenly over each."""
     rows, columns = light.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
     offsets = np.mgrid[-int(reach) - 1 : int(reach) + 2, -int(reach) - 1 : int(reach) + 2]
@@ -177,7 +177,7 @@ def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float
 
 
 def _start(balls: Balls) -> Fitted:
-    """LEDs far away, by linear least squares: light is a constant and a product with the normal."""
+    """Distant LEDs by linear least squares: light is a constant plus a product with the normal."""
     n, *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
     basis = np.vstack([np.ones(n.shape[1]), n]).T
     found, *_ = np.linalg.lstsq(basis, balls.light.T, rcond=None)
@@ -188,7 +188,7 @@ def _start(balls: Balls) -> Fitted:
 
 
 def _contact(light: F4, circle: F8, radius_px: float, pixel: float, found: Fitted) -> float:
-    """The radius, relative to the ball's, up to which the film follows the balls."""
+    """The contact radius, relative to the ball's: up to there the film follows the balls."""
     balls = _samples(light, circle, RINGS[-1] * radius_px, radius_px, pixel)
     still = found._replace(shifts=found.shifts * [0, 0, 1])
     left = np.square(predicted(balls, still) - balls.light).mean(axis=0)

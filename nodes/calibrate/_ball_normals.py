@@ -1,4 +1,4 @@
-"""The normals of balls, and those that their light says by a film's model."""
+"""The true normals of balls, and those found from their light by a film's model."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tactograph.nodes.light._film import rest_below, turned
 from tactograph.nodes.light._near_light import F8
 
 STEPS = 4
-"""Of a normal, from the ball's own."""
+"""Iterations for a normal, which start from the ball's own."""
 RINGS, SECTORS = 3, 8
-"""Parts of a ball over which errors of the normal are averaged: what is left is no noise."""
+"""Parts of a ball over which errors of the normal are averaged, to suppress noise."""
 
 
 class BallNormals(NamedTuple):
-    """The balls' normals and those found, 3 x N; the light without bounces, K x N; x, y, z."""
+    """True and found normals, 3 x N; the light without bounces, K x N; positions x, y, z."""
 
     truth: F8
     found: F8
@@ -27,7 +27,7 @@ class BallNormals(NamedTuple):
 
 
 def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNormals:
-    """Find the normal of every sample from its light, by a fitted film so uneven in brightness."""
+    """Find the normal of every sample from its light; `uneven` as in `Film`."""
     film = fitted.film
     truth, x, y, z = balls.seen(fitted.shifts, film.camera)
     direct = balls.light - balls.thrown(fitted.shifts, film)
@@ -39,9 +39,9 @@ def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNorma
 
 
 def normal_error(balls: Balls, fitted: Fitted) -> float:
-    """Return the root mean square angle in degrees by which light misleads of the normals.
+    """Return the root mean square error in degrees of the normals found from light.
 
-    Noise is averaged out over parts of each ball, since heights are sums of slopes.
+    Noise is averaged over parts of each ball, because heights, as sums of slopes, average it, too.
     """
     truth, found, *_ = ball_normals(balls, fitted)
     part = _parts(balls, truth)
@@ -52,7 +52,7 @@ def normal_error(balls: Balls, fitted: Fitted) -> float:
 
 
 def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
-    """The number of the part of a ball in which each sample lies."""
+    """The number of the ball's part in which each sample lies."""
     ring = np.minimum((RINGS * (1 - normal[2] ** 2)).astype(int), RINGS - 1)
     turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
     return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)

@@ -1,4 +1,4 @@
-"""Samples of balls pressed into a film: what a film's model is fitted to."""
+"""Samples of balls pressed into a film, to which a film's model is fitted."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
 
 INNER = 0.95
-"""Share of a contact's radius that is fitted: the film leaves the ball before the rim."""
+"""Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
 ENOUGH = 30
-"""Samples of each ball at least."""
+"""Fewest samples of each ball."""
 USUAL_ALBEDO = 0.6
-"""Of a film that a bounce is computed for."""
+"""Albedo of the film for which a bounce is computed."""
 FINE = 4 * CELLS
-"""Cells of `film_bounce` on a matt film, and at last on one with a coat, which takes seven times as
-long.  By coarser cells a ball's height or the rim changes the light in steps."""
+"""Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
+times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
 LIFT = 0.02
-"""Share of a ball's radius by which it is lifted to see how a bounce grows with its height."""
+"""Share of a ball's radius by which it is lifted, to differentiate a bounce by its height."""
 ON_BALL = 1 + 1e-6
-"""Of the square of a radius, up to which a ray meets a ball."""
+"""Tolerance, relative to the squared radius, for a ray that meets a ball."""
 RIM = 0.5
-"""mm by which the film is widened to see how a bounce grows with it."""
+"""mm by which the film is widened, to differentiate a bounce by the film's rim."""
 NOISY = 1.5
-"""Times the camera's noise, up to which a departure is no more than that."""
+"""Multiple of the camera's noise up to which noise explains a departure."""
 SLICES = 16
-"""Of a ball; every fourth is held out where there is no other ball."""
+"""Slices of a ball; every fourth is held out in turn if there is only one ball."""
 
 
 class _Press(NamedTuple):
-    """A press, K x H x W, that its balls and the film around them throw light on.
+    """A press, K x H x W, and the light that its film reflects onto itself.
 
-    `bounced` is what a film of albedo 1 throws; how that grows with the balls' height, relative to
-    their radius, and per mm of the film's rim.
+    `bounced` is that of a film of albedo 1.  `by_lift` is its derivative by the balls' height
+    (relative to their radius), `by_rim` that by the film's rim in mm.
     """
 
     light: F4
@@ -53,9 +53,9 @@ class _Press(NamedTuple):
 
 
 class _Thrown(NamedTuple):
-    """Light thrown, K x H x W, and what `level_touches` has left of it.
+    """Light from film to film, K x H x W, and what `level_touches` leaves of it.
 
-    Balls brighten the film at rest around them, too, which it takes for drift.
+    Balls also brighten the film at rest around them, which `level_touches` takes for drift.
     """
 
     whole: F4
@@ -79,7 +79,7 @@ def sample_balls(
     edges: bool = False,
     fine: bool = False,
 ) -> Balls:
-    """Choose samples of the balls, evenly over each.
+    """Choose samples of the balls, spread evenly over each.
 
     Parameters
     ----------
@@ -90,25 +90,27 @@ def sample_balls(
     circle, radius, of
         B x 3 in px, B in mm, and the press that each ball is in.
     film
-        With LEDs and a coat that throw light from film to film.
+        The film, whose LEDs and coat determine the light from film to film.
     noise, pixel
         (shot, read), mm per px.
     steepest
         Steeper samples are left out.
     most
-        Of all balls together, though `ENOUGH` of each; None: all pixels.
+        Most samples of all balls together, but at least `ENOUGH` of each.  None: all pixels.
     bare
-        S x W, 0 on pixels that are left out; None: there are none.
+        S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
-        B x 3 in mm, by which a fit has moved the balls: they throw light from there.  What the
-        film throws grows with the height of their flanks; `by_lift` tells the fit how much.
+        B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
+        light from film to film grows with the height of their flanks; `by_lift` tells the fit
+        how much.
     rim
-        B radii of the contacts in mm; those of `circle` if there are none.
+        B contact radii in mm.  None: those of `circle`.
     edges
-        Whether the light around a ball then says where film leaves it (`contact_edge`).
+        Whether the light around a ball then determines where the film leaves it
+        (`contact_edge`).
     fine
-        Whether the film is the one looked for: what its coat throws is found on cells as small as
-        on touches, and film of no albedo throws nothing.
+        Whether the film is the final one.  Then the light that its coat reflects is computed on
+        fine cells, and a film without albedo reflects none onto itself.
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
@@ -173,16 +175,16 @@ def sample_balls(
 
 
 def thinned(balls: Balls, most: int = COUNTED) -> Balls:
-    """Return so many samples of all balls together, evenly over each, though `ENOUGH` of each."""
+    """Return about `most` samples of all balls, evenly over each, but at least `ENOUGH` of each."""
     each = max(ENOUGH, most // len(balls.centre))
     first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
     number = np.arange(balls.ball.size) - first[balls.ball]
-    # A stride that is no divisor of rows spreads the samples over all columns.
+    # A stride that does not divide the rows' length spreads the samples over all columns.
     return balls.only(number % (np.diff(first)[balls.ball] // each + 1) == 0)
 
 
 def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDArray[Any]) -> F8:
-    """Return the shifts of balls that stay where they are, while their contacts' radii change."""
+    """Return the shifts of balls that stay in place while their contact radii change."""
     moved = shifts.copy()
     moved[:, 2] += sunk(radius, rim) - sunk(radius, before)
     return moved
@@ -198,7 +200,7 @@ def _edge(
     film: Film,
     pixel: float,
 ) -> float:
-    """The radius of a ball's contact in mm, by the light around it."""
+    """The radius of a ball's contact in mm, from the light around it."""
     x, y, contact = (float(part) for part in circle)
     around = int(FARTHEST * contact) + 2
     rows = slice(max(0, int(y) - around), int(y) + around + 2)
@@ -206,7 +208,7 @@ def _edge(
     u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
     centre = _centre(circle, radius, shift, press.shape[1:], pixel)
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
-    # Covered film counts as dark, which tells nothing.
+    # Film under markers counts as dark, so that `contact_edge` ignores it.
     seen, bounced = (
         plane.reshape(len(press), -1).astype(np.float64)
         for plane in (
@@ -231,7 +233,7 @@ def _centre(
 def _thrown_on(
     press: F4, sigma: F4, balls: tuple[F4, F4, F8], film: Film, pixel: float, fine: bool
 ) -> _Press:
-    """What balls (circles, radii and shifts) throw on a press."""
+    """The light from film to film on a press with these balls (circles, radii and shifts)."""
     if fine and film.albedo == 0:
         nothing = np.zeros_like(press)
         return _Press(press, nothing, nothing, nothing)
@@ -241,7 +243,7 @@ def _thrown_on(
         places = shifts + lift * radius[:, None] * np.array([0, 0, 1])
         return _unit_bounce(press, sigma, circle, radius, places, film, pixel, cells)
 
-    # A coat changes how much is thrown; with a ball's height that grows as under no coat.
+    # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM)
     found = on_matt = thrown(matt, FINE)
     by_lift = (thrown(matt, FINE, LIFT).left - on_matt.left) / LIFT
@@ -260,7 +262,7 @@ def _thrown_on(
 def _unit_bounce(
     press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float, cells: int
 ) -> _Thrown:
-    """The light that balls in a film of albedo 1 throw on it and on the film around them."""
+    """The light that a film of albedo 1, with balls in it, reflects onto itself."""
     rows, columns = press.shape[1:]
     u = places(columns, np.float32(pixel)).astype(np.float64)
     v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
@@ -273,7 +275,7 @@ def _unit_bounce(
         height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
     thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
-    # Balls are no film at rest, for all that little is thrown on their tops.
+    # Balls are not film at rest, although little light is reflected onto their tops.
     shown = np.where(seen > 0, press, 1 + thrown)
     drift = film_drift(coarsen(shown), sigma, degree=DEGREE, rough=ROUGH)
     level = (drift_gain(drift, seen.shape) - 1) * press
@@ -282,10 +284,10 @@ def _unit_bounce(
 
 
 def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float) -> F4:
-    """Level a press again, now that what is thrown on the film at rest is known not to be drift.
+    """Level a press again, with the known light from film to film not taken for drift.
 
-    Of a film with the albedo given, the press less the light thrown is then what the LEDs make;
-    with another one, by `left`, less what would have been taken for drift.
+    For a film of this albedo, the press minus the light from film to film then is the LEDs'
+    light.  For another albedo, `left` accounts for what would have been taken for drift.
     """
     known = coarsen(np.float32(albedo) * thrown.whole)
     drift = film_drift(coarsen(press), sigma, bounced=known, degree=DEGREE, rough=ROUGH)
@@ -294,7 +296,7 @@ def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float) -> F4:
 
 
 def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
-    """What light departs from the model by, as a share of it, beyond the camera's noise."""
+    """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
     whole = np.maximum(balls.light, FAINT)

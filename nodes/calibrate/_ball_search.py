@@ -1,7 +1,7 @@
-"""Where in an image a ball of known radius may touch: all places at once, for some contacts.
+"""Search an image for the contact of a ball of known radius: all centres at once, some radii.
 
-Around every pixel the light is fitted with a ball on a plane and with a smooth film, by least
-squares (see `find_ball`); the sums over pixels are correlations, by FFT.
+Around every pixel, least squares fits the light with a ball on a plane and with a smooth film
+(see `find_ball`).  The sums over pixels are correlations, computed by FFT.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ F8 = NDArray[np.float64]
 LIT = 0.06
 """Light below this counts as shadow: neither the ball's shading nor the film at rest."""
 NOISE = 0.01
-"""Standard deviation of light that is not worth explaining; keeps noise from scoring."""
+"""Standard deviation of light that need not be explained; it keeps noise from scoring."""
 SEARCH_WIDTH = 64
-"""Width in px that the image is reduced to."""
+"""Width in px to which the image is reduced."""
 LARGEST = 2
 """Largest contact that is searched for, in diagonals of the image."""
 CONTACT_SHARES = (1.0, 0.85, 0.72, 0.61, 0.52, 0.44, 0.37, 0.31)
 """Contact radii that are tried first, as shares of the ball's radius."""
 SMALLEST_SEARCHED = 3.0
-"""Contact radius in px of the reduced image, below which there is nothing to tell a ball by."""
+"""Smallest contact radius in px of the reduced image at which a ball can be recognised."""
 SEARCHED = (0.97, 1.06, 1.45)
 """Radii in contact radii: ball up to the first, film from the second to the third."""
 
@@ -76,7 +76,7 @@ def reduced_to(light: F4, width: int) -> tuple[F4, float]:
 
 
 def _only_at(share: F8, circle: Circle, pad: int) -> F8:
-    """Blank all but the grid point nearest to a given centre."""
+    """Blank all grid points except the one nearest to a given centre."""
     y = int(np.clip(round(circle.y) + pad, 0, share.shape[0] - 1))
     x = int(np.clip(round(circle.x) + pad, 0, share.shape[1] - 1))
     only = np.full_like(share, -1)
@@ -103,8 +103,8 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     right = np.moveaxis(_correlate(image, np.stack(columns)), 1, 0)
     right_of_smooth = np.concatenate([right[:3] + right[4:7], right[7:]])
     power = _correlate(image * image, (inside + outside)[None])[:, 0]
-    # Inside and outside share no pixel: two small systems in place of one.
-    # Products by FFT are exact to about 1e-13 of the largest: hence the stronger ridge.
+    # Inside and outside share no pixel, so two small systems replace one.
+    # Products by FFT are accurate to about 1e-13 of the largest: hence the stronger ridge.
     damping = 1e-6 * (np.trace(ball) + np.trace(film)) + 1e-12
     by_ball = _explained_everywhere(ball, right[:4], damping)
     by_ball += _explained_everywhere(film, right[4:7], damping)
@@ -112,15 +112,15 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     pixels = (inside + outside).sum() * shape[0]
     share = share_of(power - by_ball, power - by_smooth, pixels)
     seen = ball[0, 0].sum(0) / (inside.sum() * shape[0])
-    # Most of the disk in shadow or outside the image: too little to tell a ball by.
+    # With most of the disk in shadow or outside the image, a ball cannot be recognised.
     return np.where(seen < 0.3, 0.0, share)
 
 
 def _products(lit: F8, u: F8, v: F8, radius: float, inside: F8, outside: F8) -> tuple[F8, F8, F8]:
     """Return the normal equations around every pixel of what `bases` returns.
 
-    Of the ball (n x n x ...), of the plane around it, and of the smooth film.  FFTs are what
-    takes long, so no product is laid over the image twice.
+    They are those of the ball (n x n x ...), of the plane around it, and of the smooth film.
+    FFTs take most of the time, so no product is correlated with the image twice.
     """
     rise = rise_of(np.hypot(u, v), radius)
     # Powers of u and v in all monomials up to the fourth order.
@@ -153,7 +153,7 @@ def _symmetric(upper: Sequence[F8]) -> F8:
 def _explained_everywhere(normal: F8, right: F8, damping: F8) -> F8:
     """Return the sum of squares that the solution of each system explains, matrix axes first.
 
-    By elimination in all systems at once, many times faster than solving one after the other.
+    Elimination in all systems at once is many times faster than solving one after the other.
     """
     left, explained = right.copy(), np.zeros(right.shape[1:])
     normal = normal.copy()
@@ -168,9 +168,9 @@ def _explained_everywhere(normal: F8, right: F8, damping: F8) -> F8:
 
 
 def bases(u: F8, v: F8, radius: float, rings: tuple[float, float, float]) -> tuple[F8, F8, F8]:
-    """Return what a ball on a plane and what a smooth film look like, and where to look.
+    """Return the basis of a ball on a plane, that of a smooth film, and the window.
 
-    `u`, `v` and `radius` are in contact radii.  The columns come first.
+    `u`, `v` and `radius` are in contact radii.  The first axis numbers the basis functions.
     """
     r = np.hypot(u, v)
     inside, outside = _rings(r, rings)
@@ -182,7 +182,7 @@ def bases(u: F8, v: F8, radius: float, rings: tuple[float, float, float]) -> tup
 
 
 def _rings(r: F8, rings: tuple[float, float, float]) -> tuple[F8, F8]:
-    """Return where the ball is looked at, and the film around it."""
+    """Return the windows of the ball and of the film around it."""
     inside = (r < rings[0]).astype(np.float64)
     return inside, ((r > rings[1]) & (r < rings[2])).astype(np.float64)
 
@@ -197,13 +197,13 @@ def rise_of(r: F8, radius: float) -> F8:
 
 
 def share_of(ball: F8, smooth: F8, pixels: float) -> F8:
-    """Return the share of what a smooth film leaves (K x ...) that the ball explains."""
+    """Return the share of a smooth film's residual (K x ...) that the ball explains."""
     left = np.maximum(smooth, 0).sum(0)
     return (left - np.maximum(ball, 0).sum(0)) / (left + NOISE**2 * pixels)
 
 
 def _correlate(images: F8, kernels: F8) -> F8:
-    """Return every kernel (N x odd x odd) laid over every image (K x H x W): K x N x H x W."""
+    """Correlate every image (K x H x W) with every kernel (N x odd x odd): K x N x H x W."""
     half, (height, width) = kernels.shape[-1] // 2, images.shape[-2:]
     size = [fft.next_fast_len(n + 2 * half, real=True) for n in (height, width)]
     spectrum = fft.rfft2(images, size)[:, None] * np.conj(fft.rfft2(kernels, size))

@@ -1,4 +1,4 @@
-"""The file that a calibration is kept in: arrays with units, a version, and how it was made."""
+"""The file of a calibration: arrays with units, a version, and provenance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.whole_files import whole_file
 
 DARKEST = 1e-3
-"""Fraction of full scale that the brightest hundredth of a flat frame has at least."""
+"""Smallest 99th percentile of a flat frame, as a fraction of full scale."""
 
 
 USERS = {
@@ -24,14 +24,14 @@ USERS = {
     "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
     "camera": "lens=",
 }
-"""What takes each kind of file."""
+"""Users of each kind of file."""
 
 
 class Stored(NamedTuple):
     """An array of the file: its axes (sizes by letter or number), unit, type and range.
 
-    Files from before an array was kept do without it if it is not `required`.  `low` and `high`
-    are the values that any sensor may have: beyond them a file is damaged, not unusual.
+    Older files may lack an array that is not `required`.  `low` and `high` bound the values of
+    any sensor: beyond them a file is damaged, not unusual.
     """
 
     axes: str
@@ -43,7 +43,7 @@ class Stored(NamedTuple):
 
 
 class FileKind(NamedTuple):
-    """A kind of calibration: its name, version, what makes one, and what it holds.
+    """A kind of calibration: its name, version, the command that makes it, and its arrays.
 
     Every kind holds a `pixel_size`, and all but a camera's a `flat`.
     """
@@ -61,7 +61,7 @@ def _npz(file: Path) -> Path:
 
 
 NewFile = Annotated[Path, AfterValidator(_npz)]
-"""Where a calibration is written to; a wrong name is refused before the work, not after it."""
+"""Path of a new calibration; a wrong name is refused before the work starts."""
 
 
 def write_arrays(
@@ -74,7 +74,7 @@ def write_arrays(
     arrays
         All those of `kind`.
     about
-        What else to keep, as JSON; a `Provenance` as what it says.
+        Further data to store as JSON; a `Provenance` is stored as its dictionary.
 
     Raises
     ------
@@ -95,16 +95,16 @@ def write_arrays(
 
 
 def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
-    """Return the arrays of a calibration, without pickle; what has no axes as a float.
+    """Return the arrays of a calibration, without pickle; those without axes as floats.
 
-    An older file lacks those that are not required.
+    An older file may lack those that are not required.
 
     Raises
     ------
     InputError
-        If the file is missing, damaged, of another kind or version, holds a pickle or an
-        array that is missing, misshapen, not finite or out of its range; if an LED leaves the
-        film dark.
+        If the file is missing, damaged, of another kind or version, or holds a pickle; if an
+        array is missing, misshapen, not finite or out of range; if the film is dark under an
+        LED.
     """
     arrays = _load(file, kind)
     _check_head(file, kind, arrays)
@@ -120,21 +120,21 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
 
 
 def read_quality(file: Path) -> dict[str, float]:
-    """Return how good a calibration was when it was made; nothing where it does not say.
+    """Return the quality figures stored with a calibration; empty if there are none.
 
-    The file is one that `read_arrays` has read.
+    `read_arrays` must have read the file before.
     """
     quality = json.loads(str(load_arrays(file)["about"])).get("quality", {})
     return {name: float(value) for name, value in quality.items()}
 
 
 def is_of_kind(file: Path, kind: FileKind) -> bool:
-    """Whether a file says that it is a calibration of this kind; it may be damaged all the same.
+    """Whether a file claims to be a calibration of this kind; it may still be damaged.
 
     Raises
     ------
     InputError
-        If there is no such file, or none that holds arrays.
+        If there is no such file, or it holds no arrays.
     """
     try:
         name = json.loads(str(_load(file, kind)["about"]))["kind"]
@@ -180,7 +180,7 @@ def _check_array(
     stored: Stored,
     sizes: dict[str, int],
 ) -> None:
-    """Refuse an array that is not as declared; `sizes` learns the letters' sizes."""
+    """Refuse an array that is not as declared; `sizes` collects the letters' sizes."""
     if array is None:
         raise InputError(
             f"{file}: the calibration is incomplete: '{name}' is missing; "

@@ -14,13 +14,13 @@ from tactograph.nodes.calibrate._dots import reduced
 from tactograph.nodes.calibrate._lattice import Lattice, on_lattice
 
 SIGMAS = (1.5, 3.0)
-"""Px over which the image is smoothed before its saddles are looked for."""
+"""Standard deviations in px of the smoothing before saddles are searched for."""
 FAINTEST = 0.15
-"""Of the strongest saddles' strength."""
+"""Smallest strength of a saddle, relative to the strongest ones."""
 WINDOW = 0.3
-"""Of the pitch: half of what a corner is measured on."""
+"""Half the window in which a corner is measured, relative to the pitch."""
 HALF = (0.35, 0.65)
-"""The dark part of a checkerboard."""
+"""Bounds of the dark share of a checkerboard."""
 
 Points = NDArray[Any]
 
@@ -40,7 +40,7 @@ def find_corners(image: F4) -> Lattice | None:
 
 
 def _saddles(image: F4, sigma: float) -> Points:
-    """Where the image's second derivatives along two axes differ most in sign."""
+    """The points where the image's principal second derivatives most strongly differ in sign."""
     xx, yy, xy = (gaussian_filter(image, sigma, order=o) for o in ((0, 2), (2, 0), (1, 1)))
     strength = xy * xy - xx * yy
     margin = int(np.ceil(3 * sigma))
@@ -53,7 +53,7 @@ def _saddles(image: F4, sigma: float) -> Points:
 
 
 def _dark_part(image: F4, lattice: Lattice) -> float:
-    """The part of the lattice's cells that is darker than halfway between dark and bright."""
+    """The share of the lattice's cells that is darker than the mean of dark and bright."""
     where = {tuple(cell): place for cell, place in zip(lattice.cell, lattice.place, strict=True)}
     parts = []
     share = np.linspace(0.1, 0.9, 9)

@@ -1,4 +1,4 @@
-"""Where film leaves a ball: to the inside it is lit as the ball is, to the outside as at rest."""
+"""Where the film leaves a ball: inside it is lit like the ball, outside like the film at rest."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from tactograph.nodes.light._film import predict
 from tactograph.nodes.light._near_light import F8
 
 NEAREST, FARTHEST = 0.8, 1.25
-"""Radii in which the edge is looked for, relative to the one known."""
+"""Radii between which the edge is searched for, relative to the known one."""
 CLEAR = 0.15
-"""A departure of the light counts as this large at most: film that folds is neither."""
+"""Largest departure of the light that counts, because folding film matches neither model."""
 
 
 def contact_edge(
@@ -26,21 +26,22 @@ def contact_edge(
     rim: float,
     film: Film,
 ) -> float:
-    """Return the radius in mm of a ball's contact, which departs least from what is seen.
+    """Return the radius in mm of a ball's contact that fits the light best.
 
-    A ball is easily found too small on a film that mirrors and lights itself, for the light of its
-    foot is not that of a matt film.  A film that is known tells.
+    On a film that is glossy and lights itself, a contact is easily found too small, because the
+    light at its foot is not that of a matt film.  A known film corrects this.
 
     Parameters
     ----------
     u, v
-        N places in mm, on the film at rest, up to `FARTHEST` times `rim` from the ball's centre.
+        N positions in mm on the film at rest, up to `FARTHEST` times `rim` from the ball's
+        centre.
     light, thrown
-        K x N, as seen and what the film throws on itself.
+        K x N, the light as seen, and the part reflected from film to film.
     centre, radius
         Of the ball, in mm.
     rim
-        The contact's radius, as far as it is known, in mm.
+        Approximate radius of the contact, in mm.
     film
         The film's model.
     """
@@ -65,6 +66,6 @@ def contact_edge(
 
 
 def _departure(left: F8, lit: NDArray[np.bool_]) -> F8:
-    """By how much LEDs depart from one another: at a foot the film throws as much of each."""
+    """Departure without what the LEDs share: at the foot, light from film to film is common."""
     common = (left * lit).sum(0) / np.maximum(lit.sum(0), 1)
     return np.asarray((np.minimum(np.abs(left - common), CLEAR) ** 2 * lit).sum(0))

@@ -12,19 +12,19 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate._lattice import FEWEST, Lattice, neighbours, on_lattice
 
 LARGEST = 800
-"""Dots are looked for in an image of at most so many px, and measured in the whole one."""
+"""Longest side in px of the image in which dots are searched for; the full one measures them."""
 SURROUNDINGS = (1 / 40, 1 / 20, 1 / 10, 1 / 5)
-"""The light is evened over such parts of the image's longer side, by what suits the dots."""
+"""Scales of the background, relative to the image's longer side; the one that suits is used."""
 SMALLEST = 7
-"""Pixels of a dot."""
+"""Smallest area of a dot in pixels."""
 MOST_COVERED = 0.4
-"""Of the film: dots that touch are squares of a checkerboard."""
+"""Largest share of the film under dots; dots that touch are squares of a checkerboard."""
 
 Points = NDArray[Any]
 
 
 class Blobs(NamedTuple):
-    """Round blobs of one size in a small image: centres, radius, and 1 where they are bright."""
+    """Round blobs of one size in a small image: centres, radius, and 1 if bright, -1 if dark."""
 
     place: Points
     radius: float
@@ -32,7 +32,7 @@ class Blobs(NamedTuple):
 
 
 def reduced(image: F4) -> tuple[F4, int]:
-    """The image in at most LARGEST px, and by what factor."""
+    """The image reduced to at most `LARGEST` px, and the factor."""
     factor = -(-max(image.shape) // LARGEST)
     small = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32), factor
@@ -55,7 +55,7 @@ def find_dots(image: F4) -> Lattice | None:
 
 
 def _blobs(image: F4, part: float) -> list[Blobs]:
-    """Dark and bright blobs, the light evened over a part of the image."""
+    """Dark and bright blobs, after division by the background of scale `part`."""
     around = cv2.GaussianBlur(image, (0, 0), part * max(image.shape))
     even = image / np.maximum(around, np.float32(1e-3))
     levels = np.clip(100 * even, 0, 255).astype(np.uint8)
@@ -66,7 +66,7 @@ def _blobs(image: F4, part: float) -> list[Blobs]:
 
 
 def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
-    """Centres of blobs that are as large as most, round, and not cut by the frame; the radius."""
+    """Centres of round blobs of the usual size that the frame does not cut off; their radius."""
     _, _, stats, centres = cv2.connectedComponentsWithStats(blobs, connectivity=4)
     stats, centres = stats[1:], centres[1:]
     x, y, width, height, area = stats.T
@@ -77,7 +77,7 @@ def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
     kept = whole & is_round & (filled > 0.55) & (filled < 0.97) & (area >= SMALLEST)
     if not kept.any():
         return np.empty((0, 2)), 0.0
-    # Half of all that is covered belongs to smaller ones, so that specks do not count.
+    # The median by area instead of by number, so that specks do not count.
     sizes = np.sort(area[kept])
     usual = sizes[np.searchsorted(np.cumsum(sizes), sizes.sum() / 2)]
     kept &= (area > 0.5 * usual) & (area < 2 * usual)
@@ -92,9 +92,9 @@ def _is_sparse(blobs: Blobs) -> bool:
 
 
 def _centre(image: F4, place: Points, radius: float, sign: int) -> Points | None:
-    """The centre of mass of a dot's contrast against a plane through what is around it.
+    """The centre of mass of a dot's contrast against a plane fitted to its surroundings.
 
-    None where the frame cuts what is needed, or the dot moves away.
+    None if the frame cuts off the window, or the centre drifts away.
     """
     reach = 1.5 * radius + 1.5
     rows, columns = image.shape

@@ -1,9 +1,9 @@
 """Film, LEDs and camera together: a least-squares fit of equation F1 to balls and the flat frame.
 
-The unknowns are each LED's direction, distance, strength, emission and diffuse share; what all
-share (gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls meet only in what they
-share, so the normal equations are solved ball by ball (Schur's complement), for one ball as for a
-hundred.
+The unknowns are each LED's direction, distance, strength, emission and diffuse share; shared
+parameters (gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls are coupled only by
+the shared unknowns, so the shifts are eliminated ball by ball (Schur's complement), for one ball
+as for a hundred.
 
 Long because the equations, their elimination and their priors share the same unknowns.
 """
@@ -43,25 +43,25 @@ from tactograph.nodes.light._film import (
 F8 = NDArray[np.float64]
 
 FAINT = 0.3
-"""Light below which a sample counts no more than at this light."""
+"""Light below which a sample's weight no longer grows."""
 STEPS, CONVERGED = 20, 2e-3
-"""Of the descent at most; and the share of the cost that is not worth another one."""
+"""Most steps of the descent, and the relative gain of the cost below which it ends."""
 INDEPENDENT = 20
-"""What the flat frame tells of an LED if it departs from the model: so many numbers, not more,
-since its departures are smooth."""
+"""Most independent values per LED that the flat frame counts as where it departs from the model,
+because its departures are smooth."""
 COUNTED = 1500
-"""Samples of balls that count as independent: more of them have less noise, but what a model leaves
-of a real film is alike all around."""
+"""Most independent samples that the balls count as.  More have less noise, but a model's residuals
+on a real film are correlated."""
 LIFT = 0.2
 """Standard deviation of a ball's height in the film, as a share of its radius."""
 RIDGE = 1e-3
-"""Of the harmonics' coefficients, relative to the mean square of a sample."""
+"""Ridge of the harmonics' coefficients, relative to the mean square of a sample."""
 ROUNDS = 4
-"""In which harmonics and the balls' places are found in turn."""
+"""Rounds in which harmonics and the balls' positions are found in turn."""
 
 
 class Unknown(NamedTuple):
-    """A number that all balls share: where it starts, how far it may well be, its bounds."""
+    """A shared parameter: start value, standard deviation, bounds, and step for derivatives."""
 
     start: float
     spread: float
@@ -81,36 +81,38 @@ SHARED = {
 }
 DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
 ONE_ALBEDO = {"base": 1, "albedo": -1}
-"""The albedo of film under its coat is that by which film lights film: they differ by 0, ..."""
+"""The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALIKE = 0.002
-"""... give or take so much.  Alone, the one under a coat nearly trades with the coat's index."""
+"""... with this standard deviation.  Alone, the albedo under a coat nearly trades off against the
+coat's index."""
 EMISSION = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
-"""m: an LED that faces the middle of the film shines by cos^m from its axis.  Only the flat frame
-is asked: it would tell a wrong distance, while touched film, relative to it, hardly changes."""
+"""m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
+fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
+relative to the flat frame, hardly depends on it."""
 OF_AN_LED = "x", "y", "nearness", "strength", "emission"
 LED = len(OF_AN_LED)
-"""Numbers of an LED."""
+"""Number of unknowns of an LED."""
 FLAT_ONLY = "strength", "emission"
-"""What the light of touched film, relative to the film at rest, does not change with."""
+"""Unknowns without effect on the light of touched film relative to the film at rest."""
 AT_REST = "gain", "diffuse", "albedo", "rim"
-"""What the film at rest does not change with."""
+"""Unknowns without effect on the film at rest."""
 PARTS = {
     "diffuse": ("diffuse", "gain"),
     "lobe": ("base", "roughness", "refraction"),
     "bounce": ("albedo", "rim"),
     "camera": ("camera",),
 }
-"""What a part of the model leaves open."""
+"""The unknowns of each part of the model."""
 
 
 @dataclass(frozen=True)
 class Balls:
-    """Samples of P balls: N places u, v (mm on the film at rest, as seen), light K x N.
+    """Samples of P balls: N positions u, v (mm on the film at rest, as seen), light K x N.
 
-    `ball` numbers the ball of each sample, in order.  By ball: `centre` P x 2 in mm, `rim` the
-    radius of its contact and `radius` its own, in mm.  `bounced` is what a film of albedo 1
-    throws on the samples; per mm it grows by `by_lift` with the height of their ball, and by
-    `by_rim` with the film's rim.  `sector` numbers slices of a ball.
+    `ball` gives the ball of each sample, in order.  By ball: `centre` P x 2, contact radius
+    `rim` and ball radius `radius`, all in mm.  `bounced` is the light from film to film on the
+    samples for an albedo of 1.  Its derivatives per mm are `by_lift` (height of the ball) and
+    `by_rim` (the film's rim).  `sector` numbers slices of a ball.
     """
 
     u: F8
@@ -127,11 +129,11 @@ class Balls:
 
     @property
     def held_by(self) -> NDArray[np.intp]:
-        """What samples are held out by: the number of their ball, or of a slice of the only one."""
+        """The unit for holding out samples: their ball, or the slice of a single ball."""
         return self.ball if len(self.centre) > 1 else self.sector
 
     def only(self, chosen: NDArray[np.bool_]) -> Balls:
-        """Return some of the samples; balls without any stay."""
+        """Return some of the samples; balls without samples remain."""
         return replace(
             self,
             u=self.u[chosen],
@@ -156,7 +158,7 @@ class Balls:
         return n / np.sqrt((n * n).sum(0)), x, y, z
 
     def thrown(self, shifts: F8, film: Film) -> F8:
-        """What the film throws on the samples, K x N, its balls moved by `shifts`."""
+        """Light from film to film on the samples, K x N, with the balls moved by `shifts`."""
         whole = self.bounced + self.by_lift * shifts[self.ball, 2] + self.by_rim * film.rim
         return np.asarray(film.albedo * whole)
 
@@ -172,14 +174,14 @@ class Balls:
 
 
 def sunk(radius: Any, rim: Any) -> F8:
-    """Return how far below the film at rest balls have their centres, by their contacts' radii."""
+    """Return the depth of balls' centres below the film at rest, from their contact radii."""
     return np.asarray(np.sqrt(np.maximum(radius**2 - rim**2, 0)))
 
 
 def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera: float) -> F8:
-    """Return the height in mm at which the ray that meets the film at rest at u, v meets a ball.
+    """Return the height in mm at which the ray through u, v on the film at rest meets a ball.
 
-    Where it passes by, the height where it is nearest to the ball.
+    If the ray misses the ball, it is the height where the ray comes closest.
     """
     cx, cy, cz = centre
     du, dv = u - cx, v - cy
@@ -190,7 +192,7 @@ def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera:
 
 
 class Fitted(NamedTuple):
-    """K x LED numbers of the LEDs, the film, the balls' shifts P x 3 in mm, and what is left.
+    """The LEDs' unknowns K x LED, the film, the balls' shifts P x 3 in mm, and residual scale.
 
     The film's `lights` follow from `leds`.
     """
@@ -201,14 +203,14 @@ class Fitted(NamedTuple):
     scale: float
 
     def with_leds(self, leds: F8) -> Fitted:
-        """Return it with other LEDs."""
+        """Return a copy with other LEDs."""
         ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
         lights = ends / np.maximum(leds[:, 2:3], 1 / FARTHEST)
         return self._replace(leds=leds, film=self.film._replace(lights=cast(F4, lights)))
 
 
 class _Problem(NamedTuple):
-    """What is fitted: the evidence, the open numbers, and what is taken for certain.
+    """The data of the fit, the free parameters, and the standard deviations.
 
     `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame.
     """
@@ -223,11 +225,11 @@ class _Problem(NamedTuple):
 
     @property
     def each(self) -> float:
-        """What a sample counts."""
+        """Weight of a sample."""
         return min(1, COUNTED / max(self.balls.u.size, 1))
 
     def judged(self, now: Fitted) -> _Problem:
-        """Return the problem with the spreads that `now` leaves."""
+        """Return the problem with the standard deviations of the residuals of `now`."""
         certain = SPREAD
         if self.rest is not None:
             certain = _rest_spread(_rest_left(self.rest, now), self.rest)
@@ -235,7 +237,7 @@ class _Problem(NamedTuple):
 
 
 class _Equations(NamedTuple):
-    """Normal equations: shared G x G, mixed P x G x 3, own P x 3 x 3, and both right sides."""
+    """Normal equations: shared G x G, mixed P x G x 3, own P x 3 x 3, and right-hand sides."""
 
     shared: F8
     mixed: F8
@@ -245,9 +247,9 @@ class _Equations(NamedTuple):
 
 
 def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | None = None) -> F8:
-    """Return the light of the balls' samples, K x N, or 1 x N of one LED.
+    """Return the light of the balls' samples, K x N, or 1 x N for one LED.
 
-    `rest` is what `_rest_seen` has given for this film, or one that is alike at rest.
+    `rest` is the result of `_rest_seen` for this film, or for one that is the same at rest.
     """
     film, thrown = fitted.film, balls.thrown(fitted.shifts, fitted.film)
     if led is not None:
@@ -262,15 +264,15 @@ def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | N
 
 
 def _rest_seen(balls: Balls, film: Film) -> F8 | None:
-    """What the film at rest makes of the light where pixels see it.
+    """The light of the film at rest where the pixels see it.
 
-    None under a camera that is near: where a pixel sees the film then goes with the ball.
+    None under a near camera, because the point that a pixel sees then depends on the ball.
     """
     return None if film.camera else at_rest(film, balls.u, balls.v)
 
 
 def _touched(z: F8, film: Film) -> F8:
-    """A ball's own film is touched, however low its rim lies."""
+    """Heights of at least `film.contact`: the film on a ball is touched, however low its rim is."""
     return np.maximum(z, film.contact)
 
 
@@ -282,7 +284,7 @@ def fit(
     shift_mm: float,
     width_mm: float,
 ) -> Fitted:
-    """Return the best film, LEDs and shifts, by Levenberg and Marquardt's robust descent.
+    """Return the best film, LEDs and shifts, by a robust Levenberg-Marquardt descent.
 
     Parameters
     ----------
@@ -291,11 +293,11 @@ def fit(
     rest
         The flat frame in blocks, if there is one.
     parts
-        Which of `PARTS` are open; all other numbers stay as in `start`.
+        Which of `PARTS` are fitted; all other parameters stay as in `start`.
     start
-        Where the descent begins.
+        Start values of the descent.
     shift_mm
-        Standard deviation of a ball's place.
+        Standard deviation of a ball's position.
     width_mm
         Width of the film that the camera sees.
     """
@@ -329,9 +331,9 @@ def other_places(
     shift_mm: float,
     width_mm: float,
 ) -> F4:
-    """Return 8 x K x 3 in mm: where the LEDs may be too, by what the fit leaves of the light.
+    """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
-    Coat, albedo and all else that is open may differ with them.
+    The uncertainty accounts for all other free parameters, such as coat and albedo.
     """
     names = [name for part in sorted(parts) for name in PARTS[part]]
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(fitted)
@@ -346,7 +348,7 @@ def other_places(
 
 
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
-    """Return `fitted` with the balls where they lie under a known film."""
+    """Return `fitted` with the balls placed under its known film."""
     now, scale = fitted, fitted.scale
     spread, rest = _spread(balls, shift_mm), _rest_seen(balls, fitted.film)
     for _ in range(10):
@@ -364,7 +366,7 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
 
 
 def _spread(balls: Balls, shift_mm: float) -> F8:
-    """Standard deviations of the balls' places in x, y and z, P x 3."""
+    """Standard deviations of the balls' positions in x, y and z, P x 3."""
     lift = np.minimum(LIFT_MM, LIFT * balls.radius)
     return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
 
@@ -376,10 +378,10 @@ def _diagonals(values: F8) -> F8:
 def add_harmonics(
     balls: Balls, fitted: Fitted, degree: int, reach: float, shift_mm: float
 ) -> Fitted:
-    """Add harmonics with coefficients of a degree in the place to a physical film.
+    """Add harmonics, with coefficients of a degree in position, to a physical film.
 
-    Harmonics, gain and the balls' places are found in turn, by ridge regression and Gauss and
-    Newton's method; samples whose light departs count less (Cauchy).
+    Ridge regression finds harmonics and gain, in turn with Gauss-Newton steps for the balls'
+    positions.  Samples with large residuals have less weight (Cauchy).
     """
     used = (degree + 1) * (degree + 2) // 2
     count, size, now = len(fitted.leds), 8 * used, fitted
@@ -421,7 +423,7 @@ def _cauchy(left: F8, scale: float) -> F8:
 
 
 def _opened(start: Fitted, names: list[str]) -> Fitted:
-    """Numbers that are opened leave the value that switches them off."""
+    """Move newly freed parameters away from the values that switch them off."""
     off = matt_film(start.film.lights)
     changed: dict[str, Any] = {
         name: SHARED[name].start
@@ -438,7 +440,7 @@ def _weighted(balls: Balls, left: F8) -> F8:
 
 
 def _scale(balls: Balls, now: Fitted) -> float:
-    """The standard deviation of what is left of a sample, robustly."""
+    """Robust standard deviation of a sample's residual."""
     return max(SPREAD, _robust_spread(_weighted(balls, predicted(balls, now) - balls.light)))
 
 
@@ -452,7 +454,7 @@ def _robust(left: F8) -> F8:
 
 
 def _rest_left(rest: Rest, now: Fitted) -> F8:
-    """Logarithm of the flat frame less that of the model, what all LEDs share taken out: K x M."""
+    """Logarithm of the flat frame minus the model's, without what all LEDs share: K x M."""
     return _rest_less(rest, _rest_model(rest, now))
 
 
@@ -461,14 +463,14 @@ def _rest_less(rest: Rest, model: F8) -> F8:
 
 
 def _rest_model(rest: Rest, now: Fitted, chosen: slice = slice(None)) -> F8:
-    """Logarithm of the light of the film at rest, of the LEDs chosen: K x M."""
+    """Logarithm of the light of the film at rest under the chosen LEDs: K x M."""
     film, leds = now.film._replace(lights=now.film.lights[chosen]), now.leds[chosen]
     model = np.log(rest_light(film, rest.x, rest.y)) + leds[:, 3:4]
     return np.asarray(model + leds[:, 4:] * np.log(_off_axis(film, rest.x, rest.y)))
 
 
 def _by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
-    """Derivatives of `_rest_left` by what is shared: G x K x M."""
+    """Derivatives of `_rest_left` by the shared unknowns: G x K x M."""
     model, owners = _rest_model(rest, now), _owners(now, names)
     before, by = _rest_less(rest, model), np.zeros((len(owners), *model.shape))
     for j, (name, led) in enumerate(owners):
@@ -483,7 +485,7 @@ def _by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
 
 
 def _off_axis(film: Film, x: F8, y: F8) -> F8:
-    """Cosines at which LEDs that face the middle of the film send light to its places: K x M."""
+    """Cosines of emission from LEDs that face the middle of the film: K x M."""
     lx, ly, lz = film.lights.T[..., None].astype(np.float64)
     high = np.sqrt(lx * lx + ly * ly + lz * lz)
     away = np.sqrt((lx - x) ** 2 + (ly - y) ** 2 + lz * lz)
@@ -491,14 +493,14 @@ def _off_axis(film: Film, x: F8, y: F8) -> F8:
 
 
 def _rest_spread(left: F8, rest: Rest) -> float:
-    """A block's noise; more where the flat frame departs from the model, which it does smoothly."""
+    """Standard deviation of a block; larger if the flat frame (smoothly) departs from the model."""
     noise = SPREAD / rest.block
     found = float(np.sqrt(np.square(left).mean()))
     return float(np.hypot(noise, found * np.sqrt(max(1, left.shape[1] / INDEPENDENT))))
 
 
 def _priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
-    """Number, departure and standard deviation of every unknown that something is known of."""
+    """Number, departure and standard deviation of every unknown with a prior."""
     count = len(now.leds)
     for k, (_, _, c, _, emission) in enumerate(now.leds):
         yield LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
@@ -508,7 +510,7 @@ def _priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[in
 
 
 def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, float, Unknown]]]:
-    """The film's unknowns in their order."""
+    """The film's unknowns, in order."""
     number = 0
     for name in names:
         if name == "diffuse":
@@ -521,7 +523,7 @@ def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, fl
 
 
 def _albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
-    """The difference of both albedos over its standard deviation, and by all shared numbers."""
+    """Normalised difference of the two albedos, and its derivatives by all shared unknowns."""
     if not ONE_ALBEDO.keys() <= set(names):
         return
     numbers = [(number, name) for number, (name, *_) in _numbers(now, names)]
@@ -562,7 +564,8 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
         flat, firm = by_rest.reshape(len(by), -1), (_robust(there / certain) / certain**2).ravel()
         shared += (flat * firm) @ flat.T
         right -= flat @ (firm * there.ravel())
-    # The strengths' common factor is free, and all are without a flat frame: they are held.
+    # The flat frame leaves the strengths' common factor free; without one, all of them are free.
+    # So a prior holds them.
     strengths = np.arange(3, now.leds.size, LED)
     held = 1 / len(strengths) ** 2 if rest is not None else np.eye(len(strengths))
     shared[np.ix_(strengths, strengths)] += held
@@ -577,9 +580,9 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
 
 
 def _by_shift(balls: Balls, now: Fitted, rest: F8 | None) -> tuple[F8, F8]:
-    """What is left of the light, K x N, and its derivatives by the balls' shifts, 3 x K x N.
+    """Residual of the light, K x N, and its derivatives by the balls' shifts, 3 x K x N.
 
-    `rest` as `_rest_seen` gives it.
+    `rest` is the result of `_rest_seen`.
     """
     before, step = predicted(balls, now, rest=rest), 1e-4 * float(balls.radius.min())
     moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
@@ -588,7 +591,7 @@ def _by_shift(balls: Balls, now: Fitted, rest: F8 | None) -> tuple[F8, F8]:
 
 
 def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8 | None) -> F8:
-    """Derivatives by what is shared, G x K x N; what is one LED's changes its light alone."""
+    """Derivatives by the shared unknowns, G x K x N; an LED's own only change its own light."""
     owners = _owners(now, names)
     by = np.zeros((len(owners), *before.shape))
     for j, (name, led) in enumerate(owners):
@@ -604,7 +607,7 @@ def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8
 
 
 def _owners(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
-    """By number what is shared: its name, and the LED that it belongs to, if it does to one."""
+    """Name of each shared unknown, and the LED that it belongs to, or None."""
     count = len(now.leds)
     owners: list[tuple[str, int | None]] = [(name, k) for k in range(count) for name in OF_AN_LED]
     for name in names:
@@ -613,7 +616,7 @@ def _owners(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
 
 
 def _stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
-    """One number changed, and by how much."""
+    """The fit with one unknown changed, and its change."""
     count = len(now.leds)
     if j < LED * count:
         change = np.zeros(LED * count)
@@ -648,7 +651,7 @@ def _moved(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
 
 
 def _solve(e: _Equations, damping: float) -> tuple[F8, F8]:
-    """The step of what is shared and of each ball, by Schur's complement."""
+    """The steps of the shared unknowns and of each ball, by Schur's complement."""
     own = e.own * (1 + damping * np.eye(3))
     shared = e.shared + damping * np.diag(np.diag(e.shared) + 1e-12)
     schur, less = _without_shifts(shared, e.mixed, own)
@@ -660,13 +663,13 @@ def _solve(e: _Equations, damping: float) -> tuple[F8, F8]:
 
 
 def _without_shifts(shared: F8, mixed: F8, own: F8) -> tuple[F8, F8]:
-    """Schur's complement of what is each ball's own, and what its shift takes of the step."""
+    """Schur's complement of the balls' own blocks, and the shifts' coupling to the shared step."""
     less = np.linalg.solve(own, np.transpose(mixed, (0, 2, 1)))
     return np.asarray(shared - np.einsum("pgi,pih->gh", mixed, less)), np.asarray(less)
 
 
 def start_at(lights: F4, strength: F4, count: int) -> Fitted:
-    """Return the matt film under LEDs that are roughly known."""
+    """Return a matt film under roughly known LEDs, as a start value."""
     leds = np.column_stack(
         [
             lights[:, :2] / lights[:, 2:],

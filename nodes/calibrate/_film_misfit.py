@@ -1,4 +1,4 @@
-"""What a film's model leaves on presses that it was not fitted to, and over how much film alike."""
+"""Errors of a film's model on held-out presses, and their correlation length."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.light.touch_misfit import brighter
 
 NEAREST_PX = 2
-"""The noise of pixels so far apart is independent, after a lens was undistorted, too."""
+"""Distance from which the noise of pixels is independent, even after undistortion."""
 FARTHEST, LAGS = 0.7, 12
-"""Longest lag by a contact's radius; how many there are."""
+"""Longest lag, relative to a contact's radius, and number of lags."""
 WITHIN = 0.95
-"""Quantile at which a normal law stands for Student's: that of the 90 % band."""
+"""Quantile at which a normal distribution replaces Student's: that of the 90 % band."""
 EVERY = 7
-"""Pixel that LEDs elsewhere are tried on."""
+"""Stride of the pixels on which other LED positions are tried."""
 LEAST_LIT = 0.1
-"""Light beyond the diffused share from which an LED tells of brightness."""
+"""Light beyond the diffused share from which an LED is used to measure brightness."""
 CAUTION = 2.5
-"""By how much more another object may brighten the film than the balls of a calibration do, which
-stretch it all alike."""
+"""Factor by which another object may brighten the film more than the calibration's balls, which
+all stretch it in the same way."""
 LEAST_DOUBT = 0.015
-"""What is thrown from film to film is open by this share at least, however well presses agree: on
-ray-traced film an albedo came out 0.01 too low of which noise leaves 0.002 open, LEDs with it."""
+"""Smallest relative uncertainty of the light from film to film, however well presses agree.  On
+ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""
 LEVEL = 0.1
-"""Sine of a tilt from which the model errs as on steeper film."""
+"""Sine of the slant above which the model's tilt error counts in full."""
 
 
 class Held(NamedTuple):
-    """What was held out, and the film fitted to the rest."""
+    """Held-out samples, and the film fitted to the others."""
 
     balls: Balls
     fitted: Fitted
 
 
 class _Sums(NamedTuple):
-    """Products over pairs of pixels by lag, of normals and of light; and how many pairs."""
+    """Sums by lag over pairs of pixels: products of normals and of light, and number of pairs."""
 
     lags: NDArray[np.intp]
     normal: F8
@@ -52,21 +52,23 @@ class _Sums(NamedTuple):
 
 
 def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
-    """Return (level, width, light, bounce, tilt) as a `Misfit` has them.
+    """Return the (level, width, light, bounce, tilt) of a `Misfit`.
 
-    Products of the errors of two pixels hold no noise, since that is independent.  Their mean by
-    distance is the covariance of what the model leaves, apart from what it leaves all around a
-    ball alike: normals that lean too much, or too little.  The level stated holds what chance may
-    have hidden, too.  All is stated for one more press: what n presses could not tell the model
-    adds 1/n to the variance, a tilt known from n presses and an albedo from n parts of them follow
-    Student's law, not the normal one, and errors of the level lean alike by chance by 1/n of it.
+    Products of the errors of two pixels contain no noise, because noise is independent.  Their
+    mean by distance is the covariance of the model's errors.  The common tilt of all normals of
+    a ball is removed first and measured separately.  The level includes what chance may have
+    hidden.  All figures are for one further press: the finite number n of presses adds 1/n to
+    the variance; a tilt known from n presses and an albedo from n parts follow Student's
+    distribution instead of a normal one; and errors of the level cause a common tilt by chance,
+    by 1/n of their variance.
 
     Parameters
     ----------
     held
-        Every pixel of what was held out, in turn.
+        Every held-out pixel, fold by fold.
     others
-        8 x K x 3 in mm, by how much the LEDs may lie elsewhere: an error that is told apart.
+        8 x K x 3 in mm, deviations of the LED positions, whose error is accounted for
+        separately.
     pixel
         mm per px.
     """
@@ -102,15 +104,16 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
 
 
 def unevenness(held: list[Held], pixel: float) -> float:
-    """Return the standard deviation of the brightness of touched film, as a `Film` has it.
+    """Return the standard deviation of the brightness of touched film, `Film.uneven`.
 
-    The light of all LEDs that reach a pixel, by least squares a multiple of that predicted for
-    the true normal; noise apart, since that is independent from pixel to pixel.
+    A pixel's brightness is the least-squares factor between the light of the LEDs that reach it
+    and that predicted for the true normal.  Noise drops out, because it is independent from
+    pixel to pixel.
 
     Parameters
     ----------
     held
-        Every pixel of what was held out, in turn.
+        Every held-out pixel, fold by fold.
     pixel
         mm per px.
     """
@@ -131,7 +134,7 @@ def unevenness(held: list[Held], pixel: float) -> float:
 
 
 def _led_tilt(part: Held, others: F8, uneven: float) -> float:
-    """Mean square of what LEDs that lie elsewhere do to `tilt`."""
+    """Mean square effect of other LED positions on `tilt`."""
     film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % EVERY == 0)
     truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
     z = np.maximum(z, film.contact)
@@ -146,7 +149,7 @@ def _led_tilt(part: Held, others: F8, uneven: float) -> float:
 
 
 def _outward(normal: F8) -> F8:
-    """The direction in which a normal leans more, in its tangent plane; zero on level film."""
+    """The direction of increasing slant in a normal's tangent plane; zero on level film."""
     nx, ny, nz = normal
     sine = np.maximum(np.hypot(nx, ny), 1e-6)
     rising = np.minimum(sine / LEVEL, 1)
@@ -154,7 +157,7 @@ def _outward(normal: F8) -> F8:
 
 
 def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
-    """Return errors of the normals and true ones, 3 x N; between, the light left, as if matt."""
+    """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
     film = held.fitted.film
     truth, found, direct, place = ball_normals(held.balls, held.fitted, uneven)
     left = direct - predict(film, found, *place)
@@ -165,7 +168,7 @@ def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
 
 
 def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
-    """Add the products of one ball's pixels with those to the right and below."""
+    """Add the products of one ball's pixels with those to the right of and below them."""
     row, column = (np.rint(p - p.min()).astype(int) for p in place)
     planes = np.zeros((1 + len(errors) + len(left), row.max() + 1, column.max() + 1))
     planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, left])
@@ -179,9 +182,9 @@ def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
 
 
 def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
-    """The lag, between those measured, at which the covariance has fallen to a half.
+    """The interpolated lag at which the covariance has fallen to one half.
 
-    Where chance hides it, it may be as wide as any.
+    The longest lag if noise hides it.
     """
     if covariance[0] <= 0:
         return float(lags[-1])
@@ -195,7 +198,7 @@ def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
 
 
 def _doubt(held: list[Held]) -> float:
-    """By what share the film's albedo may be wrong: the mean of so many parts of the presses."""
+    """Relative uncertainty of the film's albedo, which is the mean over parts of the presses."""
     albedo = np.array([h.fitted.film.albedo for h in held])
     parts = len(albedo)
     if parts < 2 or albedo.mean() <= 0:

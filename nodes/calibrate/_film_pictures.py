@@ -1,4 +1,4 @@
-"""The pictures that compare two films."""
+"""Plots that compare two films."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ def draw_films(
     films
         K x H x W, by title.
     albedo, dent
-        As `film_change` gives them.
+        As `film_change` returns them.
     words
         Which film is compared with which.
     width
-        Of the figure, in inches.
+        Width of the figure, in inches.
 
     Returns
     -------
-    The figure, and the axes on the right, above and below, with nothing in them yet.
+    The figure, and the two empty axes on the right, upper and lower.
     """
     figure = Figure(figsize=(width, 8), dpi=100, layout="constrained")
     axes = figure.subplots(2, 3)
@@ -44,14 +44,14 @@ def draw_films(
 
 
 def draw_light(axes: Axes, percent: F4, words: str) -> None:
-    """Draw how bright each LED is."""
+    """Draw the brightness of each LED."""
     axes.bar([f"LED {k}" for k in range(1, len(percent) + 1)], percent, color=BLUE)
     axes.axhline(100, color="black", linewidth=0.5)
     axes.set_title(f"light of the LEDs, {words} / %")
 
 
 def _draw_map(figure: Figure, axes: Axes, values: F4, title: str) -> None:
-    """Draw a signed map; a few strongest pixels do not set its scale."""
+    """Draw a signed map, whose scale ignores the few strongest pixels."""
     most = float(np.percentile(np.abs(values), 99.8)) or 1.0
     drawn = axes.imshow(values, cmap="RdBu_r", vmin=-most, vmax=most)
     figure.colorbar(drawn, ax=axes)

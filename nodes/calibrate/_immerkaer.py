@@ -11,13 +11,13 @@ from scipy.ndimage import convolve
 from tactograph.nodes import F4
 
 TAPS = np.array([1, -2, 1], np.float32)
-"""Along x and along y: blind to planes and to twists; white noise of 1 gives 6."""
+"""Taps along x and along y: blind to planes and twists; white noise of 1 gives 6."""
 KEPT, KEPT_MEAN = 0.8, 0.5586
-"""The share of responses that are not edges, and their mean magnitude under a normal law."""
+"""Share of the responses that are not edges, and their mean magnitude for a normal distribution."""
 
 
 def responses(plane: F4, apart: int = 1) -> F4:
-    """Magnitude of what the mask leaves of an image (H x W), its taps so many pixels apart."""
+    """Magnitude of the mask's response to an image (H x W), with its taps `apart` pixels apart."""
     taps = np.zeros(2 * apart + 1, np.float32)
     taps[::apart] = TAPS
     return np.abs(convolve(plane, np.outer(taps, taps), mode="nearest"))

@@ -1,4 +1,4 @@
-"""The places of points on a square lattice that a lens may bend."""
+"""Lattice coordinates of points on a square lattice that a lens may distort."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 FEWEST = 12
-"""Points on the lattice; and three rows and columns of them."""
+"""Fewest points on the lattice; three rows and columns are needed, too."""
 REACH = 0.25
-"""A neighbour lies within this part of the pitch of where the step before points."""
+"""Largest distance of a neighbour from its predicted position, relative to the pitch."""
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 Points = NDArray[Any]
@@ -26,7 +26,7 @@ class Lattice(NamedTuple):
 
     @property
     def pitch(self) -> float:
-        """The distance of neighbours in px."""
+        """The distance between neighbours in px."""
         distances, _ = neighbours(self.place, 1)
         return float(np.median(distances))
 
@@ -40,8 +40,8 @@ def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
 def on_lattice(points: Points) -> Lattice | None:
     """Number the points that lie on one square lattice, from neighbour to neighbour.
 
-    The first axis of the lattice is that nearest to the image's rows.  A step is expected to be
-    as the last one in this direction, so that a lattice may bend.
+    The first axis of the lattice is the one nearest to the image's rows.  Each step is predicted
+    from the previous one in the same direction, so that the lattice may bend.
     """
     if len(points) < FEWEST:
         return None
@@ -71,7 +71,7 @@ def on_lattice(points: Points) -> Lattice | None:
 
 
 def _step(points: Points) -> Points:
-    """The usual step to a neighbour, turned by quarters to be nearest to the rows."""
+    """The typical step to a neighbour, rotated by quarter turns to lie nearest to the rows."""
     distances, near = neighbours(points, 4)
     steps = (points[near] - points[:, None])[distances < 1.25 * np.median(distances[:, 0])]
     angle = np.angle(np.mean(np.exp(4j * np.arctan2(steps[:, 1], steps[:, 0])))) / 4

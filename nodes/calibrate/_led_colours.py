@@ -1,4 +1,4 @@
-"""The colours of the LEDs, the same in every picture."""
+"""The colours of the LEDs in all pictures."""
 
 LED_COLOURS = (
     "#e6a03c",

@@ -1,9 +1,9 @@
-"""Where the LEDs are: a least-squares fit to known shapes and to the fall-off over the film.
+"""LED positions: a least-squares fit to known shapes and to the fall-off over the film.
 
-An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant one, and
-a logarithm of its strength.  Each known shape has a shift besides: a ball is found to a
-fraction of a pixel only, and its height follows from its contact, which for half a ball means
-a tenth of a millimetre for a hundredth of a pixel, and from how high the film lifts the rim.
+An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant LED, and
+the logarithm of its strength.  Each known shape also has a shift.  A ball is found only to a
+fraction of a pixel.  Its height depends on the contact radius (for half a ball, a hundredth of a
+pixel is a tenth of a millimetre) and on how high the film lifts the rim.
 
 Long because the residuals, their derivatives and the descent share the same unknowns.
 """
@@ -24,35 +24,35 @@ from tactograph.nodes.capture._sheet import cut
 from tactograph.nodes.light._near_light import F8, places
 
 BLOCKS = 32
-"""The flat frame is averaged in square blocks, so many along the image: light is smooth there."""
+"""Number of square blocks along the image in which the (smooth) flat frame is averaged."""
 SAMPLES = 3000
-"""So many pixels of an object determine twenty numbers to a thousandth."""
+"""Pixels of an object that suffice to fit twenty unknowns to a thousandth."""
 ENOUGH = 500
-"""So many of each of several objects do, or of one that is only compared with others."""
+"""Pixels that suffice for each of several objects, or for one that is only compared."""
 FEWEST = 100
 DIM = 0.05
 """Light below this may be half shadow."""
 SPREAD = 0.006
-"""Standard deviation of light that the fit aims at; beyond twice that a pixel is an outlier."""
+"""Expected standard deviation of the light; beyond twice that, a pixel is an outlier."""
 HUBER = 2.0
 FARTHEST = 1e6
 """Distance in mm that stands for infinity."""
 ROOM = 3
-"""Pixels at the edge of the known shape that a shift could carry beyond it."""
+"""Width in px of the known shape's edge that is left out, since a shift could move it outside."""
 LIFT_MM = 0.2
 """Standard deviation of a known shape's height above the film."""
 OTHERS = 8
-"""Other places of the LEDs: so many of the directions in which they are least certain count."""
+"""Number of sampled LED positions, and of the least certain directions that they span."""
 NEAREST = 0.25
-"""An LED's other place has at least this share of its 1 / L_z: a distant one stays above."""
+"""Smallest 1 / L_z of a sampled LED, relative to its own, so that it stays above the film."""
 STEPS, CONVERGED = 60, 1e-9
-"""Of the descent at most; and the share of the cost that is not worth another one."""
+"""Most steps of the descent, and the relative gain of the cost below which it ends."""
 STEP = 1.5e-8
-"""Of the numeric derivative, relative: the root of the rounding error."""
+"""Relative step of the numeric derivative: the square root of the rounding error."""
 
 
 class Press(NamedTuple):
-    """A known shape, H x W: its light, slope and height, where they hold, what LEDs reach it."""
+    """A known shape, H x W: light, slope, mask where they hold, height, and LEDs that reach it."""
 
     light: Light
     slope: Slope
@@ -63,9 +63,9 @@ class Press(NamedTuple):
 
 @dataclass(frozen=True)
 class Object:
-    """Samples of a known shape: N places, the light there (K x N) and whether it counts.
+    """Samples of a known shape: N positions, the light there (K x N) and whether it counts.
 
-    `reach` says how many pixels, the samples' neighbours with them, each LED reaches.
+    `reach` is the number of pixels that each LED reaches, including the samples' neighbours.
     """
 
     rows: NDArray[np.intp]
@@ -81,7 +81,7 @@ class Object:
     def moved(self, shift: F8) -> tuple[F8, F8]:
         """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y, z) in px, mm."""
         where = np.stack([self.rows - shift[1], self.columns - shift[0]])
-        # n_x and n_y are linear on a ball: interpolating them, not the slope, is exact there.
+        # n_x and n_y are linear on a ball, so interpolating them (not the slope) is exact.
         nx, ny, z = (
             map_coordinates(plane, where, output=np.float64, order=1, mode="nearest")
             for plane in (*self.normal, self.height)
@@ -92,7 +92,7 @@ class Object:
 
 @dataclass(frozen=True)
 class Rest:
-    """The flat frame: logarithm of block means, less their mean over the LEDs; K x N."""
+    """The flat frame: logarithm of block means, minus its mean over the LEDs; K x N."""
 
     logarithm: F8
     x: F8
@@ -102,7 +102,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Placed:
-    """A fit: K x 4 numbers of the LEDs, P x 3 shifts in px and mm; whether the film was seen."""
+    """A fit: K x 4 unknowns of the LEDs, P x 3 shifts in px and mm; whether it had a flat frame."""
 
     leds: F8
     shifts: F8
@@ -115,19 +115,19 @@ class Placed:
 
     @property
     def strength(self) -> F4:
-        """The film's light in the middle of the image, where there was no flat frame."""
+        """The film's light in the middle of the image if there was no flat frame, else 1."""
         strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
         return strength.astype(np.float32)
 
 
 def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
-    """Cut the sheets of presses, each of so many rows, into what is known of each press."""
+    """Cut the sheets of presses, each of `rows` rows, into single presses."""
     sheets = (light, slope, mask, height, lit)
     return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
 
 
 def sample(press: Press, pixel: float, steepest: float, most: float = SAMPLES) -> Object:
-    """Choose so many samples of an object, evenly over it."""
+    """Choose about `most` samples of an object, spread evenly over it."""
     light, slope, mask, height, lit = press
     p, q = slope
     nz = 1 / np.sqrt(1 + p * p + q * q)
@@ -146,12 +146,12 @@ def sample(press: Press, pixel: float, steepest: float, most: float = SAMPLES) -
 
 
 def samples_for(presses: int) -> float:
-    """How many samples of each press are needed where there are so many."""
+    """Number of samples needed per press, for this number of presses."""
     return max(ENOUGH, SAMPLES / presses)
 
 
 def unreached(objects: list[Object]) -> tuple[int, int] | None:
-    """Return an LED, counted from 1, that reaches too few pixels of the objects, and how many."""
+    """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
     reach = sum(there.reach for there in objects)
     assert isinstance(reach, np.ndarray)
     found = int(reach.argmin())
@@ -159,7 +159,7 @@ def unreached(objects: list[Object]) -> tuple[int, int] | None:
 
 
 def rest_of(flat: Light, pixel: float) -> Rest | None:
-    """Reduce the flat frame to blocks; None where it is uniform, because none was taken."""
+    """Reduce the flat frame to blocks; None if it is uniform, because none was taken."""
     if all(np.ptp(plane) == 0 for plane in flat):
         return None
     count, rows, columns = flat.shape
@@ -203,19 +203,19 @@ def place_leds(
 
 
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
-    """What `place_leds` leaves of what it minimises."""
+    """The minimum of the cost that `place_leds` reaches."""
     return huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
 
 
 def other_places(
     objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float, width_mm: float
 ) -> F4:
-    """Return 8 x K x 3 in mm: where the LEDs may be too, by what the fit leaves over.
+    """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
     The covariance of the unknowns is that of least squares, from the residuals of the objects
     and of the film at rest.  The eight directions in which the light over the image is least
-    certain have the signs of a Hadamard matrix's rows, so that the squares of what they
-    change add up exactly.
+    certain are combined with the signs of a Hadamard matrix's rows, so that the squares of their
+    effects add up exactly.
     """
     leds, flat = placed.leds, rest is not None
     slopes = _jacobian(objects, rest, leds, placed.shifts, shift_px)
@@ -239,7 +239,7 @@ def other_places(
 
 
 def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
-    """Return 8 x K x 3 in mm: other places of LEDs of which the covariance is known.
+    """Return LED positions sampled from a known covariance, 8 x K x 3 in mm.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def _positions(leds: F8) -> F4:
 
 
 def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
-    """Where the object lies, (x, y, z) in px and mm from where it was found, under known LEDs."""
+    """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
 
     weight = 1 / np.array([shift_px, shift_px, LIFT_MM])
 
@@ -298,10 +298,10 @@ def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
 
 
 def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: F8) -> F8:
-    """Minimise Huber's loss of the residual by Levenberg and Marquardt's method.
+    """Minimise Huber's loss of the residual by the Levenberg-Marquardt method.
 
-    On the normal equations of twenty or thirty unknowns: SciPy's least squares decomposes
-    the whole Jacobian, ten thousand rows and more, and takes ten times as long.
+    It solves the normal equations of twenty or thirty unknowns.  SciPy's least squares
+    decomposes the whole Jacobian of ten thousand rows and more, and takes ten times as long.
     """
     unknown, left = start, residual(start)
     damping = 1e-3
@@ -330,7 +330,7 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
 def _all_residuals(
     objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
 ) -> F8:
-    """Of the shifts, the objects' light and the film at rest, in standard deviations."""
+    """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
     flat = rest is not None
     left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
     return np.concatenate(
@@ -348,7 +348,7 @@ def huber(left: F8) -> float:
 
 
 def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
-    """Light less model, K x N; zero where an LED does not reach."""
+    """Light minus model, K x N; zero where an LED does not reach."""
     normal, z = there.moved(shift)
     return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
 
@@ -359,7 +359,7 @@ def spread_of(left: F8, lit: NDArray[np.bool_]) -> F8:
 
 
 def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
-    """A distant LED by linear least squares, moved to a few image widths."""
+    """A distant LED by linear least squares, then moved to a distance of a few image widths."""
     normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
     light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
     if flat:
@@ -373,7 +373,7 @@ def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
 
 
 def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
-    """In units of L_z, in which nothing grows as an LED moves away."""
+    """The residual of one LED, computed in units of L_z, which stay finite for a distant LED."""
     (nx, ny, nz), (a, b, c, log_strength) = normal, led
     dx, dy, dz = a - c * there.x, b - c * there.y, 1 - c * z
     plan = dx * dx + dy * dy
@@ -384,14 +384,14 @@ def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
 
 
 def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
-    """Logarithm of the flat frame less that of the model, the shared gain taken out."""
+    """Logarithm of the flat frame minus the model's, without the shared gain."""
     if rest is None:
         return []
     model = np.empty_like(rest.logarithm)
     for k, (a, b, c, log_strength) in enumerate(leds):
         square = (a - c * rest.x) ** 2 + (b - c * rest.y) ** 2 + 1
         model[k] = log_strength - 1.5 * np.log(square)
-    # The mean of a block is that many times less noisy than a pixel.
+    # The mean of a block is `block` times less noisy than a pixel.
     left = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
     # The strengths' common factor is free: hold their mean.
     return [left.ravel() / SPREAD, leds[:, 3].mean(keepdims=True) / SPREAD]
@@ -400,7 +400,7 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
 def _jacobian(
     objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
 ) -> F8:
-    """Differences, where there are any: an LED changes its own light, a shift its own object."""
+    """The Jacobian by differences; an LED affects only its own light, a shift its own object."""
     count, flat = len(leds), rest is not None
     sizes = [o.light.shape[1] for o in objects]
     starts = shifts.size + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.graph.files.whole_files import whole_file
-from tactograph.nodes import F4, U1, Light, LutSlope, Metrics, NullVector, Reflectance, Spread
+from tactograph.nodes import (
+    F4,
+    U1,
+    Light,
+    LutSlope,
+    Metrics,
+    NullVector,
+    PixelSize,
+    Reflectance,
+    Spread,
+)
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.calibrate.fit_reflectance import harmonics
 from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
@@ -43,6 +53,8 @@ def plot_calibration(
     names: list[str] | None = None,
     circle: BallCircles | None = None,
     of: BallPress | None = None,
+    pixel: PixelSize | None = None,
+    camera_pixel: PixelSize | None = None,
     degrees: Annotated[F4, Port("P", "deg", nan=True)] | None = None,
     microns: Annotated[F4, Port("P", "um", nan=True)] | None = None,
     advice: str | None = None,
@@ -70,25 +82,28 @@ def plot_calibration(
         Of P presses: names, held-out errors, and what to press next.
     circle, of
         B x 3 in px: the balls, and the press that each is in.
+    pixel, camera_pixel
+        mm per px of these images and of the camera's, whose pixels the axes count; none: alike.
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """
     rows = flat.shape[1]
     lights, masks = cut(light, rows), cut(mask, rows)
+    wide = 1 if pixel is None or camera_pixel is None else round(pixel / camera_pixel)
     figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), dpi=100, layout="constrained")
     axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
     residuals = [
         _residual(*press, reflectance)
         for press in zip(lights, masks, cut(slope, rows), cut(lit, rows), strict=True)
     ]
-    _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals))
-    _draw_coverage(axes[0, 1], lut_slope)
+    _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals), wide)
+    _draw_coverage(figure, axes[0, 1], lut_slope)
     _draw_null(axes[1, 1], light, mask, lit, null, spread)
     if len(lights) == 1:
-        _draw_found(axes[0, 0], light, mask)
+        _draw_found(axes[0, 0], light, mask, wide)
     elif names and circle is not None and of is not None:
         used = np.array([part.any() for part in masks])
-        _draw_presses(axes[0, 0], masks, names, circle, of, used)
+        _draw_presses(axes[0, 0], masks, names, circle, of, used, wide)
         if degrees is not None and microns is not None:
             _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
@@ -107,16 +122,29 @@ def _title(quality: Metrics) -> str:
     return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
 
 
-def _draw_found(axes: Axes, light: F4, mask: U1) -> None:
-    axes.imshow(light.mean(axis=0), cmap="gray")
-    axes.contour(mask, levels=[0.5], colors=[ORANGE], linewidths=1)
+def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
+    extent = _extent(mask.shape, wide)
+    axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
+    edge = {"levels": [0.5], "colors": [ORANGE], "linewidths": 1}
+    axes.contour(mask, extent=extent, origin="upper", **edge)
     axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
 
 
-def _draw_coverage(axes: Axes, lut_slope: LutSlope) -> None:
-    axes.hexbin(lut_slope[:, 0], lut_slope[:, 1], gridsize=60, bins="log", cmap="viridis")
+def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of an image whose pixels are `wide` pixels of the camera."""
+    rows, columns = shape
+    return -0.5, columns * wide - 0.5, rows * wide - 0.5, -0.5
+
+
+def _draw_coverage(figure: Figure, axes: Axes, lut_slope: LutSlope) -> None:
+    drawn = axes.hexbin(lut_slope[:, 0], lut_slope[:, 1], gridsize=60, bins="log", cmap="viridis")
+    figure.colorbar(drawn, ax=axes, label="pixels in a cell")
     axes.set_aspect("equal")
-    axes.set(title=f"slopes in the tables ({len(lut_slope)} pixels)", xlabel="p", ylabel="q")
+    axes.set(
+        title=f"slopes in the tables ({len(lut_slope)} pixels)",
+        xlabel="p = dz/dx / mm per mm",
+        ylabel="q = dz/dy / mm per mm",
+    )
 
 
 def _draw_presses(
@@ -126,11 +154,15 @@ def _draw_presses(
     circle: F4,
     of: NDArray[np.int32],
     used: NDArray[np.bool_],
+    wide: int,
 ) -> None:
     """Draw the film with all contacts; those left out are grey and dashed."""
     depth = np.sum([mask > 0 for mask in masks], axis=0)
-    axes.imshow(depth, cmap="Blues", vmin=0, vmax=max(3, depth.max()))
-    for press, (x, y, radius) in zip(of, circle, strict=True):
+    scale = {"vmin": 0, "vmax": max(3, depth.max())}
+    axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
+    # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
+    placed = circle * np.float32(wide) + np.float32([(wide - 1) / 2, (wide - 1) / 2, 0])
+    for press, (x, y, radius) in zip(of, placed, strict=True):
         if radius == 0:
             continue
         look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
@@ -169,13 +201,17 @@ def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
     return np.where(mask > 0, error, np.float32(np.nan))
 
 
-def _draw_residual(figure: Figure, axes: Axes, error: F4) -> None:
+def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
     # Single pixels at the rim, which are partly in shadow, must not hide the rest.
     most = float(np.nanpercentile(error, 99))
-    drawn = axes.imshow(np.ma.masked_invalid(error), cmap="magma", vmin=0, vmax=most)
-    figure.colorbar(drawn, ax=axes)
+    known = np.ma.masked_invalid(100 * error)
+    extent = _extent(error.shape, wide)
+    drawn = axes.imshow(known, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
+    figure.colorbar(drawn, ax=axes, label="% of the light of the film at rest")
     axes.set(
-        title="largest |I - R| of the LEDs that reach the pixel", xlabel="x / px", ylabel="y / px"
+        title="misfit of the reflectance |I - R|, the largest of all LEDs",
+        xlabel="x / px",
+        ylabel="y / px",
     )
 
 
@@ -189,4 +225,8 @@ def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, sprea
     axes.hist(np.clip(departure, -10, 10), bins=100, color=BLUE)
     for threshold in (-3, 3):
         axes.axvline(threshold, color="#d1495b", linewidth=1)
-    axes.set(title="a.I on lit pixels, in multiples of its spread", xlabel="a.I / spread")
+    axes.set(
+        title="linear dependence of the light where all LEDs reach",
+        xlabel="a.I / its standard deviation",
+        ylabel="pixels",
+    )

@@ -43,9 +43,10 @@ def plot_recalibration(
     then, now
         K x H x W, the old and the new film at rest.
     albedo, dent
-        As `film_change` gives them.
+        As `film_change` returns them.
     image, circle, of
-        The presses on a sheet, and where their balls were found; a contact of 0: there is none.
+        The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
+        there is no ball.
     quality, advice
         For the title.
     file

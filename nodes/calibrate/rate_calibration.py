@@ -9,6 +9,7 @@ import numpy as np
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import (
     F4,
+    Albedo,
     Light,
     LightPositions,
     LutSlope,
@@ -26,6 +27,10 @@ NOISY = 1.3
 """Multiple of the camera's noise up to which noise explains a departure."""
 APART_DEG = 5.0
 """Angle between two LEDs below which they count as the same LED."""
+FAR = 100.0
+"""Widths of the image; no LED of a sensor is farther from its film."""
+BRIGHTEST = 0.94
+"""Albedo next to the largest that `fit_film` allows."""
 
 
 @node
@@ -40,6 +45,9 @@ def rate_calibration(
     goodness: Annotated[F4, Port("B", "1")] | None = None,
     flat: Light | None = None,
     noise: Noise | None = None,
+    reach: Annotated[float, Port(unit="mm")] | None = None,
+    albedo: Albedo | None = None,
+    refraction: Annotated[float, Port(unit="1")] | None = None,
 ) -> Metrics:
     """Return the figures that distinguish a good calibration from a bad one; warn of a bad one.
 
@@ -60,6 +68,9 @@ def rate_calibration(
     flat, noise
         K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
         Residuals that noise explains raise no warning of a poor fit.
+    reach, albedo, refraction
+        Of the film, as `fit_film` returns them.  Under a coat the light is no smooth function of
+        the slope, and then that raises no warning.
 
     Returns
     -------
@@ -81,10 +92,13 @@ def rate_calibration(
             f"LED {noisiest + 1}'s images are noisy, by {grain[noisiest]:.1%} of the film's light: "
             "expose longer"
         )
-    if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]):
+    is_coated = refraction is not None and refraction != 1
+    if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]) and not is_coated:
+        uneven = flat is None or not any(np.ptp(plane) > 0 for plane in flat)
         warn(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
-            "of the slope: check the ball's radius and the pixel size, or give flat=DIR"
+            "of the slope: check the ball's radius and the pixel size"
+            + (", or give flat=DIR" if uneven else "")
         )
     if steepest < NARROW:
         warn(
@@ -99,6 +113,8 @@ def rate_calibration(
             "the pixel size; a film that is glossy departs, too"
         )
     _warn_of_twins(lights)
+    if reach is not None and albedo is not None:
+        _warn_of_scale(lights, reach, albedo)
     known = mask > 0
     rated = {
         "entries": float(len(lut_slope)),
@@ -129,6 +145,27 @@ def _warn_of_twins(lights: LightPositions) -> None:
         warn(
             f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
             f"copy of led{one + 1}, or does the same LED flash twice?"
+        )
+
+
+def _warn_of_scale(lights: LightPositions, reach: float, albedo: float) -> None:
+    """Warn of a film that only a wrong radius of the ball, or pixel size, explains.
+
+    Slopes that are too steep or too flat are made up for by LEDs at infinity, or by a film that
+    lights itself.
+    """
+    distance = np.linalg.norm(lights, axis=1)
+    farthest = int(np.argmax(distance))
+    if distance[farthest] > FAR * 2 * reach:
+        warn(
+            f"LED {farthest + 1} is found {distance[farthest] / 1000:.3g} m from the film, more "
+            f"than {FAR:.0f} widths of the image: check the ball's radius, the pixel size and the "
+            "order of the images"
+        )
+    elif albedo > BRIGHTEST:
+        warn(
+            f"the film's albedo is found as {albedo:.2f}, the largest possible: check the "
+            "ball's radius and the pixel size"
         )
 
 

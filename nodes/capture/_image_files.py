@@ -1,4 +1,4 @@
-"""One image file: decoded, checked, cropped, and made a fraction of full scale."""
+"""One image file: decode, check, crop, and convert to fractions of full scale."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tactograph.graph.files.array_files import load_array
 
 FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
 MOST_PIXELS = 2**25
-"""Of one image: 33 million, as a camera of 8K has."""
+"""Most pixels of one image: 33 million, as of an 8K camera."""
 DARKEST = 0.005
-"""Share of full scale that the brightest hundredth of an image has to reach..."""
+"""Share of full scale that the brightest hundredth of an image must reach..."""
 FEWEST_COUNTS = 4
-"""... and so many steps of the camera's converter, below which light has no shades."""
+"""... and number of converter steps that it must reach, because fewer show no gradation."""
 HIGHEST = 1e4
-"""A height map's largest value in mm, either way."""
+"""Largest absolute value of a height map in mm."""
 ORIENTATION = 0x0112
 Crop = tuple[int, int, int, int]
 Leds = tuple[Annotated[int, Interval(ge=1)], ...]
@@ -32,14 +32,14 @@ Lights = Literal["leds", "bgr", "rgb"]
 def read_image(file: Path) -> NDArray[Any]:
     """Decode one image file: H x W, or H x W x 3 in the order blue, green, red.
 
-    The pixels are taken as they lie in the file.  A cut-off or foreign file is refused, never
-    half read; so is a file that leaves open which pixels it means: by an orientation tag,
-    several pages or frames, or transparency.
+    The pixels are taken as stored in the file.  A truncated or foreign file is refused, never
+    partly read.  So is a file whose pixels are ambiguous: with an orientation tag, several pages
+    or frames, or transparency.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, damaged, not an image, or leaves its pixels open.
+        If the file is missing, empty, damaged, not an image, or its pixels are ambiguous.
     """
     try:
         if file.stat().st_size == 0:
@@ -68,7 +68,7 @@ def read_image(file: Path) -> NDArray[Any]:
 
 
 def _check_plain(image: Image.Image, file: Path) -> None:
-    """Refuse what could be read in more than one way."""
+    """Refuse an image that could be read in more than one way."""
     width, height = image.size
     if width * height > MOST_PIXELS:
         raise InputError(
@@ -89,7 +89,7 @@ def _check_plain(image: Image.Image, file: Path) -> None:
 
 
 def _without_alpha(image: NDArray[Any], file: Path) -> NDArray[Any]:
-    """The image without its alpha channel, which has to be opaque."""
+    """The image without its alpha channel, which must be opaque."""
     if image.ndim != 3 or image.shape[2] not in (2, 4):
         return image
     full = np.iinfo(image.dtype).max if image.dtype.kind == "u" else 1
@@ -204,9 +204,9 @@ def check_exposed(stack: NDArray[Any], files: list[Path], bits: int | None) -> N
 
 
 def _check_bright(plane: NDArray[Any], full: int, file: Path) -> None:
-    """Refuse darkness and its noise, which would give a flat height."""
+    """Refuse dark images, whose noise would give a flat height."""
     seen, least = plane[::4, ::4], max(DARKEST * full, FEWEST_COUNTS)
-    # Twice the hundredth: then the percentile, which takes long to find, lies above for sure.
+    # With two per cent above the limit, the slow percentile need not be computed.
     if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:
         return
     light = float(np.percentile(seen, 99))

@@ -1,8 +1,8 @@
 """Presses on a sheet: P captures of H rows, one below another, as one picture of S = P H rows.
 
-What looks at pixels one by one (labels, tables, fits) takes a sheet as it takes a capture; a
-sheet of one press is that capture.  Only what asks where on the film a pixel lies has to cut
-it up again.
+Steps that treat pixels one by one (labels, tables, fits) take a sheet like a capture; a sheet of
+one press is that capture.  Only steps that depend on a pixel's position on the film must cut the
+sheet.
 """
 
 from __future__ import annotations
@@ -22,5 +22,5 @@ SheetLabels = Annotated[U1, Port("S W", "LED bits", high=255)]
 
 
 def cut(sheet: NDArray[Any], rows: int) -> list[NDArray[Any]]:
-    """Return the presses of a sheet (... x S x W), each of so many rows: views, not copies."""
+    """Return the presses of a sheet (... x S x W), each of `rows` rows: views, not copies."""
     return [sheet[..., at : at + rows, :] for at in range(0, sheet.shape[-2], rows)]

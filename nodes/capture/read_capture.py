@@ -312,4 +312,7 @@ def _only_image(folder: Path) -> Path:
 def _what_is_missing(layout: Layout) -> str:
     if layout.lights != "leds":
         return "holds no colour image"
-    return f"holds no {layout.files.format(1)}.png (one image per LED)"
+    return (
+        f"holds no {layout.files.format(1)}.png (one image per LED; images of other names: set "
+        "'files' of the node that reads them)"
+    )

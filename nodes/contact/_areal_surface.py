@@ -1,4 +1,4 @@
-"""Height maps as surfalize, a package of surface metrology, has them: in micrometres."""
+"""Height maps in micrometres, as surfalize, a package for surface metrology, takes them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def surfalize() -> Any:
 
 
 def areal_surface(height: Height, pixel: float, left_out: NDArray[np.bool_] | None = None) -> Any:
-    """Return a ``surfalize.Surface`` of a height map in mm; points that are `left_out` masked."""
+    """Return a ``surfalize.Surface`` of a height map in mm, with the points `left_out` masked."""
     return surfalize().Surface(
         UM * height.astype(np.float64), UM * pixel, UM * pixel, mask=left_out
     )

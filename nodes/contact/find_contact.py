@@ -14,11 +14,11 @@ from tactograph.graph import Flips, InputError, node, warn
 from tactograph.nodes import Contacts, Height, HeightError
 
 SAMPLES = 10_000
-"""At least so many pixels, evenly spread, tell the noise level; neighbours err alike."""
+"""Least number of evenly spread pixels from which the noise is estimated; neighbours err alike."""
 OPEN = np.uint8(255)
-"""Raised film of which no contact is known yet; smaller values are numbers of contacts."""
+"""Raised film that belongs to no contact yet; smaller values are numbers of contacts."""
 TO_DEVIATION = 1.4826
-"""Median size to standard deviation, for a normal distribution."""
+"""Median magnitude to standard deviation, for a normal distribution."""
 
 
 @node(tolerance=Flips(1e-3, why="thresholds on a rounded height"))
@@ -32,14 +32,14 @@ def find_contact(
     least_px: Annotated[int, Interval(ge=1)] = 20,
     most: Annotated[int, Interval(ge=1, le=254)] = 16,
 ) -> Contacts:
-    """Number the contacts: connected film that stands out of its error, by hysteresis.
+    """Number the contacts: connected film that exceeds its error, by hysteresis thresholding.
 
-    A contact is film higher than `leave` errors, all that is connected with it over edges or
-    corners, if at least `least_px` of its pixels are higher than `enter` errors.  Two
-    thresholds, so that the noise neither starts a contact nor frays its edge (Canny 1986).
+    A contact is a region of film higher than `leave` errors, connected over edges or corners,
+    in which at least `least_px` pixels are higher than `enter` errors.  With two thresholds
+    noise neither starts a contact nor frays its edge (Canny 1986).
 
-    Without a stated error the film at rest tells it: heights below rest are noise alone, and
-    noise is as often below as above.  Their median size, times 1.4826, is the error of all
+    Without a stated error the film at rest gives it: heights below rest are noise alone, and
+    noise is as often below as above.  Their median magnitude, times 1.4826, is the error of all
     pixels, however much of the frame is touched.  A film that bulges downwards around a
     contact makes that error larger, and the contact found smaller.
 
@@ -48,17 +48,17 @@ def find_contact(
     height
         H x W in mm.
     error
-        H x W, the height's standard deviation in mm; else it is measured.
+        H x W, the height's standard deviation in mm; without it, it is estimated.
     enter, leave
         In multiples of the error; `leave` must not exceed `enter`.  A height is the sum of
         noisy slopes: errors of neighbours are alike, and the largest of a frame is 4 to 8
         times their level.
     least_error_mm
-        No error counts as smaller.
+        Lower bound on the error.
     least_px
-        Pixels above `enter`, or enclosed by such, that make a contact.
+        Least number of pixels above `enter`, or enclosed by such, in a contact.
     most
-        Only so many contacts, the largest ones, are numbered; more give a warning.
+        Largest number of contacts.  If there are more, the largest are numbered, with a warning.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def find_contact(
     lines, nested = cv2.findContours(high, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if not lines:
         return np.zeros(height.shape, np.uint8)
-    # A line without a parent goes around a core, the others around its holes.
+    # A contour without a parent surrounds a core; the others surround its holes.
     parents = nested[0, :, 3].tolist()
     outlines = [line for line, parent in zip(lines, parents, strict=True) if parent < 0]
     raised = (height > np.float32(leave) * level).view(np.uint8) * OPEN
@@ -97,9 +97,9 @@ def find_contact(
 def _fill(
     raised: NDArray[np.uint8], outlines: Sequence[NDArray[Any]]
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """Fill what is connected with an outlined core with a number: its area, its cores' area.
+    """Fill each region around outlined cores with a number; return the areas of both.
 
-    An outline and what it encloses has as many pixels as Pick's theorem says.
+    Pick's theorem gives the number of pixels of an outline and its interior.
     """
     sizes = [cv2.contourArea(line) + len(line) / 2 + 1 for line in outlines]
     areas: dict[int, float] = {}
@@ -124,6 +124,6 @@ def _rest_noise(height: Height) -> float:
     below = np.count_nonzero(seen < 0)
     if not below:
         return 0.0
-    # The median of those below, found among all: sooner than to pick them out first.
+    # The median of the heights below zero, by a partition of all: faster than selecting first.
     middle = (below - 1) // 2, below // 2
     return TO_DEVIATION * float(-np.partition(seen, middle)[[*middle]].mean())

@@ -1,4 +1,4 @@
-"""Say how large, how deep and where each contact is."""
+"""Measure the size, depth and position of each contact."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from tactograph.graph import node
 from tactograph.nodes import Contacts, Height, Metrics, PixelSize
 
 PIXEL_VARIANCE = 1 / 12
-"""Of the places within a square pixel, in px^2."""
+"""Variance of positions within a square pixel, in px^2."""
 
 
 @node
 def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metrics:
-    """Return area, depth, volume, place and principal axes of every contact.
+    """Return area, depth, volume, position and principal axes of every contact.
 
-    How far the object presses the film in is how far the film stands out: depth is height.
+    The film stands out as far as the object presses it in: depth is height.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
     Returns
     -------
     dict
-        ``contacts``, how many there are, and of each its own, as ``contact_area_mm2/c1``,
+        ``contacts``, their number, and for each contact, as ``contact_area_mm2/c1``,
         ``contact_area_mm2/c2`` ...:
 
         ``contact_area_mm2``, seen from above; ``contact_depth_mm``, the greatest;

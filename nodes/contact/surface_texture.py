@@ -14,9 +14,9 @@ from tactograph.nodes import Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact._areal_surface import areal_surface
 
 POINTS_PER_TERM = 10
-"""Fewer points than so many for each term of the form would be its shape, not the surface's."""
+"""Least number of points per term; with fewer the form would fit the surface's texture, too."""
 LEVEL_UM = 1e-6
-"""Heights that depart less from the form have no skewness: they are rounding."""
+"""Heights that depart less from the form are rounding and have no skewness."""
 
 
 @node
@@ -30,9 +30,9 @@ def surface_texture(
 ) -> Metrics:
     """Return Sa, Sq, Sz, Ssk and Sku of ISO 25178-2, of each contact or of the whole map.
 
-    The form is taken off by least squares, then surfalize evaluates the heights that are left.
+    A form is fitted by least squares and subtracted; surfalize evaluates the remaining heights.
     No filter is applied: the film is one (it bridges what is finer than its own thickness), and
-    so are the pixels.  What is not known, NaN, is left out of form and figures, not filled.
+    so are the pixels.  Unknown heights (NaN) are excluded from form and figures, not filled.
 
     Parameters
     ----------
@@ -41,22 +41,22 @@ def surface_texture(
     pixel
         mm per px.
     contact
-        H x W, the number of the contact at each pixel, as `find_contact` gives it; else all of
-        the map is one surface.
+        H x W, the number of the contact at each pixel, as `find_contact` gives it; without it
+        the whole map is one surface.
     form_degree
-        Of the polynomial in x and y that is the form: 0 the mean, 1 a plane (levelling), 2 a
-        ball or a cylinder, too.
+        Degree of the form, a polynomial in x and y: 0 is the mean, 1 a plane (levelling), 2 also
+        a ball or a cylinder.
     edge_px
-        Pixels along the border of a contact that are left out: there the film bends.
+        Width in px of the border of a contact that is excluded, because the film bends there.
 
     Returns
     -------
     dict
         ``Sa_um``, the mean departure from the form, ``Sq_um``, its root mean square, ``Sz_um``,
         from the lowest to the highest point; ``Ssk`` and ``Sku``, skewness and kurtosis, where
-        the surface is not exactly its form; ``texture_area_mm2``, what was evaluated.  Of
-        contacts each its own: ``Sa_um/c1`` ...  A surface of too few points has an area alone,
-        and a warning says so.
+        the surface is not exactly its form; ``texture_area_mm2``, the area evaluated.  For
+        contacts, one set each: ``Sa_um/c1`` ...  A surface of too few points has only an area,
+        and gives a warning.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def surface_texture(
 
 def _without_edge(mask: NDArray[np.uint8], edge: int) -> NDArray[np.bool_]:
     element = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * edge + 1, 2 * edge + 1))
-    # What lies beyond the picture bends nothing.
+    # At the border of the image the film does not bend.
     return np.asarray(cv2.erode(mask, element) > 0)
 
 

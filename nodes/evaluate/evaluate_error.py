@@ -1,4 +1,4 @@
-"""See whether the stated error of a height is its error."""
+"""Check the stated error of a height against its true error."""
 
 from __future__ import annotations
 

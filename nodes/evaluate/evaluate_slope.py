@@ -59,7 +59,7 @@ def evaluate_slope(
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angle between the normals (-p, -q, 1), in radians.
 
-    From the cross product too: the arc cosine alone has no digits left for small angles.
+    The cross product is used, too: the arc cosine alone loses all digits at small angles.
     """
     p, q = a - b
     twist = a[0] * b[1] - a[1] * b[0]

@@ -1,4 +1,4 @@
-"""What a filter finds beyond the frame: OpenCV's rules, by OpenCV's names."""
+"""Pixels beyond the frame: OpenCV's border rules, by OpenCV's names."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The functions of OpenCV that `opencv` calls: their arguments, by OpenCV's names.
 
-All take and give an image of floats of one size; ``src``, ``dst`` and ``ddepth`` are not
-arguments here.  Another function is another entry.
+All map a float image to a float image of the same size; ``src``, ``dst`` and ``ddepth`` are not
+arguments here.  To add a function, add an entry.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ FUNCTIONS: Mapping[str, Mapping[str, Any]] = {
 WITH_DEPTH = frozenset(
     {"boxFilter", "sqrBoxFilter", "filter2D", "sepFilter2D", "Sobel", "Scharr", "Laplacian"}
 )
-"""Functions that ask for the depth of their output."""
+"""Functions with an argument for the depth of their output."""
 TRIAL = np.zeros((8, 8), np.float32)
 
 Arguments = dict[str, bool | int | float | str | list[Any]]

@@ -25,7 +25,7 @@ def bilateral_blur(
     sigma_px: Annotated[float, Interval(gt=0, le=20)] = 1.5,
     border: Border = "replicate",
 ) -> Light:
-    """Return the images blurred among pixels of alike light, each LED's by itself.
+    """Return the images blurred among pixels of similar light, each LED separately.
 
     OpenCV's `bilateralFilter` (C. Tomasi and R. Manduchi, "Bilateral filtering for gray and
     color images", ICCV 1998): the weight of a pixel falls with its distance and with the
@@ -36,13 +36,13 @@ def bilateral_blur(
     light
         K x H x W.
     radius
-        Of the disk of pixels that count, in pixels.
+        Radius of the disk of pixels that count, in pixels.
     sigma_light
-        Standard deviation over light: steps much larger than it stay.
+        Standard deviation over light; much larger steps are preserved.
     sigma_px
         Standard deviation over distance in pixels.
     border
-        What stands beyond the frame, see `gaussian_blur`.
+        Pixels beyond the frame, see `gaussian_blur`.
     """
     side, rule = 2 * radius + 1, BORDER_TYPES[border]
     blurred = [

@@ -53,7 +53,7 @@ def crop(
 ) -> ResizedLight:
     """Return a window of the images.
 
-    A calibration holds for the frame that it was made on: what it reads has to be cut alike.
+    A calibration is valid for the frame that it was made on: crop its images alike.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Fill what a mask leaves out from what lies around."""
+"""Fill what a mask leaves out from its surroundings."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 LEAST = np.float32(1e-3)
-"""Share of the weights that has to be known."""
+"""Share of the weights that must be known."""
 HELD = 0.02
-"""How firmly the plane is held level where little is known: a share of the weights' variance."""
+"""Regularisation towards a level plane where little is known: a share of the weights' variance."""
 
 
 @node(neutral="light", tolerance=Close(1e-4, 1e-4, why="sums of many terms in another order"))
 def fill_masked(
     light: Light, mask: Mask, *, radius_px: Annotated[int, Interval(ge=1, le=30)] = 10
 ) -> Light:
-    """Return the images, where the mask is 0 with a plane through what is known around.
+    """Return the images with a plane fitted to the known surroundings where the mask is 0.
 
-    Normalised convolution of the first order (Knutsson and Westin, 1993), its Gaussian's
-    standard deviation half of the radius: light that changes evenly goes on across a hole.  It
-    goes no further than to no light, or to twice the mean around: at the image's border a plane
-    would.
+    First-order normalised convolution (Knutsson and Westin, 1993); the Gaussian's standard
+    deviation is half of the radius.  Light that changes evenly continues across a hole.  The
+    result is limited to the range from 0 to twice the mean around it, which a plane would leave
+    at the image's border.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def fill_masked(
     mask
         H x W; pixels of any value but 0 stay.
     radius_px
-        How far around; pixels that see nothing known stay, too.
+        Radius of the surroundings; pixels with nothing known there stay, too.
     """
     away, taps = _taps(radius_px)
     known = (mask > 0).astype(np.float32)
@@ -69,7 +69,7 @@ def fill_masked(
 
 
 def _taps(radius: int) -> tuple[F4, F4]:
-    """Places along an axis, and their weights."""
+    """Offsets along an axis, and their weights."""
     away = np.arange(-radius, radius + 1, dtype=np.float32)
     taps = np.exp(-np.square(away / np.float32(radius / 2)) / 2)
     return away, np.asarray(taps / taps.sum(), np.float32)

@@ -14,7 +14,7 @@ from tactograph.nodes import F4, Light
 from tactograph.nodes.filter._border import BORDER_TYPES, Border
 
 REACH = 4
-"""Standard deviations after which the Gaussian ends, as OpenCV has it for floats."""
+"""Standard deviations after which the Gaussian is cut off, as in OpenCV for floats."""
 
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-5, why="sums in another order"))
@@ -24,9 +24,9 @@ def gaussian_blur(
     sigma: Annotated[float, Interval(gt=0, le=20)] = 1.0,
     border: Border = "replicate",
 ) -> Light:
-    """Return the images blurred by a Gaussian, each LED's by itself.
+    """Return the images blurred by a Gaussian, each LED separately.
 
-    OpenCV's `GaussianBlur`; the Gaussian ends after four standard deviations.
+    OpenCV's `GaussianBlur`; the Gaussian is cut off after four standard deviations.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def gaussian_blur(
     sigma
         Standard deviation in pixels.
     border
-        What stands beyond the frame, as OpenCV's `borderType`: ``replicate`` (aaa|abcd|ddd),
+        Pixels beyond the frame, as OpenCV's `borderType`: ``replicate`` (aaa|abcd|ddd),
         ``reflect`` (cba|abcd|dcb) or ``reflect_101`` (dcb|abcd|cba).
     """
     side = len(_taps(sigma))

@@ -1,4 +1,4 @@
-"""Take single wrong pixels out of images by a median."""
+"""Remove single wrong pixels from images by a median."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tactograph.nodes import Light
 
 @node(neutral="light")
 def median_blur(light: Light, *, size: Literal[3, 5] = 3) -> Light:
-    """Return the median of the pixels around each pixel, each LED's images by themselves.
+    """Return the median of the pixels around each pixel, each LED separately.
 
-    OpenCV's `medianBlur`.  A hot pixel or a speck of dust smaller than half the window goes;
-    a straight edge stays where it is.
+    OpenCV's `medianBlur`.  It removes a hot pixel, or a speck of dust smaller than half the
+    window; a straight edge stays where it is.
 
     Parameters
     ----------
     light
-        K x H x W; beyond the frame its border goes on (OpenCV's ``BORDER_REPLICATE``).
+        K x H x W; beyond the frame the border repeats (OpenCV's ``BORDER_REPLICATE``).
     size
         Side of the window in pixels.
     """

@@ -26,7 +26,7 @@ PASSES: dict[Operation, tuple[int, ...]] = {
     "open": (0, 1),
     "close": (1, 0),
 }
-"""What the kernel is launched for, in order: 0 takes the lowest value, 1 the highest."""
+"""The kernel's passes, in order: 0 takes the lowest value, 1 the highest."""
 SHAPES: dict[Shape, int] = {
     "rect": cv2.MORPH_RECT,
     "cross": cv2.MORPH_CROSS,
@@ -44,20 +44,20 @@ def morphology(
 ) -> Mask:
     """Return the mask eroded, dilated, opened or closed.
 
-    OpenCV's `morphologyEx`, once.  Pixels beyond the frame do not count: they neither erode
-    nor dilate (``morphologyDefaultBorderValue``).
+    OpenCV's `morphologyEx`, one iteration.  Pixels beyond the frame do not count: they neither
+    erode nor dilate (``morphologyDefaultBorderValue``).
 
     Parameters
     ----------
     mask
         H x W.
     operation
-        ``erode`` takes the rim off; ``dilate`` adds one; ``open`` (erode, then dilate) takes
-        off what is smaller than the element; ``close`` (dilate, then erode) fills such holes.
+        ``erode`` removes the rim; ``dilate`` adds one; ``open`` (erode, then dilate) removes
+        what is smaller than the element; ``close`` (dilate, then erode) fills such holes.
     radius
         The structuring element measures 2 * radius + 1 pixels each way.
     shape
-        Of the structuring element, as `getStructuringElement` draws it.
+        Shape of the structuring element, as `getStructuringElement` draws it.
     """
     found = cv2.morphologyEx(mask, OPERATIONS[operation], _element(shape, radius))
     return np.asarray(found, np.uint8)

@@ -16,7 +16,7 @@ from tactograph.nodes.filter._opencv_functions import Arguments, call_opencv, ch
 def opencv(
     light: Light, *, call: Annotated[dict[str, Arguments], AfterValidator(checked_call)]
 ) -> Light:
-    """Return what a function of OpenCV makes of each LED's image; on the host only.
+    """Return the result of a function of OpenCV for each LED's image; on the host only.
 
     ``call: {Sobel: {dx: 1, dy: 0}}`` names the function and its arguments as OpenCV's
     documentation does; constants are given by name (``borderType: BORDER_REFLECT``), and a

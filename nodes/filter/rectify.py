@@ -1,4 +1,4 @@
-"""Bring a rectangle that a camera sees askew onto an even grid."""
+"""Resample a rectangle that a camera sees at an angle to a regular grid."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Corner = tuple[float, float]
 Corners = tuple[Corner, Corner, Corner, Corner]
 Millimetres = Annotated[float, Interval(gt=0, le=1000)]
 HORIZON = np.float32(1e-3)
-"""Least divisor of the homography: nothing lies behind the camera."""
+"""Smallest divisor of the homography: nothing lies behind the camera."""
 
 
 def _clockwise(corners: Corners | None) -> Corners | None:
-    """Refuse corners that no camera sees of a rectangle: their angles all turn one way."""
+    """Refuse corners that no rectangle can have in an image: all must turn the same way."""
     if corners is not None:
         sides = np.roll(corners, -1, axis=0) - np.asarray(corners)
         after = np.roll(sides, -1, axis=0)
@@ -48,10 +48,10 @@ def rectify(
 ) -> Light:
     """Return the images as a camera straight above a rectangle of known size sees them.
 
-    OpenCV's `getPerspectiveTransform`; the middle of the rectangle comes to lie in the middle of
-    the image, whose pixels measure `pixel` afterwards.  Values between pixels are interpolated as
-    `undistort` does: OpenCV rounds places to 1/32 px.  What the camera does not see repeats the
-    border (``BORDER_REPLICATE``).  `calibrate_camera` finds tilt and distortion more exactly.
+    OpenCV's `getPerspectiveTransform`.  The middle of the rectangle moves to the middle of the
+    image, whose pixels then measure `pixel`.  Values between pixels are interpolated as in
+    `undistort`, because OpenCV rounds places to 1/32 px.  What the camera does not see repeats
+    the border (``BORDER_REPLICATE``).  `calibrate_camera` finds tilt and distortion more exactly.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def rectify(
     width_mm, height_mm
         Sides of the rectangle.
     corners
-        Where the camera sees its corners: [x, y] in px, from the top left one on clockwise.
-        None: at those of the frame.
+        Where the camera sees its corners: [x, y] in px, clockwise from the top left one.
+        None: at the corners of the frame.
     """
     shape = light.shape[1:]
     across, down = _places(_homography(shape, pixel, width_mm, height_mm, corners), shape)
@@ -73,7 +73,7 @@ def rectify(
 def _homography(
     shape: tuple[int, ...], pixel: float, width_mm: float, height_mm: float, seen: Corners | None
 ) -> F4:
-    """The nine numbers that lead from a place of the result, from its middle, to the image."""
+    """The homography's nine numbers, from places relative to the result's middle to the image."""
     rows, columns = shape
     left, top, right, bottom = -0.5, -0.5, columns - 0.5, rows - 0.5
     frame = ((left, top), (right, top), (right, bottom), (left, bottom))

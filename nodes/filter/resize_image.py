@@ -1,4 +1,4 @@
-"""Bring images to another number of pixels."""
+"""Resize images."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactograph.nodes import F4, Light, ResizedLight
 Method = Literal["area", "linear"]
 METHODS: dict[Method, int] = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
 SLIVER = 1e-3
-"""Less of a pixel than that OpenCV leaves out of an area."""
+"""A smaller part of a pixel is left out of an area, as in OpenCV."""
 
 
 def _side(pixels: int, scale: float) -> int:
@@ -39,18 +39,18 @@ def resize_image(
 ) -> ResizedLight:
     """Return the images with another number of pixels.
 
-    OpenCV's `resize`.  Both sides change alike, so that pixels stay square, except for what
-    whole numbers of pixels take: the side of a pixel becomes W / w, and H / h, times as long.
-    A calibration holds for images of its size: what it reads has to be resized alike.
+    OpenCV's `resize`.  Both sides scale alike, so that pixels stay square, apart from rounding
+    to whole pixels: the sides of a pixel become W / w and H / h times as long.  A calibration
+    is valid for images of its size: resize its images alike.
 
     Parameters
     ----------
     light
         K x H x W.
     scale
-        Pixels along a side of the result for each that there was.
+        Pixels along a side of the result per pixel of the input.
     method
-        ``area``: the mean of what a pixel covers, which keeps the noise's share and makes no
+        ``area``: the mean over the area of a pixel, which keeps the noise's share and makes no
         patterns; ``linear``: from the four pixels around its centre, smooth where an image is
         enlarged.
 
@@ -67,7 +67,7 @@ def resize_image(
 
 @lru_cache(maxsize=16)
 def _taps(before: int, after: int, method: Method) -> tuple[NDArray[np.int32], F4]:
-    """Along one side, for each pixel of the result the first that it reads, and their shares."""
+    """For each pixel of the result, along one side: the first that it reads, and the shares."""
     find = _area if method == "area" else _linear
     found = [find(at, before / after, before) for at in range(after)]
     count = max(len(shares) for _, shares in found)
@@ -79,7 +79,7 @@ def _taps(before: int, after: int, method: Method) -> tuple[NDArray[np.int32], F
 
 
 def _area(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
-    """The pixels under the `at`-th of `ratio` pixels each, and the share of each."""
+    """The first pixel under result pixel `at`, which is `ratio` pixels wide, and the shares."""
     start = at * ratio
     left = int(start)
     if ratio < 1:
@@ -98,7 +98,7 @@ def _area(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
 
 
 def _linear(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
-    """The pixels on both sides of the centre of the `at`-th of `ratio` pixels each."""
+    """The same for the pixels on both sides of the centre of result pixel `at`."""
     centre = (at + 0.5) * ratio - 0.5
     left = int(np.floor(centre))
     if left < 0 or left >= before - 1:
@@ -108,7 +108,7 @@ def _linear(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
 
 @resize_image.opencl()
 def _launch(run: Launch) -> None:
-    """Find on the host what each row and column reads, and add it up for every pixel."""
+    """Find on the host what each row and column reads, and sum it on the device."""
     method = run.settings["method"]
     first_row, of_row = _taps(run.sizes["H"], run.sizes["h"], method)
     first_column, of_column = _taps(run.sizes["W"], run.sizes["w"], method)

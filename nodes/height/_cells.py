@@ -1,8 +1,8 @@
 """A network of springs on cells of 2 x 2 pixels, for loads whose effect is smooth.
 
-Joining pixels rigidly (`_springs`) only preconditions: such blocks are too stiff.  Here the springs
-from the middle of one cell to that of the next lie one behind the other in each row of pixels, and
-both rows side by side, so that cells move as their pixels do on average.
+Blocks of rigidly joined pixels (`_springs`) are too stiff: they only serve to precondition.  Here
+the springs from the middle of one cell to that of the next are in series in each row of pixels,
+and both rows are in parallel, so that cells move as their pixels do on average.
 ``kernels/headers/spring_cells.clh`` holds the same.
 """
 
@@ -27,21 +27,21 @@ WEAKEST = np.float32(1e-12)
 
 
 class Cells(NamedTuple):
-    """Cells of 2 x 2 of a network's `shape`, and what gives their springs their stiffness."""
+    """Cells of 2 x 2 pixels of a network of `shape`, and what their stiffness is made of."""
 
     springs: Springs
     shape: tuple[int, ...]
     in_rows: F4
-    """H x w-1, of each row of pixels."""
+    """H x w-1, the stiffness in each row of pixels."""
     in_columns: F4
-    """h-1 x W, of each column."""
+    """h-1 x W, the stiffness in each column."""
     which: NDArray[np.int64]
     """The tie that each tie between pixels joins; -1 within a cell."""
     ties: F4
     """The stiffness of the ties between pixels."""
 
     def wants(self, right: F4, down: F4, rise: F4) -> tuple[F4, F4, F4]:
-        """The steps and rises from cell to cell, from those between pixels."""
+        """The target steps and rises between cells, from those between pixels."""
         stretch = _side_by_side(self.in_rows * _one_by_one(right))
         stretch_down = _side_by_side((self.in_columns * _one_by_one(down.T).T).T).T
         apart, springs = self.which >= 0, self.springs
@@ -55,7 +55,7 @@ class Cells(NamedTuple):
         )
 
     def on_pixels(self, plane: F4) -> F4:
-        """What the cells have, on pixels: linear between the cells' middles."""
+        """Values of the cells at pixels, interpolated linearly between the cells' middles."""
         rows, columns = plane.shape
         size = 2 * columns, 2 * rows
         fine = cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR)
@@ -63,7 +63,7 @@ class Cells(NamedTuple):
 
 
 def cells_of(springs: Springs) -> Cells:
-    """Return the network of a network's cells of 2 x 2."""
+    """Return the network of the cells of 2 x 2 pixels of a network."""
     rows, columns = springs.shape
     half = (rows + 1) // 2, (columns + 1) // 2
     in_rows = _in_series(springs.right)
@@ -82,9 +82,9 @@ def cells_of(springs: Springs) -> Cells:
 
 
 def _in_series(stiffness: F4) -> F4:
-    """The springs of a row, half of one, a whole one and half of the next, one behind the other.
+    """The springs of a row in series: half of one, a whole one and half of the next.
 
-    Beyond the last pixel of a row whose number is odd, none gives way.
+    In a row of odd length, the spring beyond the last pixel is rigid.
     """
     gives = np.asarray(np.float32(1) / np.maximum(stiffness, WEAKEST), np.float32)
     return np.asarray(np.float32(1) / _one_by_one(gives), np.float32)

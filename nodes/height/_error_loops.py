@@ -23,10 +23,10 @@ LEAST_VARIANCE = np.float32(1e-10)
 LEAST_NOISE = np.float32(1e-12)
 STEEPEST = np.float32(3)
 TILTED = np.float32(0.1)
-"""Slope from which a model errs as it did on presses."""
+"""Slope from which on the model's error is that of the presses."""
 FLAT = np.float32(0.3)
-"""Share of that error on level film around a touch, which the flat frame knows but for the light
-that the touch throws on it."""
+"""Share of that error on level film around a touch.  There the flat frame cancels it, except for
+the light that the touch throws on the film."""
 
 
 @compiled
@@ -44,9 +44,9 @@ def respond(
 ) -> None:
     """Enter the response of some rows.
 
-    The derivative of the weighted least-squares normal by the lights, carried to p, q: in the
-    tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y); of three LEDs or more at any brightness
-    of the film; see `label_lights`.
+    The derivative of the weighted least-squares normal by the lights, transformed to p and q, in
+    the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y).  For three LEDs or more the film's
+    brightness is free; see `label_lights`.
     """
     leds, width = len(lights), film.x.size
     room = np.empty((4, leds, width), np.float32)
@@ -144,14 +144,14 @@ def err(
 
 @compiled
 def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q: F4) -> None:
-    """The error of the slopes in a row that those of the lights make."""
+    """The error of the slopes in a row due to the errors of the lights."""
     rows, width = film.height.shape
     change = np.empty(width, np.float32)
     for c in range(width):
         p[c], q[c] = ZERO, ZERO
     for k in range(len(error.moved)):
         right, down, up = error.moved[k]
-        # Each by itself: of a slice, numba does not know that its rows have no gaps.
+        # Row by row: numba does not know that the rows of a slice are contiguous.
         by_right, by_down = response.by_place[k, 0, row], response.by_place[k, 1, row]
         by_up = response.by_place[k, 2, row]
         for c in range(width):
@@ -181,7 +181,7 @@ def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q
 
 @compiled
 def _lean(film: Film, error: Error, row: int, p: F4, q: F4) -> None:
-    """Add to the slopes of a row those by which normals lean that the model gets wrong."""
+    """Add to the slopes of a row the lean of the normals by the model's error."""
     slope_p, slope_q = film.slope[0, row], film.slope[1, row]
     cosine, sine = error.of_columns[0], error.of_columns[1]
     row_cosine, row_sine = error.of_rows[0, row], error.of_rows[1, row]

@@ -1,9 +1,9 @@
 """`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here.
 
-For each step of conjugate gradients a few numbers come down: whether there is more to gain.  Levels
-of at most ONE_GROUP pixels run in one work-group, all steps in one launch.  Multigrid
-preconditions, no cosine transform: weights differ by orders of magnitude, and a preconditioner
-that does not know them leaves conjugate gradients without convergence.
+Each step of conjugate gradients downloads a few numbers: whether there is more to gain.  Levels of
+at most ONE_GROUP pixels run in one work-group, all steps in one launch.  The preconditioner is
+multigrid, not a cosine transform: weights differ by orders of magnitude, and with a preconditioner
+that ignores them conjugate gradients do not converge.
 
 Long because conjugate gradients, their weights and the grids below share buffers on the device.
 """
@@ -37,16 +37,16 @@ from tactograph.nodes.height._springs import (
 )
 
 ONE_GROUP, ONE_GROUP_OF_LANES = 4096, 20480
-"""Levels of at most so many pixels are done by one work-group, all steps in one launch.  On a CPU,
-whose lanes are filled, that is one core: it is done sooner than two cores have begun."""
+"""Levels of at most this many pixels are done by one work-group, all steps in one launch.  On a
+CPU, whose lanes are filled, that is one core: it finishes before two cores would have started."""
 PARTS = 1024
 GAP = 32
-"""Numbers before, between and behind the levels come in runs of so many, as rows do."""
+"""Gaps before, between and after the levels are multiples of this length, as rows are."""
 RESTRICT, REDO, LIFT, SMOOTH, SOLVE = range(5)
 BEFORE_CYCLE = 3
 """Launches of a step before those of its cycle: turn, reach, advance."""
 TAKEN, GOES_ON = 2, 3
-"""Where it stands how many steps a solution has taken, and whether it goes on."""
+"""Where the state of a solution holds the number of its steps, and whether it goes on."""
 
 
 class Level(NamedTuple):
@@ -63,11 +63,11 @@ class Level(NamedTuple):
 
     @property
     def there(self) -> tuple[int, int, int]:
-        """What kernels are told of it."""
+        """Its kernel arguments."""
         return self.first, self.rows, self.stride
 
     def at(self, pixel: NDArray[Any]) -> NDArray[Any]:
-        """The numbers of its pixels, which are counted without gaps."""
+        """The places in the planes of its pixels, which are counted without gaps."""
         return self.first + pixel // self.columns * self.stride + pixel % self.columns
 
 
@@ -96,7 +96,7 @@ class Stack:
     """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
 
     `steps` are those of a cycle through them.  `dense` is the inverse of the last one's matrix.
-    The host makes it when a cycle begins, since the device has other work first: until then
+    The host computes it when a cycle begins, because the device has other work first; until then
     `matrix` waits for the matrix.
     """
 
@@ -111,12 +111,12 @@ class Stack:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of the heights that it solves for."""
+        """Shape of the heights that it solves for."""
         return self.top.rows, self.top.columns
 
 
 class Wants(NamedTuple):
-    """The steps and rises that the springs want, in mm, under one load or several (L x ...)."""
+    """The target steps and rises of the springs, in mm, under one load or several (L x ...)."""
 
     right: DeviceArray
     down: DeviceArray
@@ -124,7 +124,7 @@ class Wants(NamedTuple):
 
 
 class _Planes(NamedTuple):
-    """What a solution works on: numbers of all levels, from `base` on, `apart` for each load."""
+    """The planes of a solution: numbers of all levels, from `base` on, `apart` for each load."""
 
     force: DeviceArray
     height: DeviceArray
@@ -138,17 +138,17 @@ class _Planes(NamedTuple):
 
     @property
     def place(self) -> tuple[int, int]:
-        """What kernels are told of it."""
+        """Its kernel arguments."""
         return self.base, self.apart
 
 
 def find_touch(run: Launch) -> Touch:
-    """What `contact_window` finds."""
+    """Find what `contact_window` finds."""
     height, width = run.sizes["H"], run.sizes["W"]
     rows, columns = run.scratch((height,), np.uint8), run.scratch((width,), np.uint8)
     rest, mask = run.inputs["rest"], run.inputs.get("mask")
     run.kernel("find_touch", (height + width,), rest, mask, rows, columns, height, width)
-    # All that the host has to know before the device goes on comes in one go.
+    # One transfer brings all that the host must know before the device goes on.
     coming = [run.begin_download(run.inputs[f"rises.{name}"]) for name in ShadowRises._fields]
     rises_there = run.inputs["rises.top"].shape[0] > 0
     mask_coming = run.begin_download(mask) if mask is not None and rises_there else None
@@ -163,8 +163,8 @@ class HeightSolver:
     """The equations of a launch of `integrate_weighted` or `height_error`, and their solution.
 
     It reads the node's inputs slope, variance, rest, rises, pixel and mask, and its settings
-    bend, floor and rise_px.  With `deepest` above 0 it solves them on cells (`_cells`), too, made
-    so often of 2 x 2, or as often as there are enough pixels.
+    bend, floor and rise_px.  With `deepest` above 0 it also solves them on cells (`_cells`), after
+    this many coarsenings by 2 x 2, or fewer if there are too few pixels.
     """
 
     def __init__(self, run: Launch, touch: Touch, deepest: int = 0) -> None:
@@ -183,7 +183,7 @@ class HeightSolver:
         last = self._levels[-1]
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
-        # So that the device has work while the rest is laid out.
+        # Launched early, so that the device has work while the host prepares the rest.
         self._gather()
         self._depth = min(deepest, len(self._levels) - 1)
         self.cells = self._stack(self._depth, gaps) if self._depth else None
@@ -194,7 +194,7 @@ class HeightSolver:
         self._levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
 
     def _stack(self, top: int, gaps: I4) -> Stack:
-        """Room for the networks from a level on; what lies between them holds nothing."""
+        """Allocate the networks from a level on; the gaps between them are cleared."""
         run = self._run
         right, down, inverse = self._planes(3, int(gaps[-1]) + GAP)
         whole = self._whole
@@ -217,7 +217,7 @@ class HeightSolver:
         return [self._run.scratch((size,)) for _ in range(count)]
 
     def _gather(self) -> None:
-        """The steps and their variances, and what is at rest."""
+        """Gather the steps and their variances, and what is at rest."""
         run, (rows, columns) = self._run, self.shape
         settings, width = run.settings, run.sizes["W"]
         finest = self._levels[0]
@@ -273,7 +273,7 @@ class HeightSolver:
         return found
 
     def cost(self, height: DeviceArray, scale: float) -> float:
-        """What `HeightSystem.cost` says."""
+        """The value of `HeightSystem.cost`."""
         run, parts = self._run, self._parts
         run.kernel(
             "cost_parts", (PARTS,), height, *self.wants, *self._variances, self._finest_ends, parts,
@@ -282,7 +282,7 @@ class HeightSolver:
         return float(run.download(parts).sum(dtype=float))
 
     def weigh(self, height: DeviceArray, scale: float) -> None:
-        """Make the networks of all levels, each spring as weak as `height` departs from it."""
+        """Make the networks of all levels, each spring weaker the farther `height` is from it."""
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
         if self._ties:
             run.kernel(
@@ -345,20 +345,20 @@ class HeightSolver:
         stack.matrix = run.begin_download(matrix)
 
     def _invert(self, stack: Stack) -> None:
-        """Find the inverse of the coarsest level's matrix, if it is another than before."""
+        """Find the inverse of the coarsest level's matrix, if it has changed."""
         if stack.matrix is not None:
             inverse = soft_inverse(stack.matrix())
             self._run.send(np.pad(inverse, ((0, 0), (0, -len(inverse) % GAP))), stack.dense)
             stack.matrix = None
 
     def room(self, stack: Stack, loads: int) -> Wants:
-        """Room for what the springs want under so many loads."""
+        """Allocate the springs' targets under `loads` loads."""
         run, ties = self._run, self._ties if stack is self.pixels else self._all_ties
         right, down = (run.scratch((loads, *stack.shape)) for _ in range(2))
         return Wants(right, down, run.scratch((loads, ties)))
 
     def wants_of_cells(self, wants: Wants, number: int, out: Wants, to: int) -> None:
-        """What the cells' springs want under load `to`, from what those between pixels do."""
+        """Find the targets of the cells' springs under load `to` from those between pixels."""
         run = self._run
         if self._all_ties:
             run.kernel(
@@ -377,7 +377,7 @@ class HeightSolver:
             right, down, shape, number = east, south, smaller, 0
 
     def on_pixels(self, planes: DeviceArray, number: int, out: DeviceArray) -> None:
-        """Put what the cells have under a load on the pixels."""
+        """Interpolate the cells' values under a load at the pixels."""
         run, source, size = self._run, planes, planes.shape[-2:]
         for level in reversed(self._levels[: self._depth]):
             shape = level.rows, level.columns
@@ -400,7 +400,7 @@ class HeightSolver:
     ) -> Callable[[], bool]:
         """Improve height `to` under load `number` in place, as `conjugate_gradients` does.
 
-        Return what waits for whether it moved.
+        Return a function that waits and tells whether it moved.
         """
         run, planes, (rows, columns) = self._run, self._whole, stack.shape
         first, _, stride = stack.top.there
@@ -417,7 +417,7 @@ class HeightSolver:
     def solve_all(
         self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: DeviceArray
     ) -> None:
-        """Find the heights under all loads, from zero: side by side where there are few pixels."""
+        """Find the heights under all loads, from zero: side by side if there are few pixels."""
         run, (loads,) = self._run, enough.shape
         if not self._is_small(stack.steps[0]):
             run.kernel(
@@ -430,7 +430,7 @@ class HeightSolver:
         base = stack.top.first - stack.top.stride
         apart = last.first + last.size + last.stride + 2 * GAP - base
         planes = self._working(loads * apart, base, apart)
-        # What lies between levels has to be finite, and the start is zero.
+        # The gaps between levels must be finite, and the start is zero.
         for plane in (planes.height, planes.lifted, planes.z):
             run.kernel("clear", run.in_lanes(loads * apart), plane, loads * apart)
         self._unbalance(stack, wants, planes, 0, loads)
@@ -440,7 +440,7 @@ class HeightSolver:
     def _unbalance(
         self, stack: Stack, wants: Wants, planes: _Planes, number: int, loads: int
     ) -> None:
-        """The forces that loads from `number` on leave at the heights z."""
+        """The residual forces of the loads from `number` on at the heights z."""
         run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.there
         run.kernel(
             "imbalance", run.in_row_lanes(loads * rows, stride), *self._network(stack),
@@ -466,9 +466,9 @@ class HeightSolver:
         number: int,
         loads: int,
     ) -> Callable[[], NDArray[Any]]:
-        """The steps where the first level is small, too: a launch each, and no wait between.
+        """Take the steps if the first level is small, too: one launch each, without waiting.
 
-        Each load has a work-group.  Returns what waits for how the solutions stand.
+        Each load has a work-group.  Returns a function that waits for the solutions' state.
         """
         run, gain = self._run, self._beginning(loads)
         step = run.capture(
@@ -486,14 +486,14 @@ class HeightSolver:
     def _gradients(
         self, stack: Stack, steps: int, enough: DeviceArray, number: int
     ) -> Callable[[], NDArray[Any]]:
-        """The steps where the first level is large.
+        """Take the steps if the first level is large.
 
-        Whether a step was the last is asked when the next is enqueued, so that the device never
-        waits for the host; of a solution that has ended kernels return at once.
+        Whether a step was the last is read when the next is enqueued, so that the device never
+        waits for the host.  Once a solution has ended, its kernels return at once.
         """
         run, gain = self._run, self._beginning(1)
         step = run.capture(lambda: self._step(stack, gain, enough, number))
-        # On large levels the way down needs no inverse of the coarsest: that goes first.
+        # On large levels the way down does not need the coarsest inverse, so it goes first.
         down = self._launches_down(stack)
         step(to=down)
         self._invert(stack)
@@ -513,7 +513,7 @@ class HeightSolver:
         return BEFORE_CYCLE + large
 
     def _beginning(self, loads: int) -> DeviceArray:
-        """How solutions stand before their first cycle; springs.clh says what the numbers are."""
+        """The state of solutions before their first cycle; springs.clh explains the numbers."""
         return self._run.put(np.tile(np.array([0, 0, -1, 1], np.float32), (loads, 1)))
 
     def _step(self, stack: Stack, gain: DeviceArray, enough: DeviceArray, number: int) -> None:
@@ -532,7 +532,7 @@ class HeightSolver:
         run.kernel("end_step", (1,), self._parts, gain, enough, number)
 
     def energies(self, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
-        """What `Springs.energy` says of the first loads."""
+        """The value of `Springs.energy` for the first loads."""
         run, (first, rows, stride) = self._run, stack.top.there
         parts, found = run.scratch((loads, PARTS)), run.scratch((loads,))
         run.kernel(
@@ -549,7 +549,7 @@ class HeightSolver:
         others: DeviceArray | None = None,
         part: float = 0.0,
     ) -> DeviceArray:
-        """A share of each energy, or of a part of the first of others if that is more."""
+        """A share of each energy, or of `part` of the first of `others` if that is more."""
         run, (loads,) = self._run, energies.shape
         found = run.scratch((loads,))
         run.kernel("be_enough", (loads,), energies, others, found, loads, share, part)
@@ -577,7 +577,7 @@ class HeightSolver:
         return self._levels[step.level].size <= self._one_group
 
     def _cycle_there(self, stack: Stack, planes: _Planes) -> tuple[Any, ...]:
-        """What the kernels of small levels are told."""
+        """Arguments of the kernels for small levels."""
         (count,), dense = self._dense_at.shape, stack.dense
         return (
             *self._network(stack), *planes[:4],
@@ -631,13 +631,13 @@ def _row(columns: int) -> int:
 
 
 def _gaps(levels: Sequence[Level]) -> I4:
-    """Where the runs of numbers begin that are no level's, and the row behind the last.
+    """Where the runs of numbers begin that belong to no level, and the row after the last.
 
-    The coarsest level is among them: only its pixels get heights, not what fills its rows.
+    The coarsest level is among them: only its pixels get heights, not the padding of its rows.
     """
     *finer, last = levels
     begins = [0, *(level.first + level.size for level in finer)]
-    # Lanes at the end of a level look a run beyond the row behind it.
+    # Lanes at the end of a level read one run beyond the row after it.
     ends = [*(level.first for level in finer), last.first + last.size + last.stride + GAP]
     runs = [np.arange(begin, end, GAP) for begin, end in zip(begins, ends, strict=True)]
     return np.concatenate(runs).astype(np.int32)
@@ -678,7 +678,7 @@ class _TieLevels(NamedTuple):
 
 
 def _tie_levels(ties: Ties, levels: Sequence[Level]) -> _TieLevels:
-    """The finest ties as they are; of each coarser level, those of the same two blocks are one."""
+    """The finest ties unchanged; on each coarser level, ties of the same two blocks are merged."""
     count, width = ties.top.size, levels[0].columns
     depth = np.arange(len(levels))[:, None]
     first, stride = (np.array([level[n] for level in levels])[:, None] for n in (0, 3))

@@ -48,7 +48,7 @@ class HeightSystem(NamedTuple):
         return np.where(self.at_rest > 0, np.float32(0), height)
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
-        """By how much the height departs from what is wanted, in mm."""
+        """By how much the height departs from the targets, in mm."""
         return (
             height[:, 1:] - height[:, :-1] - self.right,
             height[1:] - height[:-1] - self.down,
@@ -90,7 +90,7 @@ class HeightSystem(NamedTuple):
 
 
 def contact_window(rest: Mask, mask: Mask | None) -> Window:
-    """The smallest window around all that counts and is not at rest; some pixels if all is."""
+    """The smallest window around all that counts and is not at rest; a few pixels if all is."""
     touched = rest == 0 if mask is None else (rest == 0) & (mask != 0)
     return window_around(touched.any(axis=1), touched.any(axis=0))
 
@@ -125,7 +125,7 @@ def height_system(
     Parameters
     ----------
     mask
-        The pixels that count; no equation holds another.
+        The pixels that count; no equation contains another.
     bend
         Standard deviation of a step, in px, per difference of the slopes at its ends.
     floor
@@ -169,9 +169,9 @@ def _steps(
 ) -> tuple[F4, F4, F4, F4]:
     """Steps to the right in mm, from the slopes at both ends, and their variances; those down.
 
-    Where all is smooth a cubic through four slopes gives (-1, 9, 9, -1) / 16 of them; else
-    two.  Where only one slope is known, it counts, but little; one of infinite variance makes
-    that of the step infinite.
+    On smooth film a cubic through four slopes weights them with (-1, 9, 9, -1) / 16; elsewhere
+    two slopes are used.  If only one slope is known, it is used with little weight.  A slope of
+    infinite variance makes that of the step infinite.
     """
     from tactograph.nodes.height._system_loops import steps_down, steps_right
 

@@ -32,23 +32,23 @@ class Film(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What small changes of the lights, and noise, do to the slopes."""
+    """The response of the slopes to small changes of the lights and to noise."""
 
     by_p: F4
-    """K x h x w, what a change of each LED's light does to p."""
+    """K x h x w, the derivative of p by each LED's light."""
     by_q: F4
     by_place: F4
-    """K x 3 x h x w, what a mm by which an LED is elsewhere does to its light."""
+    """K x 3 x h x w, the derivative of an LED's light by its position, per mm."""
     alone: F4
     """h x w, the noise of p; with the next two a root of the covariance of p and q."""
     along: F4
-    """The noise of q that goes with it."""
+    """The noise of q that is correlated with it."""
     across: F4
-    """The noise of q that does not."""
+    """The noise of q that is independent of it."""
 
 
 class Error(NamedTuple):
-    """One error: by how much LEDs are elsewhere, its signs, its wave, the numbers of its draws."""
+    """One error: the LEDs' displacement, its signs, its wave, and the keys of its draws."""
 
     moved: F4
     """K x 3 in mm."""
@@ -59,7 +59,7 @@ class Error(NamedTuple):
     """The direction of the wave."""
     down: np.float32
     of_columns: F4
-    """2 x w, the cosine and sine of the wave's phase that a column adds, times its height."""
+    """2 x w, the cosine and sine of the wave's phase that a column adds, times its amplitude."""
     of_rows: F4
     """2 x h, of a row."""
     steeper: np.float32
@@ -69,7 +69,7 @@ class Error(NamedTuple):
 
 
 class Turns(NamedTuple):
-    """What steps err by, in mm: where slopes differ, h x w-1 to the right and h-1 x w down."""
+    """Errors of steps where slopes differ, in mm: h x w-1 to the right and h-1 x w down."""
 
     right: F4
     down: F4
@@ -105,7 +105,7 @@ def response_of(
     flat_noise: np.float32,
     shared: np.float32,
 ) -> Response:
-    """What small changes of the lights, and noise, do to the slopes."""
+    """The response of the slopes to small changes of the lights and to noise."""
     from tactograph.nodes.height._error_loops import respond
 
     leds, *size = film.light.shape

@@ -1,9 +1,9 @@
 """The loops of `_springs` over pixels, compiled by numba.
 
-Every plane holds the networks of all levels one behind the other, row after row, zeros between
-them; `right` and `down` of a pixel join it to the next.  So no loop asks where a row ends: what
-lies beyond a border is held by a spring of no stiffness.  Loops over a row do nothing but
-arithmetic on slices that begin at zero, which LLVM turns into vectors.
+Every plane holds the networks of all levels one after another, row by row, with zeros between
+them; `right` and `down` of a pixel join it to the next.  So no loop tests where a row ends: a
+spring across a border has no stiffness.  Loops over a row do nothing but arithmetic on slices
+that begin at zero, which LLVM vectorises.
 
 Importing numba takes half a second, so `_springs` imports this where the host solves, not above.
 """
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 DAMPING = np.float32(0.7)
 OVERSHOOT = np.float32(1.5)
-"""Rigid blocks are too stiff: their correction is that much too small."""
+"""Rigid blocks are too stiff: their correction is too small by this factor."""
 RESTRICT, SOLVE, REDO, ADD, LIFT = range(5)
-"""What `visits` of a cycle do."""
+"""The operations in the `visits` of a cycle."""
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
 
 
 @compiled
 def coarsen(grids: Grids) -> None:
-    """Enter the networks of 2 x 2 pixels joined rigidly, level after level; ties excepted."""
+    """Enter the networks of rigid blocks of 2 x 2 pixels, level by level, except ties."""
     for level in range(len(grids.places) - 1):
         first, rows, columns = grids.places[level]
         below, _, width = grids.places[level + 1]
@@ -63,7 +63,7 @@ def _add_seconds(plane: F4, at: int, width: int, to: int) -> None:
 
 @compiled
 def prepare(grids: Grids) -> None:
-    """Enter one over the diagonal of each level's matrix, times the damping."""
+    """Enter the damping divided by the diagonal of each level's matrix."""
     ties, relax = grids.ties, grids.relax
     for first, rows, columns in grids.places:
         _add_up(grids.right, grids.down, grids.ground, first, rows * columns, columns, relax)
@@ -77,7 +77,7 @@ def prepare(grids: Grids) -> None:
 
 @compiled
 def _add_up(right: F4, down: F4, ground: F4, at: int, size: int, width: int, total: F4) -> None:
-    """The stiffness of all springs that hold each pixel of a level, ties excepted."""
+    """The stiffness of all springs that hold each pixel of a level, except ties."""
     one, columns = np.uintp(1), np.uintp(width)
     for here in range(np.uintp(at), np.uintp(at + size)):
         across, along = right[here] + right[here - one], down[here] + down[here - columns]
@@ -86,7 +86,7 @@ def _add_up(right: F4, down: F4, ground: F4, at: int, size: int, width: int, tot
 
 @compiled
 def pull(right: F4, down: F4, wants_right: F4, wants_down: F4, force: F4) -> None:
-    """Add to `force` (H x W) that of springs between neighbours which want these steps."""
+    """Add to `force` (H x W) that of springs between neighbours with these target steps."""
     for row in range(force.shape[0]):
         here, below = force[row], force[min(row + 1, down.shape[0])]
         stiff, want = right[row], wants_right[row]
@@ -116,7 +116,7 @@ def apply(grids: Grids, level: int, height: F4, force: F4) -> None:
 def _stretch(
     ties: LevelTies, level: int, height: F4, force: F4, top: Pixels, foot: Pixels, times: np.float32
 ) -> None:
-    """Add to `force` that of a level's ties, so many times, where `top` and `foot` say."""
+    """Add to `force`, at `top` and `foot`, the force of a level's ties, times `times`."""
     for tie in range(ties.start[level], ties.start[level + 1]):
         pulled = times * ties.stiffness[tie] * (height[ties.top[tie]] - height[ties.foot[tie]])
         force[top[tie]] += pulled
@@ -127,7 +127,7 @@ def _stretch(
 def _hold(
     height: F4, right: F4, down: F4, ground: F4, at: int, width: int, force: F4, behind: int
 ) -> None:
-    """The force of a row whose first pixel is `at`, ties excepted; so far behind in `force`."""
+    """The force on a row whose first pixel is `at`, except ties; `behind` places earlier there."""
     one, columns, shift = np.uintp(1), np.uintp(width), np.uintp(behind)
     for here in range(np.uintp(at), np.uintp(at + width)):
         left, above, z = here - one, here - columns, height[here]
@@ -138,14 +138,14 @@ def _hold(
 
 @compiled
 def _relax(relax: F4, force: F4, at: int, width: int, height: F4) -> None:
-    """A step of Jacobi from height zero, in a row."""
+    """A Jacobi step from height zero, in a row."""
     for here in range(np.uintp(at), np.uintp(at + width)):
         height[here] = relax[here] * force[here]
 
 
 @compiled
 def _restrict(grids: Grids, level: int, force: F4, height: F4) -> None:
-    """Relax a level, and enter in `force` of the coarser what is then left, by 2 x 2 pixels."""
+    """Relax a level, and enter in `force` of the coarser one the residual, by 2 x 2 pixels."""
     first, rows, columns = grids.places[level]
     below, _, width = grids.places[level + 1]
     held = np.zeros(columns, np.float32)
@@ -163,7 +163,7 @@ def _restrict(grids: Grids, level: int, force: F4, height: F4) -> None:
 
 @compiled
 def _join(force: F4, held: F4, at: int, width: int, to: int) -> None:
-    """Add what is left of the force on a row to its blocks, the first of which is `to`."""
+    """Add the residual force on a row to its blocks, the first of which is `to`."""
     one, two, first, block = np.uintp(1), np.uintp(2), np.uintp(at), np.uintp(to)
     for pair in range(np.uintp(width // 2)):
         left = two * pair
@@ -189,7 +189,7 @@ def _lift_row(coarse: F4, to: int, at: int, width: int, height: F4) -> None:
 
 @compiled
 def _lift(grids: Grids, level: int, force: F4, height: F4, found: F4) -> None:
-    """Move a level as the coarser in `found`, relax it once more, and enter it there."""
+    """Correct a level by the coarser one in `found`, relax it again, and enter it there."""
     first, rows, columns = grids.places[level]
     below, _, width = grids.places[level + 1]
     held = np.empty(columns, np.float32)
@@ -213,7 +213,7 @@ def _lift(grids: Grids, level: int, force: F4, height: F4, found: F4) -> None:
 def _relax_again(
     relax: F4, force: F4, held: F4, at: int, width: int, height: F4, found: F4
 ) -> None:
-    """A step of Jacobi from a height under which the springs hold with `held`, in a row."""
+    """A Jacobi step from a height at which the springs' force is `held`, in a row."""
     first = np.uintp(at)
     for here in range(first, np.uintp(at + width)):
         found[here] = height[here] + relax[here] * (force[here] - held[here - first])
@@ -221,7 +221,7 @@ def _relax_again(
 
 @compiled
 def _solve_directly(grids: Grids, force: F4, found: F4) -> None:
-    """The smallest network, by its inverse, which is symmetric."""
+    """Solve the smallest network by its inverse, which is symmetric."""
     first, rows, columns = grids.places[-1]
     size = rows * columns
     out = found[first : first + size]
@@ -234,9 +234,9 @@ def _solve_directly(grids: Grids, force: F4, found: F4) -> None:
 
 @compiled
 def cycle(grids: Grids, force: F4, found: F4, height: F4, kept: F4) -> None:
-    """Enter in `found` the heights that about balance `force`: one symmetric multigrid cycle.
+    """Enter in `found` the heights that nearly balance `force`: one symmetric multigrid cycle.
 
-    `force` of the coarser levels changes; `height` and `kept` are room to work in.
+    `force` of the coarser levels changes; `height` and `kept` are working arrays.
     """
     for what, level in grids.visits:
         first, rows, columns = grids.places[level]
@@ -258,27 +258,27 @@ def cycle(grids: Grids, force: F4, found: F4, height: F4, kept: F4) -> None:
 
 @compiled
 def _clear(plane: F4) -> None:
-    """Assigning to a slice takes seconds to compile."""
+    """Set to zero; assigning to a slice would take seconds to compile."""
     for pixel in range(plane.size):
         plane[pixel] = ZERO
 
 
 @compiled
 def _subtract(plane: F4, other: F4, times: np.float32) -> None:
-    """Take so many times the other from a plane."""
+    """Subtract `times` times the other plane from a plane."""
     for pixel in range(plane.size):
         plane[pixel] -= times * other[pixel]
 
 
 @compiled
 def advance(height: F4, left: F4, direction: F4, moved: F4, length: np.float32) -> None:
-    """Go so far in a direction; `moved` is the matrix times it, `left` the force that is left."""
+    """Go `length` in a direction; `moved` is the matrix times it, `left` the residual force."""
     _subtract(height, direction, -length)
     _subtract(left, moved, length)
 
 
 @compiled
 def turn(direction: F4, correction: F4, share: np.float32) -> None:
-    """The next direction: the correction, and a share of the direction before."""
+    """The next direction: the correction, plus a share of the previous direction."""
     for pixel in range(direction.size):
         direction[pixel] = correction[pixel] + share * direction[pixel]

@@ -3,8 +3,8 @@
 Weighted least squares of height differences is a network of springs: between neighbours,
 between the two ends of each shadow, and to the ground.  Joining 2 x 2 pixels rigidly gives
 the same kind of network, four times smaller, every stiffness the sum of those it replaces.
-That is all of the multigrid, which preconditions the conjugate gradients; it copes with
-weights that differ by orders of magnitude, where a transform that knows no weights does not.
+That is the whole multigrid, which preconditions the conjugate gradients.  It copes with weights
+that differ by orders of magnitude; a transform that ignores the weights does not.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Springs:
         self.shape = ground.shape
 
     def pull(self, right: F4, down: F4, rise: F4) -> F4:
-        """Force on each pixel when the springs want these differences of height."""
+        """Force on each pixel for these target differences of height."""
         from tactograph.nodes.height import _spring_loops as loops
 
         force = np.zeros(self.shape, np.float32)
@@ -53,15 +53,15 @@ class Springs:
         return force
 
     def energy(self, right: F4, down: F4) -> float:
-        """What the springs between neighbours hold at height zero when they want these steps.
+        """Energy of the springs between neighbours at height zero, for these target steps.
 
-        Twice the energy, to be exact; the measure of what is left to gain.
+        Twice the energy, to be exact; the scale for what is left to gain.
         """
         return float(np.vdot(self.right * right, right) + np.vdot(self.down * down, down))
 
 
 class LevelTies(NamedTuple):
-    """The ties of all levels, one behind the other; pixels are counted in the planes of `Grids`."""
+    """The ties of all levels, one after another; pixels are counted in the planes of `Grids`."""
 
     start: Pixels
     """The first tie of each level, and how many there are."""
@@ -76,7 +76,7 @@ class LevelTies(NamedTuple):
 class Grids(NamedTuple):
     """A network and its coarser ones down to a few pixels, each of 2 x 2 pixels of the one before.
 
-    Planes hold all levels, one behind the other.
+    Planes hold all levels, one after another.
     """
 
     places: NDArray[np.int64]
@@ -109,7 +109,7 @@ class Grids(NamedTuple):
 
 def hierarchy(springs: Springs) -> Grids:
     """The network and its coarser ones down to a few pixels."""
-    # Here, and not above: importing numba takes half a second, which a device has no use for.
+    # Imported here: importing numba takes half a second, and a device does not need it.
     from tactograph.nodes.height import _spring_loops as loops
 
     places = _places(*springs.shape)
@@ -126,7 +126,7 @@ def hierarchy(springs: Springs) -> Grids:
 
 
 def _places(rows: int, columns: int) -> NDArray[np.int64]:
-    """Where the levels of a network begin: room for a row before and behind each."""
+    """Where the levels of a network begin, with room for a row before and after each."""
     places = [(columns, rows, columns)]
     while rows * columns > SMALLEST:
         end = places[-1][0] + (rows + 1) * columns
@@ -203,7 +203,7 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
 
 
 def stable_order(keys: Pixels) -> Pixels:
-    """The stable `np.argsort`, by the fast sort of numbers of which no two are alike."""
+    """The stable `np.argsort`, by the fast sort of distinct numbers."""
     bits = keys.size.bit_length()
     if keys.size and int(keys.max()) >> (63 - bits):
         return np.argsort(keys, kind="stable")  # numbered, they would not fit
@@ -231,9 +231,9 @@ def _smallest_matrix(grids: Grids) -> F4:
 
 
 def soft_inverse(matrix: F4) -> F4:
-    """The inverse of a network's matrix, a little softened; pixels joined to nothing stay.
+    """The inverse of a network's matrix, slightly regularised; pixels joined to nothing stay.
 
-    Where nothing holds the others either, they are kept from moving as a whole: rounding
+    If nothing holds the others to the ground, they are kept from moving as a whole: rounding
     alone would move them far.
     """
     joined = np.diag(matrix) > 0
@@ -266,9 +266,9 @@ def block_sums(plane: F4) -> F4:
 
 
 def conjugate_gradients(grids: Grids, force: F4, height: F4, steps: int, enough: float) -> F4:
-    """Improve `height` until about `enough` energy is left to gain, `steps` times at most.
+    """Improve `height` until about `enough` energy is left to gain, in at most `steps` steps.
 
-    The same array comes back where there is nothing to gain.
+    If there is nothing to gain, the same array is returned.
     """
     from tactograph.nodes.height import _spring_loops as loops
 

@@ -119,7 +119,7 @@ def stiffen(
     right: F4,
     down: F4,
 ) -> None:
-    """Enter the stiffness of steps of such variances, by how far the height departs from them."""
+    """Enter the stiffness of steps, from their variances and the height's departure from them."""
     rows = len(height)
     for row in range(rows):
         here = height[row]

@@ -17,12 +17,13 @@ def as_seen(height: Height, lens: Lens) -> Height:
 
     Values between pixels are interpolated by cubic convolution.  Pixels that look beyond the
     ideal grid, at the border of an image with barrel distortion, repeat its border.  Without a
-    lens the height is returned unchanged, to the bit.
+    lens the height is returned unchanged, bit for bit.  Cubic convolution overshoots at steps:
+    a standard deviation is brought back by `error_as_seen`.
 
     Parameters
     ----------
     height
-        H x W in mm on the ideal grid; or its standard deviation.
+        H x W in mm on the ideal grid.
     lens
         Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
     """

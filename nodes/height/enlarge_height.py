@@ -17,7 +17,7 @@ def enlarge_height(height: CoarseHeight, like: Light, *, factor: CellSide = 4) -
     height
         h x w in mm, one value per cell.
     like
-        K x H x W; its size is that of the result, nothing else of it is read.
+        K x H x W; only its size is read, which is that of the result.
     factor
         Side of a cell in pixels, as for `coarsen`.
     """

@@ -1,7 +1,7 @@
 """The standard deviation of every height.
 
-Slopes at rims understate the climb together, so the errors that all rims share are one load that
-goes through the solver, not noise.
+Slopes at all rims understate the rise alike.  So the error that all rims share goes through the
+solver as one load, not as noise.
 
 Long because one node is one algorithm: every source of error goes through the same solver.
 """
@@ -51,37 +51,37 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
 ERRORS = 8
-"""Random errors; each has the LEDs at another place.  The kernel's ERRORS."""
+"""Number of random errors, each with other LED positions.  The kernel's ERRORS."""
 SHARPEST = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 DEEPEST = 2
-"""How often cells of 2 x 2 are made: random errors are sent through cells of 4 x 4 pixels."""
+"""Number of coarsenings by 2 x 2: random errors are integrated on cells of 4 x 4 pixels."""
 FINE = 2
-"""So many of them are sent through the pixels' own network as well.  What they then have more is
-what cells do not see of any (multilevel Monte Carlo; Giles, "Multilevel Monte Carlo path
-simulation", 2008)."""
+"""Number of errors that are also integrated on the pixels.  Their excess over the result on cells
+estimates what cells do not resolve of any error (multilevel Monte Carlo; Giles, "Multilevel Monte
+Carlo path simulation", 2008)."""
 AGAIN = 4
-"""Conjugate gradients that such an error takes from where the cells have brought it."""
+"""Conjugate-gradient steps for such an error, starting from the result on cells."""
 FEW = 4
-"""Work-items in a group of a CPU that keep much each."""
+"""Work-items per group on a CPU, where each keeps much data."""
 WAVES = 4.0, 12.0
-"""Lengths of the waves, relative to the width of the model's errors: the correlation of the
-first has fallen to a half where it says."""
+"""Lengths of the waves, relative to the width of the model's errors: at that width the correlation
+of the first has fallen to a half."""
 SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
 LEANING = 1, -1, 1, -1, 1, -1, 1, -1
-"""Of errors that are whole in each, so that they hardly add to one another."""
+"""Signs of the errors that every random error holds in full, so that they hardly interfere."""
 NARROWEST = np.float32(1e-3)
-"""mm, a width that waves can be made of."""
+"""Smallest width in mm from which waves are made."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
 SHARP = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
-"""The share of the steps' energy that may be left to gain."""
+"""Stop when less than this share of the steps' energy is left to gain."""
 Wants = tuple[F4, F4, F4]
-"""The steps to the right and down and the rises that springs want, in mm."""
+"""The steps to the right and down and the rises that the springs aim at, in mm."""
 BESIDE = 0.1
-"""Of a random error's energy: kinks of less are found as well as if they had so much."""
+"""Share of a random error's energy: kinks of less energy are solved only as exactly as that."""
 
 
 @node(
@@ -117,44 +117,44 @@ def height_error(
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Return the standard deviation of the height: errors sent through the solver.
+    """Return the standard deviation of the height, by sending errors through the solver.
 
-    The height is, given the weights, linear in what it is made of.  A few random errors of
-    the right size are integrated like slopes; the mean square of what comes out, averaged
-    over neighbours, is the variance.  All are integrated on cells of 4 x 4 pixels (`_cells`), and
-    two of them on pixels, too: they tell what the cells do not see.  The errors are
+    For given weights the height is linear in the slopes and rises.  A few random errors of the
+    right size are integrated like slopes.  The mean square of the results, averaged over
+    neighbours, is the variance.  All are integrated on cells of 4 x 4 pixels (`_cells`), and two
+    of them also on pixels, to estimate what the cells do not resolve.  The errors are
 
-    - the noise of each LED's light, and of the flat frame by which it was divided,
-      independent from pixel to pixel.  Where neighbours share noise it is as much larger as that
-      of a mean over pixels is, since a height adds up slopes;
-    - an error of the calibration, common to all pixels: by how much the film's light would
-      differ from the one found, to first order, if the LEDs were where the calibration allows
-      them to be too (on the film at rest it would not, by the flat frame);
-    - an error of the film's model: normals that lean by what was left over on presses held out,
-      and on this touch.  Waves of two lengths in four directions, twice each, a quarter of a
-      wave apart, so that their squares add up to the same everywhere.  Only the part of such a
-      field that leans along its wave moves a height, which is half of it.  And another by which
+    - the noise of each LED's light, and of the flat frame that it was divided by, independent
+      from pixel to pixel.  Where neighbours share noise, it is increased by the same factor as
+      the noise of a mean over pixels, because a height is a sum of slopes;
+    - an error of the calibration, common to all pixels: the first-order change of the film's
+      light if the LEDs were at other positions that the calibration allows (on the film at rest
+      the flat frame cancels it);
+    - an error of the film's model: normals that lean by the residual on presses held out, and on
+      this touch.  The errors are waves of two lengths in four directions, each in two phases a
+      quarter of a wave apart, so that their squares have a constant sum.  Only the part of such
+      a field that leans along its wave changes a height, which is half of it.  In a second error
       all normals lean too much, or too little;
     - two errors of the light that the film throws on itself: the share of it by which the
-      calibration's presses disagree, and what the last pass has still changed;
-    - what two or four slopes leave of a step, in proportion to their difference;
+      calibration's presses disagree, and its change in the last pass;
+    - the error of a step computed from two or four slopes, in proportion to their difference;
     - errors of the shadows' rises, independent of one another;
-    - where the slope differs by more than a half from pixel to pixel, that the edge may lie in
-      the pixel beside it;
-    - and one that all steep steps have in common: where the slope turns within a pixel, at
-      rims and ridges, the slopes understate what is climbed, and the cap behind the rim
-      comes out low as a whole.  It grows with the cube of the turn, as far as two.
+    - where the slope differs by more than a half from pixel to pixel: the edge may lie in the
+      next pixel;
+    - an error that all steep steps share: where the slope changes within a pixel, at rims and
+      ridges, the slopes understate the rise, and the whole cap behind the rim comes out too
+      low.  It grows with the cube of the change of slope, up to a change of two.
 
-    Of the calibration's errors the squares add up exactly, the eight places being chosen so;
-    the last error is integrated alone, with its own sign.  On the
-    film at rest the error is zero, as the height is by definition.
+    The eight positions of the LEDs are chosen so that the squares of the calibration's errors
+    add up exactly.  The last error is integrated alone, with its own sign.  On the film at rest
+    the error is zero, because the height is zero by definition.
 
     Parameters
     ----------
     height
         H x W in mm, as integrated.
     slope, variance, rest, rises, pixel, mask, robust, bend, floor, rise_px
-        As `integrate_weighted` had them.
+        As given to `integrate_weighted`.
     light, sigma
         K x H x W, and its standard deviation.
     used
@@ -162,27 +162,28 @@ def height_error(
     lights
         K x 3 in mm.
     others
-        8 x K x 3 in mm, where they may be too; `lights` itself if they are exact.
+        8 x K x 3 in mm, other possible positions of the LEDs; `lights` itself if it is exact.
     uneven
-        Standard deviation of the film's brightness, as `label_lights` had it.
+        Standard deviation of the film's brightness, as given to `label_lights`.
     misfit
-        What the film's model leaves; without it the model is exact.
+        Errors of the film's model; without it the model counts as exact.
     bounced, earlier
-        K x H x W, the light that the film throws on itself, which `light` is without; and as the
-        pass before had it.
+        K x H x W, the light that the film throws on itself, already subtracted from `light`; and
+        the same in the previous pass.
     correlation
-        What neighbours share of the noise, as `noise_correlation` gives it; without it, nothing.
+        Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
+        noise is independent.
     flat_noise
-        Noise of the flat frame as a share of a touch's: 1 if it is one frame as taken, 0.6 if
-        a calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
+        Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
+        calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
     aperture
         Error of a step, in px, per difference of the slopes at its ends.
     kink
         Common error of all steps, in px, where that difference is 1.
     steps
-        Conjugate gradients per error.
+        Conjugate-gradient steps per error.
     seed
-        Of the random errors.
+        Seed of the random errors.
 
     Returns
     -------
@@ -218,7 +219,7 @@ def height_error(
     level = np.zeros(springs.shape, np.float32)
 
     def load(number: int) -> tuple[Wants, Wants]:
-        """What the springs between pixels want under an error, and those between cells."""
+        """The steps and rises of an error, between pixels and between cells."""
         keys = _keys(seed, number)
         error = _error(number, keys, others[number] - lights, misfit, film)
         steps = Turns(np.empty_like(system.right), np.empty_like(system.down))
@@ -227,7 +228,7 @@ def height_error(
         wants_there = wants
         for network in cells:
             wants_there = network.wants(*wants_there)
-        # Pixels are not asked again.
+        # The later errors are not integrated on pixels.
         return (wants if number < FINE else wants_there), wants_there
 
     def moved(
@@ -242,7 +243,7 @@ def height_error(
         return conjugate_gradients(levels, springs.pull(*wants), start, steps, enough)
 
     def send(number: int) -> tuple[F4, F4 | None]:
-        """By how much an error moves cells, and pixels if it is sent through those as well."""
+        """The change of height by an error, on cells and, if it is integrated there, on pixels."""
         wants, wants_there = loads[number]
         there = np.zeros(coarsest.shape, np.float32)
         change = moved(coarsest, coarse, wants_there, there, steps)
@@ -274,12 +275,12 @@ def height_error(
 
 
 def _shared(correlation: float | None) -> np.float32:
-    """Times the noise of a pixel, that a height's is as if its pixels had noise of their own."""
+    """Factor on the pixel noise that accounts for correlated neighbours."""
     return np.float32(math.sqrt(correlation or 1.0))
 
 
 def _on_cells(springs: Springs, levels: int) -> list[Cells]:
-    """Cells of pixels, and cells of those; fewer where there are too few pixels."""
+    """Cells of pixels, and cells of those; fewer levels if there are too few pixels."""
     cells: list[Cells] = []
     for _ in range(min(DEEPEST, levels - 1)):
         cells.append(cells_of(cells[-1].springs if cells else springs))
@@ -287,24 +288,25 @@ def _on_cells(springs: Springs, levels: int) -> list[Cells]:
 
 
 def _on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
-    """What the coarsest cells have, on pixels."""
+    """Values of the coarsest cells, interpolated at the pixels."""
     for network in reversed(cells):
         plane = network.on_pixels(plane)
     return plane
 
 
 def _share(number: int, deepest: int) -> np.float32:
-    """What the square of a random error on cells adds to the variance.
+    """The weight of the square of a random error on cells in the variance.
 
-    That of an error which is sent through the pixels' network, too, is there the better known.
+    An error that is also integrated on pixels counts there instead: its result on cells is
+    subtracted with the same weight.
     """
     return np.float32(1 / ERRORS - (1 / FINE if deepest and number < FINE else 0))
 
 
 def _unresolved(height: Height, pixel: float) -> F4:
-    """Half of what the height at an edge differs from the mean of its neighbours, beyond a film's.
+    """Half of the height's second difference beyond `SHARP`, the largest of 3 x 3 pixels.
 
-    An edge that a pixel does not resolve may as well lie in the next.
+    An edge that a pixel does not resolve may equally lie in the next pixel.
     """
     around = np.pad(height, 1, mode="edge")
     across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
@@ -315,7 +317,7 @@ def _unresolved(height: Height, pixel: float) -> F4:
 
 
 class _Wave(NamedTuple):
-    """A wave of the model's errors: its direction, its phase, and its length by their width."""
+    """A wave of the model's errors: direction, phase, and length relative to their width."""
 
     across: np.float32
     down: np.float32
@@ -324,21 +326,21 @@ class _Wave(NamedTuple):
 
 
 def _wave(number: int) -> _Wave:
-    """Of each two that follow one another, the second is a quarter of a wave ahead."""
+    """The wave of an error; each odd one is a quarter of a wave ahead of the even one before."""
     angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
     numbers = math.cos(angle), math.sin(angle), phase, WAVES[number // 2 % 2]
     return _Wave(*map(np.float32, numbers))
 
 
 def _kinds() -> F4:
-    """Return what a device is told of each error (`Kind` of the kernel)."""
+    """Return the parameters of each error for the device (`Kind` of the kernel)."""
     waves = np.array([_wave(number) for number in range(ERRORS)], np.float32)
     waves[:, 2] /= np.float32(2 * math.pi)
     return np.column_stack([SIGNS, SETTLING, LEANING, waves]).astype(np.float32)
 
 
 class _Keys(NamedTuple):
-    """What the draws of one error hang on."""
+    """The keys from which the random signs of one error are drawn."""
 
     light: int
     right: int
@@ -354,7 +356,7 @@ def _keys(seed: int, number: int) -> _Keys:
 def _drawn(key: int, shape: tuple[int, ...]) -> F4:
     """+1 or -1 for each element, by a hash, so that every device draws the same.
 
-    Of unit variance, as a normal distribution is; more is not asked of an error.
+    Their variance is 1, like that of a standard normal distribution; only the variance matters.
     """
     numbers = np.arange(np.prod(shape), dtype=np.uint32) ^ np.uint32(key)
     return np.where(_hashed(numbers) >> np.uint32(31), np.float32(1), np.float32(-1)).reshape(shape)
@@ -375,7 +377,7 @@ def _error(
     misfit: Misfit | None,
     film: Film,
 ) -> Error:
-    """One of the random errors; `moved` is K x 3 in mm, by how much the LEDs are elsewhere."""
+    """One of the random errors; `moved` is the displacement of the LEDs, K x 3 in mm."""
     wave, zero = _wave(number), np.float32(0)
     of_columns = of_rows = np.zeros((2, 0), np.float32)
     wrong = steeper = zero
@@ -402,7 +404,7 @@ def _error(
 
 
 def _turns(system: HeightSystem) -> tuple[F4, F4]:
-    """By how much the steps to the right and down differ from those beside them, in mm."""
+    """By how much the steps to the right and down differ from their neighbours, in mm."""
     return (
         np.abs(np.gradient(system.right, axis=1))
         if system.right.shape[1] > 1
@@ -416,7 +418,7 @@ def _turns(system: HeightSystem) -> tuple[F4, F4]:
 def _kink_errors(
     system: HeightSystem, turn: tuple[F4, F4], kink: float, pixel: float
 ) -> tuple[F4, F4]:
-    """What the steps to the right and down lack if all lack it uphill, in mm."""
+    """By how much the steps to the right and down are too small, all of them uphill, in mm."""
 
     def lacking(step: F4, turned: F4) -> F4:
         slopes = np.minimum(turned / np.float32(pixel), SHARPEST)
@@ -428,7 +430,7 @@ def _kink_errors(
 
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
-    """The root of the variance, averaged over the neighbours that are free."""
+    """The square root of the variance, averaged over the neighbours that are free."""
     total = cv2.GaussianBlur(variance * free, SPREAD_TAPS, SPREAD_PX)
     weight = np.maximum(cv2.GaussianBlur(free, SPREAD_TAPS, SPREAD_PX), np.float32(1e-3))
     return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
@@ -436,7 +438,7 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 
 @height_error.opencl()
 def _launch(run: Launch) -> None:
-    """The same errors through the same networks; no pixel comes to the host."""
+    """Send the same errors through the same networks; no pixel comes to the host."""
     of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
     touch = find_touch(run)
     solver = HeightSolver(run, touch, DEEPEST)
@@ -460,9 +462,9 @@ def _launch(run: Launch) -> None:
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
     drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
-    # No sooner, though the host has to tie networks first: the steps find them in the cache.
+    # Not earlier, although the host must build networks first: the slopes stay in the cache.
     slopes = _launch_slopes(run, solver, drawn)
-    # The first come last: what they want of pixels is still there then.
+    # In reverse order: the first errors' steps between pixels must remain afterwards.
     for number in reversed(range(ERRORS)):
         to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
         run.kernel(
@@ -515,14 +517,14 @@ def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[_Keys]) ->
         *frame, *solver.place, float(of["pixel"]), settings["flat_noise"],
         _shared(of.get("correlation")), of["uneven"],
         kinds, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
-        # What a work-item keeps fills a cache; a CPU keeps that of a whole group.
+        # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
     return slopes
 
 
 def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
-    """What `_smooth_deviation` does, into the output."""
+    """Write what `_smooth_deviation` computes to the output."""
     shape, frame = solver.shape, (run.sizes["H"], run.sizes["W"])
     kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
     taps = run.keep("taps", lambda: run.upload(kernel.ravel()))

@@ -18,7 +18,7 @@ from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import cosine_transform, missing_vkfft
 
 SMALL_PRIME = 64
-"""Up to this one a prime factor costs less than turning an image over."""
+"""Largest prime factor that costs less than transposing the image."""
 
 
 @node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
@@ -26,7 +26,7 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     """Return the height whose differences come closest to the slopes.
 
     Least squares on the staggered grid: the slope between two neighbours is the mean of
-    theirs, nothing is assumed beyond the border (Neumann), and the discrete Poisson
+    their slopes, nothing is assumed beyond the border (Neumann), and the discrete Poisson
     equation is diagonal in the DCT-II (Simchony, Chellappa and Shao, "Direct analytical
     methods for solving Poisson equations in computer vision problems", 1990).
 
@@ -40,7 +40,7 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     Returns
     -------
     ndarray
-        H x W in mm, its mean being zero.
+        H x W in mm, with zero mean.
     """
     # Where the kernel runs, SciPy need not be loaded.
     from scipy.fft import dctn, idctn
@@ -87,7 +87,7 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
 
 
 def _can_run(device: DeviceTraits) -> Obstacle | None:
-    """In lanes the kernels transform by themselves."""
+    """On devices with lanes the kernels transform without VkFFT."""
     missing = None if device.lanes > 1 else missing_vkfft()
     return Obstacle(missing) if missing else None
 
@@ -110,7 +110,7 @@ def _launch(run: Launch) -> None:
 
 
 def _launch_in_lanes(run: Launch) -> None:
-    """Turn the image over first where a large prime divides its height, but not its width."""
+    """Transpose the image first if a large prime divides its height, but not its width."""
     height, width = run.sizes["H"], run.sizes["W"]
     slope, out = run.inputs["slope"], run.outputs["integrate_dct"]
     if _largest_prime(height) <= max(SMALL_PRIME, _largest_prime(width)):
@@ -123,9 +123,9 @@ def _launch_in_lanes(run: Launch) -> None:
 
 
 def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
-    """Transform the columns alone; along the rows each frequency is a tridiagonal system.
+    """Transform only the columns; along the rows each frequency is a tridiagonal system.
 
-    Half the transforms, for one sweep to the right and one to the left.
+    This halves the transforms, at the cost of one sweep to the right and one to the left.
     """
     height, width = shape = out.shape[0], out.shape[1]
     turns = run.keep(("turns", height), lambda: run.upload(_turns(height)))
@@ -133,7 +133,7 @@ def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
     pairs = -(-width // (2 * run.lanes))
     scratch = run.scratch((pairs, 2, height, 2, run.lanes))
     spectrum = run.scratch((width, height))
-    # Kernels leave a factor of four, two of the divergence and two of the transform.
+    # The kernels leave a factor of four: two from the divergence and two from the transform.
     to_mm = 0.25 * float(run.inputs["pixel"])
     grid = run.in_lanes(height)
     run.kernel("transform", (pairs,), slope, turns, scratch, spectrum, height, width, local=(1,))
@@ -143,7 +143,7 @@ def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
 
 @lru_cache(maxsize=8)
 def _largest_prime(number: int) -> int:
-    """Which the time of a transform grows with."""
+    """The largest prime factor; the time of a transform grows with it."""
     factor, rest = 2, number
     while factor * factor <= rest:
         if rest % factor:
@@ -162,8 +162,9 @@ def _turns(count: int) -> F4:
 def _pivots(shape: tuple[int, int]) -> F4:
     """One over the pivots of the tridiagonal systems along the rows, W x H.
 
-    There is one for each frequency v down the columns, with 4 - 2 cos(pi v / H) on its
-    diagonal, one less at both ends.  The last pivot of v = 0 is none: the mean is free.
+    There is one system for each frequency v down the columns, with 4 - 2 cos(pi v / H) on its
+    diagonal, one less at both ends.  The last pivot of v = 0 is zero, because the mean is free;
+    0 takes the place of its inverse.
     """
     rows, columns = shape
     diagonal = 4 - 2 * np.cos(np.pi * np.arange(rows) / rows)

@@ -30,8 +30,8 @@ def integrate_frankot_chellappa(
     """Project the slopes onto integrable ones (section 3.4, equation 14).
 
     R. T. Frankot and R. Chellappa, "A method for enforcing integrability in shape from
-    shading algorithms", IEEE PAMI 10(4), 1988.  On a CPU the NumPy function is the faster
-    one, and preferred.
+    shading algorithms", IEEE PAMI 10(4), 1988.  On a CPU the NumPy function is faster, and
+    preferred.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ def integrate_frankot_chellappa(
     pixel
         mm per px.
     border
-        "periodic": the paper's; the surface has to return to its start at the border.
-        "mirrored": the surface continued by its mirror image, as if the transform were of
-        2H x 2W pixels; for surfaces that leave the frame at any height.
+        "periodic": as in the paper; the surface must have the same height at opposite borders.
+        "mirrored": the surface is continued by its mirror image, as in a transform of 2H x 2W
+        pixels; for surfaces of any height at the border.
 
     Returns
     -------
     ndarray
-        H x W in mm, its mean being zero.
+        H x W in mm, with zero mean.
     """
     height = _periodic(slope) if border == "periodic" else _mirrored(slope)
     return np.asarray(height * np.float32(pixel), np.float32)
@@ -66,14 +66,14 @@ def _periodic(slope: Slope) -> F4:
 
 @lru_cache(maxsize=8)
 def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
-    """-i v / (u^2 + v^2) and -i u / (u^2 + v^2): what the spectra of q and p are weighted by."""
+    """-i v / (u^2 + v^2) and -i u / (u^2 + v^2): the weights of the spectra of q and p."""
     v, u = _frequencies(shape)
     inverse = np.complex64(-1j) * _inverse(u, v)
     return v * inverse, u * inverse
 
 
 def _mirrored(slope: Slope) -> F4:
-    """Even in z, hence p odd in x and even in y: sine by cosine transforms."""
+    """z is even, hence p odd in x and even in y: products of sine and cosine transforms."""
     p, q = slope
     v, u = _half_frequencies(p.shape)
     p_hat = np.roll(dct(dst(p, 2, axis=1, norm="ortho"), 2, axis=0, norm="ortho"), 1, axis=1)

@@ -1,4 +1,4 @@
-"""Integrate slopes that deserve different trust, with the heights that shadows measure."""
+"""Integrate slopes of different variance, with the height differences that shadows measure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 ENOUGH = 4e-9
-"""The share of the steps' energy that may be left to gain."""
+"""Stop when less than this share of the steps' energy is left to gain."""
 
 
 @node(tolerance=Close(5e-4, 1e-4, why="conjugate gradients add up in another order"))
@@ -39,12 +39,12 @@ def integrate_weighted(
     floor: Annotated[float, Ge(0.01)] = 0.07,
     rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> Height:
-    """Return the height that agrees best with slopes, shadows and the film at rest.
+    """Return the height that best agrees with slopes, shadows and the film at rest.
 
     Minimises the sum of rho(r^2 / variance) over the steps to the right and downwards
     (r = z_next - z - step) and over the shadows (r = z_top - z_foot - rise), with z = 0 on
-    the film at rest and Cauchy's rho(s) = c^2 log(1 + s / c^2), which gives up what does
-    not fit: across an edge no slope is right.  Each round renews the weights from the last
+    the film at rest and Cauchy's rho(s) = c^2 log(1 + s / c^2), which limits the influence of
+    outliers: across an edge no slope is right.  Each round updates the weights from the last
     height (iteratively reweighted least squares) and improves the height by conjugate
     gradients, preconditioned by multigrid (`_springs`).
 
@@ -61,18 +61,18 @@ def integrate_weighted(
     pixel
         mm per px.
     mask
-        H x W, 1 on the pixels that count; all do without it.  The height of the others is 0.
+        H x W, 1 on the pixels that count; without it all count.  The height of the others is 0.
     before
-        H x W in mm, the height of the touch before in a stream.  If it agrees better with
-        the slopes than `start`, it is the first height, outliers are given
-        up at once, and half the rounds are done.
+        H x W in mm, the height of the previous touch in a stream.  If it fits better than
+        `start`, it is the first height, outliers are suppressed at once (no `ease`), and half
+        of the rounds are done.
     rounds, steps
-        How often the weights are renewed, and conjugate gradients after each renewal.
+        Number of rounds, and conjugate-gradient steps in each.
     robust
         c, in standard deviations.
     ease
-        The scale starts so much larger per round that is left: at first the least squares
-        of everything, at last the outliers given up (graduated non-convexity, Blake and
+        Factor by which the scale is larger for each round that remains: first least squares of
+        everything, finally with the outliers suppressed (graduated non-convexity, Blake and
         Zisserman, "Visual reconstruction", 1987).
     bend
         Error of a step, in px, per difference of the slopes at its ends.
@@ -107,7 +107,7 @@ def integrate_weighted(
     scales = _scales(rounds, robust, ease, warm=warm)
     for scale in scales:
         last, height = height, _improve(system, height, scale, steps)
-        # What does not move keeps its weights: the rounds that are left would change nothing.
+        # An unchanged height has the same weights: the remaining rounds would change nothing.
         if height is last and scale == scales[-1]:
             break
     out = np.zeros(rest.shape, np.float32)
@@ -119,7 +119,7 @@ def integrate_weighted(
 
 
 def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[float]:
-    """The scale of each round; a height that is nearly right needs half of them, and no ease."""
+    """The scale of each round; a height that is nearly right needs half of them and no ease."""
     if warm:
         return [robust] * ((rounds + 1) // 2)
     return [robust * ease**left for left in reversed(range(rounds))]
@@ -173,8 +173,8 @@ def _launch(run: Launch) -> None:
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     """Shadows with both ends in the frame; some slopes are not known; the film rests outside.
 
-    Sometimes it rests nowhere, and then all pixels count: parts that nothing holds could lie
-    anywhere.
+    Sometimes it rests nowhere.  Then all pixels count, because a part without any constraint
+    could have any height.
     """
     rows, columns = sizes["H"], sizes["W"]
     number = rows * columns // 7

@@ -1,4 +1,4 @@
-"""Make the film at rest level where slopes err smoothly over the frame."""
+"""Level the film at rest where slopes have a smooth error over the frame."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
 WINDOW = 5
 """Side in cells over which calm light is averaged."""
 FEWEST, PLENTY = 0.1, 0.3
-"""Shares of the frame at rest: below the first nothing is done, below the second a plane is."""
+"""Shares of the frame at rest: below the first nothing is fitted, below the second a plane."""
 ROUNDS = 5
-"""Of robust least squares; film that drapes around a touch looks calm, and counts little."""
+"""Rounds of robust least squares; film draping around a touch looks calm and gets little weight."""
 ENOUGH_CELLS = 8192
-"""For ten coefficients; of more cells every n-th row and column is taken."""
+"""Enough cells for ten coefficients; if there are more, every n-th row and column is used."""
 TERMS_OF = (1, 3, 6, 10)
 """Terms of a polynomial in x and y, by its degree."""
 
@@ -42,10 +42,9 @@ def level_height(
 ) -> Height:
     """Subtract the smooth surface on which the film at rest lies.
 
-    A tenth of a per cent of light that no model explains tilts the film by a micrometre per
-    millimetre.  Where the film is at rest its height is 0: a polynomial through the heights
-    there, by robust least squares (Cauchy), is that error.  A film without grain has none, and
-    keeps its height.
+    An unexplained light error of 0.1 % tilts the surface by 1 um per mm.  The film at rest has
+    height 0, so a polynomial fitted to its heights by robust least squares (Cauchy) estimates
+    that error.  If the grain is 0, there is no such error and the height is returned unchanged.
 
     Parameters
     ----------
@@ -55,11 +54,11 @@ def level_height(
         K x h x w, relative to the film at rest, on cells; film is at rest where the light of
         all LEDs is 1 within the grain.
     grain
-        Of the film.
+        The film's grain.
     cell
         Side of a cell in pixels, as for `coarsen`.
     degree
-        Of the polynomial in x and y.
+        Degree of the polynomial in x and y.
 
     Returns
     -------
@@ -126,7 +125,7 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
 
 @level_height.opencl()
 def _launch(run: Launch) -> None:
-    """The heights of cells and their light come down, ten coefficients go up."""
+    """Download the heights and the light of cells; send back ten coefficients."""
     height, light, out = run.inputs["height"], run.inputs["light"], run.outputs["level_height"]
     rows, columns = run.sizes["H"], run.sizes["W"]
     cell = cell_side(rows, columns, run.settings["cell"])

@@ -1,4 +1,4 @@
-"""No film is known to be at rest: for sensors whose light drifts too much to tell."""
+"""No film is known to be at rest: for sensors whose light drifts too much to find it."""
 
 from __future__ import annotations
 

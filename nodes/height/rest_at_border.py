@@ -1,4 +1,4 @@
-"""Put the film at rest, which the border of the frame shows, at height zero."""
+"""Set the height of the frame's border, which shows the film at rest, to zero."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def rest_at_border(
 ) -> Height:
     """Subtract the (lower) median of the outermost pixels.
 
-    Slopes leave the height free by a constant; the paper's Table 1 compares heights with
-    the plane around the object at zero.  A median holds as long as the object covers less
+    Slopes determine the height up to a constant; the paper's Table 1 compares heights with
+    the plane around the object at zero.  The median is valid as long as the object covers less
     than half of the frame's border.
 
     Parameters
@@ -27,7 +27,7 @@ def rest_at_border(
     height
         H x W in mm.
     width_px
-        Width of the border that is looked at.
+        Width of the border in px.
     """
     rows = height[width_px:-width_px]
     ends = (height[:width_px], height[-width_px:], rows[:, :width_px], rows[:, -width_px:])

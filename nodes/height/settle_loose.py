@@ -1,4 +1,4 @@
-"""Settle single pixels that stand out where no slope holds them."""
+"""Correct single pixels that stand out where the slopes are uncertain."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ def settle_loose(
 ) -> Height:
     """Move loose pixels towards their neighbours.
 
-    A pixel that is above, or below, the middle of its two neighbours along all four lines
-    through it moves by the least of the four departures.  A ridge stays: it stands out
+    A pixel that lies above, or below, the mean of its two neighbours along all four lines
+    through it moves by the smallest of the four departures.  A ridge stays: it stands out
     along three lines only.
 
     Parameters
     ----------
     height
-        H x W in mm; beyond the frame its border goes on.
+        H x W in mm; beyond the frame the border repeats.
     variance
-        2 x H x W; only pixels of which both variances exceed `loose` move.
+        2 x H x W; only pixels whose variances both exceed `loose` move.
     loose
-        Variance (mm/mm)^2 above which a pixel's own slopes say little.
+        Variance (mm/mm)^2 above which a pixel's own slopes carry little information.
     """
     padded = np.pad(height, 1, mode="edge")
     lines = [_departure(padded, dy, dx) for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1))]
@@ -40,7 +40,7 @@ def settle_loose(
 
 
 def _departure(padded: F4, dy: int, dx: int) -> F4:
-    """Height above the middle of the neighbours at (dy, dx) and opposite."""
+    """Height above the mean of the neighbours at (dy, dx) and opposite."""
     rows, columns = padded.shape[0] - 2, padded.shape[1] - 2
 
     def shifted(down: int, right: int) -> F4:

@@ -1,4 +1,4 @@
-"""Values of cells brought to pixels, linearly between the cells' centres."""
+"""Values of cells interpolated at pixels, linearly between the cells' centres."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A bounce of light between the cells of a film.
 
-`film_bounce` takes it once from what the camera sees, `interreflect` again and again from what
-the LEDs throw.  Light is relative to that on the film at rest.
+`film_bounce` computes it once, from what the camera sees; `interreflect` repeats it, beginning
+with the light of the LEDs.  Light is relative to that on the film at rest.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def bounce(
     *,
     from_above: bool = False,
 ) -> F4:
-    """Return what cells throw that show so much `light`, both K x rows x columns of the frame.
+    """Return what cells that show `light` throw, both K x rows x columns of the frame.
 
     `seen` is what the cells see of one another (`sights`); `from_above` as for `coated`.
     """
@@ -75,7 +75,7 @@ def launch_bounce(
 ) -> None:
     """Enqueue what `bounce` does: from a table of cells to `out`, K x rows x columns.
 
-    `coat` holds the LEDs, then what of a film makes its coat; `COATED` says whether it has one.
+    `coat` holds the LEDs, then the properties of the film's coat; `COATED` says if it has one.
     """
     every, sources = math.prod(grid.whole), None
     if constants["COATED"]:

@@ -1,4 +1,4 @@
-"""Long chains of array operations, so many pixels at a time that the cache holds them."""
+"""Long chains of array operations, on as many pixels at a time as fit into the cache."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from tactograph.graph.run.cores import cores
 T = TypeVar("T")
 
 BLOCK = 32768
-"""Pixels of a block: few for the cache, many against the cost of calling NumPy."""
+"""Pixels of a block: few enough for the cache, many enough to hide the cost of calling NumPy."""
 
 
 def in_blocks(work: Callable[[slice], T], count: int, pixels: int = 1) -> list[T]:
     """Call `work` for slices that cover `count`, on all cores, and return what it returns.
 
-    What is counted has so many `pixels` each: rows have as many as there are columns.  NumPy
-    lets go of the interpreter during an operation, so that threads help.
+    Each counted item has `pixels` pixels: a row has as many as there are columns.  NumPy
+    releases the interpreter's lock during an operation, so threads help.
     """
     step = max(1, BLOCK // pixels)
     blocks = [slice(first, min(first + step, count)) for first in range(0, count, step)]

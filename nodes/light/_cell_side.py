@@ -9,13 +9,13 @@ from annotated_types import Interval
 from tactograph.graph import SizeRule
 
 CellSide = Annotated[int, Interval(ge=0, le=64)]
-"""In pixels; 0 follows the image."""
+"""In pixels; 0 depends on the image."""
 LARGE_PX = 2 << 20
-"""Pixels of which a large image has more; 1920 x 1080 are not."""
+"""A large image has more pixels than this; one of 1920 x 1080 does not."""
 
 
 def cell_side(rows: int, columns: int, factor: int) -> int:
-    """Return the side in pixels: as given, or 4, and 8 of a large image."""
+    """Return the side in pixels: as given, or, if that is 0, 4, and 8 for a large image."""
     return factor or (8 if rows * columns > LARGE_PX else 4)
 
 

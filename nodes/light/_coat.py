@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 TAIL = 0.4361836, -0.1201676, 0.9372980
-"""Of the normal distribution, by 1 / (1 + 0.33267 z) (Abramowitz and Stegun, 26.2.16)."""
+"""The tail of the normal distribution in powers of 1 / (1 + 0.33267 z) (Abramowitz and Stegun,
+26.2.16)."""
 
 ROOT_3 = 3**0.5
 
@@ -30,12 +31,12 @@ def fresnel(cosine: Array, index: float) -> Array:
 def let_in(cosine: Array, roughness: float, index: float) -> Array:
     """Return the share T of light that a rough coat lets through to its base, and out again.
 
-    1 - F, averaged over the microfacets as large as light sees them.  Their slope x towards the
-    light is normal with standard deviation t = roughness / sqrt(2); light at the cosine c sees
-    c + s x of each (s the sine), those that face it.  Three nodes stand for them, with their mean,
-    spread and skewness (Gauss's for a gamma distribution, to first order in the skewness).  The
-    average is right to 0.003 from a cosine of 0.2 on and to 0.006 below it for a roughness of 0.4,
-    to 0.001 and 0.002 for one of 0.2.
+    1 - F, averaged over the microfacets by their projected area towards the light.  Their slope x
+    towards the light is normally distributed with standard deviation t = roughness / sqrt(2).
+    Light at the cosine c (sine s) sees c + s x of each facet that faces it.  The average is a sum
+    over three nodes with the facets' mean, standard deviation and skewness (Gauss's for a gamma
+    distribution, to first order in the skewness).  For a roughness of 0.4 it is right to 0.003
+    from a cosine of 0.2 on and to 0.006 below it; for a roughness of 0.2, to 0.001 and 0.002.
     """
     t = roughness / np.sqrt(2).astype(cosine.dtype)
     sine = np.sqrt(np.maximum(1 - cosine * cosine, 0))
@@ -48,7 +49,7 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
     seen = open_ + grazed
     mean, beyond = spread * facing / seen, grazed / seen
     deviation = np.sqrt(1 + beyond - mean * mean)
-    # Products: NumPy's cubes take twenty times as long.
+    # As products, because NumPy's powers take twenty times as long.
     cubes = 2 * mean * mean * mean, deviation * deviation * deviation
     skew = (cubes[0] - (3 * mean + z) * beyond) / cubes[1]
     middle = (2 - (49 / 36) * skew * skew) / (3 - 0.25 * skew * skew)

@@ -1,21 +1,22 @@
-"""What a coated film throws on itself: in `film_bounce` it takes the place of a matt film.
+"""Interreflection of a coated film; in `film_bounce` it takes the place of that of a matt film.
 
-A matt base lights all around; under a coat it does so less at grazing angles, on the way in and on
-the way out.  The coat mirrors, too: light of the LEDs on to other places of the film, and light
-of other places into the camera.  With T and the mirrored part f_m of equation F2 (`_film`), cell j
-sends to P, under LED k,
+A matt base radiates in all directions.  Through a coat less light passes at grazing angles, on the
+way in and on the way out.  The coat also mirrors: light of the LEDs to other places of the film,
+and light of other places into the camera.  With T and the mirrored part f_m of equation F2
+(`_film`), cell j sends to P, under LED k,
 
     e_kj = (E_j r_k - E_jk f_m(l, v)) T(to P) / T(v) + E_jk f_m(l, to P)
 
-where E_j r_k is what the camera sees of it, f_m in parts of base / pi, and for L of equation B1
-P throws back
+where E_j r_k is what the camera sees of it, and f_m is in units of base / pi.  For L of equation
+B1, P throws back
 
     [T(d) T(v) + f_m(d, v)] e_kj / r_k.
 
-r_k is the reflectance of the film at rest.  A lobe at a grazing angle is narrower than what lies
-between two azimuths: its mean over that counts (`_facets`).  Of a cell that shows less light than
-the LED alone would give it, a shadow takes the rest, and as much of what the coat mirrors.  Light
-that the coat mirrors twice between cells before it reaches the camera is in what the camera sees.
+r_k is the reflectance of the film at rest.  A lobe at a grazing angle is narrower than the angle
+between two azimuths, so its mean over that angle is used (`_facets`).  A cell that shows less
+light than the LED alone would give it is taken to be shadowed; what its coat mirrors is reduced by
+the same factor.  Light that the coat mirrors twice between cells before it reaches the camera is
+included in what the camera sees.
 ``kernels/headers/coated_bounce.clh`` holds the same.
 """
 
@@ -36,14 +37,14 @@ from tactograph.nodes.light._sweep import COATED_AZIMUTHS, Law
 
 LEAST = np.float32(GRAZING)
 NEAREST = np.float32(1e-12)
-"""Keeps from dividing by 0."""
+"""Prevents division by 0."""
 FADED = np.float32(-20)
-"""Exponent of a lobe that is nothing."""
+"""Exponent below which a lobe counts as 0."""
 
 
 class _Surface(NamedTuple):
-    """Places of a film, each 3 x N: normals, directions to the pupil; along those the normal's
-    part, T, and what they make of f_m, N each."""
+    """Places of a film, normals and directions to the pupil, 3 x N each; of those directions the
+    cosine to the normal, T, and their factor in f_m, N each."""
 
     at: F4
     normal: F4
@@ -54,8 +55,9 @@ class _Surface(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """Under each LED: what a cell's base sends, over T; the light that its coat mirrors, with what
-    the LED's direction makes of f_m; the normal's part along it, K x N each; and it, 3 x N."""
+    """Under each LED: what a cell's base sends, over T; the light that its coat mirrors, with the
+    factor of the LED's direction in f_m; the cosine of that direction to the normal, K x N each;
+    and the direction, 3 x N."""
 
     base: F4
     mirrored: F4
@@ -64,7 +66,7 @@ class _Sent(NamedTuple):
 
 
 def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool = False) -> Law:
-    """Cells of a film with a coat, of which the camera sees so much light.
+    """The law of cells of a film with a coat, of which the camera sees the light `sources`.
 
     Light is relative to the film at rest that the same pixel sees, or to that below (`from_above`).
     """
@@ -83,7 +85,7 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
         eye, normal, facing = here.eye[:, at], here.normal[:, at], there.normal[:, other]
-        # Across both directions at P, and across that to P at the cells.
+        # Perpendicular to both directions at P, and to the one towards P at the cells.
         aside, along = turn * _cross(eye, away), _dot(eye, away)
         square = turn * turn * (1 - along * along)
         c_in, c_out = _dot(normal, away), -_dot(facing, away)
@@ -143,7 +145,7 @@ def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], 
 
 
 def _at_rest(film: Film, light: F4, at: F4) -> F4:
-    """r_k: the reflectance of the film at rest at 2 x N places, in parts of base / pi."""
+    """r_k: the reflectance of the film at rest at 2 x N places, in units of base / pi."""
     flat = np.stack([at[0], at[1], np.zeros_like(at[0])])
     level = np.zeros_like(flat)
     level[2] = 1
@@ -159,13 +161,13 @@ def _let_in(film: Film, cosine: F4) -> F4:
 
 
 def _unhidden(film: Film, cosine: F4) -> F4:
-    """What a direction makes of f_m by itself."""
+    """The factor of f_m that depends on one direction alone."""
     c = np.maximum(cosine, LEAST)
     return np.asarray(masking(c, film.roughness) / c, np.float32)
 
 
 def _mirrored(film: Film, c_i: F4, c_o: F4, between: F4) -> F4:
-    """f_m, in parts of base / pi, by the cosines to the light, to the eye and between both."""
+    """f_m in units of base / pi, from the cosines to the light, to the eye and between both."""
     size = np.sqrt(np.maximum(2 + 2 * between, NEAREST))
     c_h = np.maximum((c_i + c_o) / size, LEAST)
     lobe = glint(film, np.maximum(c_i, LEAST), np.maximum(c_o, LEAST), c_h, size / 2)
@@ -173,13 +175,13 @@ def _mirrored(film: Film, c_i: F4, c_o: F4, between: F4) -> F4:
 
 
 def _facets(film: Film, half: F4, square: F4, reach: F4, sideways: F4) -> F4:
-    """What two directions make of f_m together, in parts of base / pi, where one of them moves.
+    """The factor of f_m that depends on two directions, in units of base / pi; the mean over one.
 
-    `half` is the part of their sum, whose square is `square`, along the normal.  The mean, as one
-    moves by up to s on either side: in the plane of the microfacets' slopes Beckmann's density is
-    a Gaussian, and so nearly is its mean along a line, wider by 2 / 3 of the square of half of the
-    line.  `reach` is the square of the part of s across the normal, `sideways` its product with
-    the sum's.
+    `half` is the component of their sum along the normal, `square` the square of the sum.  The
+    mean is over one direction that moves by up to s to either side.  In the plane of the
+    microfacets' slopes Beckmann's density is a Gaussian.  Its mean along a line is nearly one,
+    too, wider by 2 / 3 of the square of half of the line.  `reach` is the square of the component
+    of s perpendicular to the normal, `sideways` its product with that of the sum.
     """
     size = np.maximum(square, 0) + NEAREST
     forwards = np.maximum(half, LEAST * np.sqrt(size))

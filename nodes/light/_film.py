@@ -1,4 +1,4 @@
-"""What a real film makes of light: the model that calibration, measurement and simulation share.
+"""The light of a real film: the model that calibration, measurement and simulation share.
 
 A matt film under point lights has the light n.v relative to the film at rest (`_near_light`,
 N1).  A real one departs from that in ways that presses show.  At P = (x, y, z), seen from the
@@ -15,10 +15,10 @@ irradiance times the reflectance of a rough dielectric coat over a matt base (`_
 
 with h between the direction l to the light and v to the pupil, T what the coat lets through
 (`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of
-the normal (the paper's equation 4), each less its value at rest, c polynomials of degree 2 in the
-place, w fades them out where n_z is below what was pressed: there the physical part stands alone.
-P_0 is the film at rest that the same pixel sees.  ``kernels/headers/film.clh`` holds
-the same.
+the normal (the paper's equation 4), each less its value at rest, and c are polynomials of degree 2
+in the place.  w fades the harmonics out where n_z is below that of all presses, so that only the
+physical part remains.  P_0 is the film at rest that the same pixel sees.
+``kernels/headers/film.clh`` holds the same.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
 UNEVEN = 0.03
-"""How uneven a film is of which nothing is known."""
+"""Default for the unevenness of a film."""
 OTHERS = 8
-"""Other places of the LEDs."""
+"""Number of other positions of the LEDs."""
 FADE = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 GRAZING = 0.05
 """Smallest cosine that a reflectance is divided by."""
 USUAL_RIM = 2.0
-"""mm of film beyond the frame, where nothing is known of it."""
+"""Default for the mm of film beyond the frame."""
 
 TURN = 0.02
 """Radians by which a normal is turned for the derivative of a coat's light."""
@@ -54,7 +54,7 @@ FLATTEST = 0.1
 DIM, LIT = 0.05, 0.2
 """Matt light at which an LED begins to count for the normal, and at which it counts in full."""
 NOISE = 0.01
-"""Of a pixel's light, as a share of it."""
+"""Noise of a pixel's light, as a share of it."""
 DARKEST = 0.05
 """Smallest 1 - b that is divided by."""
 
@@ -114,7 +114,7 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | No
 
 
 def _light(film: Film, n: Array, place: Place, rest: Array, reflected: Iterable[Array]) -> Array:
-    """Return equation F1, of what is `reflected` (F2), LED by LED."""
+    """Return equation F1, with F2 given as `reflected`, LED by LED."""
     x, y, z = place
     touched = touch_gain(film, z)
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
@@ -142,7 +142,7 @@ def _fade(film: Film, n: Array) -> Array:
 
 
 def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """Return where the pixels that see such places see the film at rest."""
+    """Return the places of the film at rest that the pixels of these places see."""
     nearer = 1 - film.camera * z
     return x / nearer, y / nearer
 
@@ -181,8 +181,8 @@ def turned(
     place
         x, y, z in mm.
     uneven
-        Standard deviation of the film's brightness, as a share, against light of which each LED
-        tells with `NOISE`.
+        Standard deviation of the film's brightness, as a share; the light of each LED has the
+        standard deviation `NOISE`.
     rest
         As for `predict`.
     """
@@ -205,7 +205,7 @@ def turned(
 
     a, b, c = told(by_s, by_s, 0, 0), told(by_s, by_t, 0, 1), told(by_t, by_t, 1, 1)
     g, h = told(by_s, light - before, 0, 2), told(by_t, light - before, 1, 2)
-    # A single LED, or two in line, leave a direction open: it stays where it is.
+    # A single LED, or two in line, leave one direction undetermined: there the normal stays.
     held = 1e-3 * (a + c) + 1e-6
     a, c = a + held, c + held
     inverse = 1 / (a * c - b * b)
@@ -227,7 +227,7 @@ def _changes(
 ) -> tuple[Array, Array]:
     """Return the derivatives of equation F1 by a normal along two tangents, K x N each.
 
-    Direct light of an LED behind the film changes as if it went on below zero.
+    Direct light of an LED behind the film is differentiated as if it continued below zero.
     """
     if film.refraction == 1:
         ways = [_way(light, *place) for light in film.lights]
@@ -269,7 +269,7 @@ def rest_light(film: Film, x: Array, y: Array) -> Array:
 
 
 def rest_below(film: Film, x: Array, y: Array, z: Array) -> Array:
-    """Return e of the film at rest that pixels see which see such places: K x N, as `at_rest`."""
+    """Return e of the film at rest that the pixels of these places see: K x N, as `at_rest`."""
     return at_rest(film, *_below(film, x, y, z))
 
 
@@ -319,7 +319,7 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
 
 
 def _way(light: Array, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
-    """Return the way to an LED, its length squared, and its length."""
+    """Return the vector to an LED, its length squared, and its length."""
     dx, dy, dz = light[0] - x, light[1] - y, light[2] - z
     square = dx * dx + dy * dy + dz * dz
     return dx, dy, dz, square, np.sqrt(square)
@@ -335,8 +335,8 @@ def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array,
 def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
     """Return what the coat's microfacets mirror: the second part of equation F2.
 
-    By the cosines of the normal to the light, to the eye and to the direction h between them, and
-    that of the eye to h.
+    From the cosines of the normal to the light, to the eye and to the direction h between them,
+    and that of the eye to h.
     """
     spread = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
     hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)

@@ -1,12 +1,12 @@
-"""What a lens that bends and a camera that stands askew make of an even grid on the film.
+"""How lens distortion and a tilted camera map a regular grid on the film.
 
 Places are counted from the image's middle in halves of its diagonal, so that r = 1 is a corner,
 whatever the resolution.  The ideal image has square pixels of one size on the film at rest,
 everywhere; L1 and L2 say where the camera sees what lies at the ideal place (u, v):
 
-- L1, tilt: q = ((1 + a) u + b v, b u + (1 - a) v) / (1 + gx u + gy v).  Eight numbers make a
-  homography; the other four are the film's place, turn and scale, which the image's middle, its
-  rows and the pixel size fix.
+- L1, tilt: q = ((1 + a) u + b v, b u + (1 - a) v) / (1 + gx u + gy v).  A homography has eight
+  numbers; the other four are the film's position, rotation and scale, which the image's middle,
+  its rows and the pixel size fix.
 - L2, radial distortion (Brown, "Close-range camera calibration", 1971), about the centre
   c = (cx, cy): (x, y) = c + d (1 + k1 r^2 + k2 r^4), d = q - c, r = |d|.
 
@@ -25,7 +25,7 @@ from tactograph.nodes import F4, I4, Lens
 
 TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
 STEPS = 4
-"""Newton's on the inverse of L2: from 20 % of distortion 2e-2, 2e-4, 2e-8."""
+"""Newton's steps for the inverse of L2; from 20 % of distortion they leave 2e-2, 2e-4, 2e-8."""
 
 Places = NDArray[Any]
 

@@ -1,8 +1,8 @@
-"""What near point lights do to a film: the geometry that calibration and measurement share.
+"""Near point lights on a film: the geometry that calibration and measurement share.
 
 A point light at L with strength s lights a Lambertian film of albedo a at P, whose unit normal
 is n, with I = a s n.(L - P) / |L - P|^3.  The film at rest (n = z, P_0 = P with z = 0) gives
-the flat frame.  Their ratio knows neither albedo, nor strength, nor vignetting::
+the flat frame.  Their ratio does not depend on albedo, strength or vignetting::
 
     I / I_flat = n.v,    v = (L - P) / L_z (|L - P_0| / |L - P|)^3                         (N1)
 
@@ -55,9 +55,9 @@ def expected_light(vectors: F4, slope: F4) -> F4:
 
 
 def brightness_share(whole: F4, scale: F4 | np.float32, uneven: np.float32) -> F4:
-    """Return what an unknown brightness explains of a square along n.v (Woodbury's identity).
+    """Return how much of a square along n.v an unknown brightness explains (Woodbury's identity).
 
-    `whole` is the sum of the squares of n.v over their variances, times `scale`; `uneven` the
+    `whole` is the sum of the squares of n.v over their variances, times `scale`; `uneven` is the
     standard deviation of the brightness.
     """
     square = uneven * uneven

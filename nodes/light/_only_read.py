@@ -1,4 +1,4 @@
-"""Arrays as loops that are compiled take them."""
+"""Arrays as compiled loops take them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 def only_read(array: NDArray[Number]) -> NDArray[Number]:
-    """Return an array without gaps that nobody writes to.
+    """Return a contiguous, read-only array.
 
-    Numba compiles a loop once for each kind of array; values of a graph are read-only, those of a
-    caller of the node are not.
+    Numba compiles a loop once for each kind of array; values in a graph are read-only, those that
+    a caller passes to a node are not.
     """
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False

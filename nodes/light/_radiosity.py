@@ -15,15 +15,15 @@ from tactograph.nodes import F4
 from tactograph.nodes.slope.height_slopes import difference
 
 FARTHEST = 64
-"""Cells beyond the frame after which the film throws next to nothing."""
+"""Cells beyond the frame after which the film's light is negligible."""
 MARGIN = 22
-"""Cells beyond the film that a sweep may read: lanes of a kernel, a step that goes too far."""
+"""Cells beyond the film that a sweep may read, by a kernel's lanes or a step that overshoots."""
 LEAST = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 
 MATT_MISSED, COATED_MISSED = 1 / 3, 0.45
-"""What cells still miss, as a share of what they find more than cells twice as large: a third where
-that goes with the square of their side, more under a coat, whose lobes are narrower than cells."""
+"""What cells still miss, as a share of their excess over cells twice as large: a third if the error
+grows with the square of the side, more under a coat, whose lobes are narrower than cells."""
 
 
 class Grid(NamedTuple):
@@ -64,7 +64,7 @@ class Cells(NamedTuple):
 
 
 def cell_grid(size: tuple[int, ...], pixel: float, most: int, rim_mm: float) -> Grid:
-    """The finest cells of which there are at most so many in the frame."""
+    """The finest cells of which there are at most `most` in the frame."""
     factor = max(1, math.isqrt(math.prod(size) // most))
     while math.prod(-(-side // factor) for side in size) > most:
         factor += 1
@@ -82,12 +82,12 @@ def larger_cells(grid: Grid) -> Grid:
 
 
 def missed(refraction: float) -> float:
-    """Return what cells still miss, in parts of what larger cells miss more (Richardson 1911)."""
+    """Return what cells still miss, as a share of their excess over larger ones (Richardson)."""
     return MATT_MISSED if refraction == 1 else COATED_MISSED
 
 
 def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid, refraction: float) -> F4:
-    """Return what cells find, and what they miss by what larger cells find."""
+    """Return the result on cells, extrapolated by that on cells twice as large."""
     found, coarse = on_cells(grid), on_cells(larger_cells(grid))
     return found + np.float32(missed(refraction)) * (found - coarse)
 
@@ -102,8 +102,8 @@ def cells_of(
 ) -> Cells:
     """Return the cells of a film.
 
-    `height` is the one that the camera sees (`view_slope`), the rest what the film has in mm.
-    Without `slope` (2 x H x W), which is the film's, the height's own differences tell it.
+    `height` is the one that the camera sees (`view_slope`); the cells are those of the film, in mm.
+    Without the film's `slope` (2 x H x W) it comes from differences of the height.
     """
     u, aside = _middles(height.shape[1], pixel, grid)
     v, below = _middles(height.shape[0], pixel, grid)
@@ -130,7 +130,7 @@ def cells_of(
 
 
 def _middles(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
-    """Return the cells' x, or y, and how far those of the frame lie from that of their pixels."""
+    """Return the cells' x, or y, and their distance from that of their pixels in the frame."""
     cells = -(-count // grid.factor)
     width, half = np.float32(grid.factor) * pixel, np.float32(0.5)
     number = np.arange(-grid.rim, cells + grid.rim, dtype=np.float32)

@@ -1,17 +1,17 @@
 """What the cells of a film throw on one another: a sweep over azimuths with a rising horizon.
 
-The half-space above a cell at P is cut into half-planes that hold the camera's ray at P.
-The film in such a plane is met in steps that grow; where a place rises above the horizon of those
-before it, t = tan(elevation) from t_0 to t_1, it throws on P::
+The half-space above a cell at P is cut into half-planes that contain the camera's ray at P.
+The sweep visits the film in such a plane in growing steps.  A place that rises above the horizon
+of those before it, from t_0 to t_1 in t = tan(elevation), throws light on P::
 
     B(P) = albedo / pi sum L(P, Q) [F(t_1) - F(t_0)] dphi,
     F(t) = n_h / 2 (atan t + t / (1 + t^2)) + n_e / 2 t^2 / (1 + t^2)                         (B1)
 
-with n_e and n_h the normal's parts along the ray and across it, in the plane, and F the integral
-of cosine and solid angle.  The first horizon is the film's own tangent, so a convex film
-lights itself nowhere, and what hides behind nearer film throws nothing (horizons: Max 1988).
-A camera that sees P sees whatever rises from its ray in order, near or far away, so a line of its
-image is such a plane.  ``kernels/headers/sweep.clh`` holds the same.
+with n_e and n_h the normal's components along the ray and perpendicular to it, in the plane, and F
+the integral of cosine and solid angle.  The first horizon is the film's own tangent, so a convex
+film does not light itself, and what nearer film hides throws nothing (horizons: Max 1988).
+Whatever rises from the camera's ray at P appears in its image in order, near or far away, so such
+a plane is a line of the image.  ``kernels/headers/sweep.clh`` holds the same.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from tactograph.nodes.light._film import to_pupil
 from tactograph.nodes.light._radiosity import Cells, Grid
 
 MATT_AZIMUTHS, COATED_AZIMUTHS = 16, 32
-"""What a coat mirrors is narrower than the light of matt film."""
+"""Number of azimuths; what a coat mirrors is narrower than the light of matt film."""
 GROWTH = 8
-"""Steps of the way after which a step is one cell longer, ..."""
+"""Cells of distance after which a step is one cell longer, ..."""
 LONGEST = 8
 """... and the longest step."""
 LEAST_FACING = np.float32(1e-3)
@@ -39,15 +39,15 @@ LEAST_FACING = np.float32(1e-3)
 
 Numbers = NDArray[np.intp]
 Law = Callable[[Numbers, F4, Numbers], F4]
-"""How cells throw light on one another: on N of the frame's cells, by number, in directions, 3 x N,
-from N of all cells; K x N."""
+"""How cells throw light on one another: from N cells of the frame, by number, directions 3 x N and
+N of all cells, by number, to light K x N."""
 
 
 class Sight(NamedTuple):
     """What the cells of the frame see along an azimuth: N pairs of cells, by number."""
 
     share: F4
-    """Of the light that arrives, N."""
+    """Share of the light that arrives, N."""
     direction: F4
     """To the other cell, 3 x N."""
     here: Numbers
@@ -56,25 +56,26 @@ class Sight(NamedTuple):
 
 
 class Looking(NamedTuple):
-    """The cells of the frame, as one azimuth sees them; the horizon and F there rise.
+    """The cells of the frame along one azimuth; the horizon and F there rise during the sweep.
 
-    Seen by the camera, the film has other heights, but straight lines stay straight: what rises
-    over the horizon there does so here.  Most steps see nothing rise, and that is known by less.
+    The camera sees other heights, but straight lines stay straight: what rises over the horizon
+    in its image does so on the film.  Most steps see nothing rise, and the image shows that with
+    less computation.
     """
 
     at: F4
     eye: F4
     gain: F4
-    """Of the light that arrives along the azimuth, the share that F counts."""
+    """Factor from F to the share of the light that arrives along the azimuth."""
     facing: F4
     forwards: F4
-    """The normal's parts along the camera's ray and across it, n_e and n_h."""
+    """The normal's components along the camera's ray and across it, n_e and n_h."""
     horizon: F4
     below: F4
     seen: F4
     """The height that the camera sees, in mm."""
     steepest: F4
-    """Of it, where the horizon is: per mm along the longer side of a step."""
+    """The horizon's slope in that height, per mm along the longer side of a step."""
 
 
 class Steps(NamedTuple):
@@ -82,16 +83,16 @@ class Steps(NamedTuple):
 
     across: np.float32
     down: np.float32
-    """In cells, of a step; the longer one is 1."""
+    """Direction of a step, in cells; the longer side is 1."""
     width: np.float32
-    """Of a cell, in mm."""
+    """Width of a cell in mm."""
     beyond: bool
     """Whether there is film beyond the frame."""
     length: Numbers
-    """How many cells each goes along its longer side."""
+    """How many cells each step goes along its longer side."""
     rows: Numbers
     columns: Numbers
-    """Of the frame, the first that goes so far, and that after the last: N x 2."""
+    """The first row and column of the frame that go so far, and those after the last: N x 2."""
     below: Numbers
     right: Numbers
     """The two cells that a step ends between, N x 2; ..."""
@@ -100,13 +101,14 @@ class Steps(NamedTuple):
     middle: Numbers
     """The cell half-way to the step before, down and right: N x 2."""
     longest: F4
-    """How far the film's end is, by cell of the frame: rows x columns, as `length`."""
+    """Distance of the film's end from each cell of the frame: rows x columns, as `length`."""
 
 
 def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterator[Sight]:
     """Yield what cells see of one another, azimuth by azimuth.
 
-    `camera` is 1 over the height of the pupil that lines up the cells, `refraction` their coat's.
+    `camera` is 1 over the height of the pupil for which the cells form a grid, `refraction` is that
+    of their coat.
     """
     from tactograph.nodes.light._sweep_loops import rise
 
@@ -131,11 +133,11 @@ def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterat
 def _looking(
     at: F4, normal: F4, eye: F4, turn: float, azimuths: int, grid: Grid, camera: float
 ) -> tuple[Looking, Steps]:
-    """Return what the cells of the frame see before anything rises: their own tangents."""
+    """Return the start of a sweep, when the horizon of each cell is its own tangent."""
     x, y = math.cos(turn), math.sin(turn)
     facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
     along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
-    flat = 1 - along * along  # the square of the azimuth's part across the camera's ray
+    flat = 1 - along * along  # the square of the azimuth's component across the camera's ray
     forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
     forwards = forwards / np.sqrt(flat)
     horizon = -forwards / facing
@@ -196,9 +198,9 @@ def _longest(grid: Grid, azimuth: tuple[float, float]) -> F4:
 
 @lru_cache(maxsize=256)
 def _steps(grid: Grid, azimuth: tuple[float, float]) -> Steps:
-    """Return the steps of a way, each as much longer as it may be so far from where it began.
+    """Return the steps along an azimuth, which grow with the distance from the start.
 
-    Kept: films change from touch to touch and from fit to fit, cells and azimuths do not.
+    Cached: films change from touch to touch and from fit to fit, cells and azimuths do not.
     """
     across, down = azimuth
     rows, columns, ends = [], [], [0, 1]
@@ -231,6 +233,6 @@ def _steps(grid: Grid, azimuth: tuple[float, float]) -> Steps:
 
 
 def _reaching(far: float, count: int, film: float) -> range:
-    """Return which cells of an axis lie on the film if they go so far."""
+    """Return the cells of an axis that are still on the film after going `far` cells."""
     first = max(0, math.ceil(-0.5 - film - far))
     return range(first, min(count, math.floor(count - 0.5 + film - far) + 1))

@@ -1,8 +1,8 @@
 """The loop of `_sweep` over steps and cells, compiled by numba.
 
-A row of cells at a time: first what rises, in a loop that LLVM turns into vectors, then what is
-seen of it, which few cells do.  Operations and their order are those of one cell after another, so
-sums do not depend on it.
+It processes a row of cells at a time: first the test for what rises, in a loop that LLVM
+vectorises, then the few cells that see something rise.  Operations and their order are those of
+one cell after another, so sums do not depend on it.
 
 Importing numba takes half a second, so `_sweep` imports this where the host sweeps, not above.
 """
@@ -34,10 +34,10 @@ def rise(
     here: Numbers,
     there: Numbers,
 ) -> int:
-    """Enter what rises over the horizons, as a `Sight`, and raise them; return of how many pairs.
+    """Enter what rises over the horizons, as a `Sight`, and raise them; return the number of pairs.
 
-    `rises` is the film's height, with `rim` cells more on all sides than the frame, `by` is 1 over
-    that of the camera's pupil.
+    `rises` is the film's height, with `rim` cells more on all sides than the frame.  `by` is 1 over
+    the height of the camera's pupil.
     """
     columns = on.seen.shape[1]
     higher, heights = np.empty(columns, np.uint8), np.empty(columns, np.float32)
@@ -75,7 +75,7 @@ def rise(
 def _raised(
     on: Looking, steps: Steps, cell: tuple[int, int], far: np.float32, z: np.float32, by: np.float32
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Raise the horizon of a cell to film `z` high, so far along the longer side of a step.
+    """Raise the horizon of a cell to film `z` high, `far` mm along the longer side of a step.
 
     Returns its share of the light that arrives, and the direction of its middle.
     """

@@ -1,5 +1,5 @@
-"""A sensor at work.
+"""Live sensors.
 
-Cameras, the LED controller and its protocol, frames matched to LEDs, previews and viewers;
+Cameras, the LED controller and its protocol, matching of frames to LEDs, previews and viewers;
 real or simulated.  A new camera goes here.
 """

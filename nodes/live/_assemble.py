@@ -1,4 +1,4 @@
-"""Frames of single LEDs become touches: the newest light of every LED."""
+"""Assemble frames of single LEDs into touches: the newest light of every LED."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.nodes.live._led_in_frame import Film, light_of, top_of
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2
-"""Frames of one touch may be so many cycles apart."""
+"""Largest time between the frames of one touch, in cycles."""
 AMBIENT_SHARE = 0.5
 """Weight of a new ambient frame in the mean that is subtracted."""
 
@@ -26,20 +26,20 @@ class Assembler:
     Parameters
     ----------
     film
-        The film at rest, to measure motion by.
+        The film at rest, for measuring motion.
     dark
-        H x W: what the calibration takes off by itself; ambient light is what exceeds it.
+        H x W: the dark image that the calibration subtracts; ambient light is the excess over it.
     cycle
         The LEDs in the order of the cycle, 0 for the ambient step.
     rate
         Frames per second.
     refresh
-        "rolling": a touch with every frame, each replacing the older one of its LED.
+        "rolling": a touch with every frame, which replaces the older one of its LED.
         "cycle": a touch whenever all LEDs are new.
     full
         The camera's largest value; 0: that of the frame's type.
     whole
-        Whether frames may stay the camera's integers.
+        Whether frames may remain the camera's integers.
     """
 
     film: Film
@@ -56,7 +56,7 @@ class Assembler:
     _ambient: F4 | None = None
 
     def add(self, frame: RawFrame, light: F4 | None = None) -> None:
-        """Take a frame; one of LED 0 is ambient light.  `light_of` it may be known already."""
+        """Take a frame; LED 0 means ambient light.  `light` is its `light_of`, if known already."""
         if frame.led == 0:
             self._take_ambient(frame.data * self._scale(frame))
             return
@@ -69,7 +69,7 @@ class Assembler:
 
     @property
     def due(self) -> bool:
-        """Whether something is new and all LEDs' frames are fresh enough to belong together."""
+        """Whether a frame is new and all LEDs' frames are recent enough to belong together."""
         leds = [led for led in self.cycle if led]
         if not self._new or any(led not in self._frames for led in leds):
             return False
@@ -87,15 +87,15 @@ class Assembler:
     def motion(self) -> float:
         """Largest change of the light, 1 on the film at rest, from one cycle to the next.
 
-        The frames of a touch are spread over a cycle; what changes within it makes their
-        light contradict one another.
+        The frames of a touch are spread over a cycle; a change within it makes their light
+        inconsistent.
         """
         return max(self._changes.values(), default=0.0)
 
     def take(self) -> NDArray[Any]:
-        """The touch, K x H x W; nothing is new after it.
+        """Return the touch, K x H x W, and mark all frames as old.
 
-        As fractions of full scale, or integers where these may stay and fill their type.
+        Fractions of full scale, or integers if these are allowed and use all bits of their type.
         """
         self._new.clear()
         frames = [self._frames[led] for led in sorted(self._frames)]
@@ -109,7 +109,7 @@ class Assembler:
         return touch
 
     def restart(self) -> None:
-        """Forget all frames but the ambient light."""
+        """Forget all frames except the ambient light."""
         for kept in (self._frames, self._cells, self._changes, self._new):
             kept.clear()
 
@@ -119,7 +119,7 @@ class Assembler:
         self._ambient = plane if before is None else before + AMBIENT_SHARE * (plane - before)
 
     def _measure(self, led: int, light: F4) -> None:
-        """Compare a frame's cells with those of the one before of the same LED."""
+        """Compare a frame's cells with those of the same LED's previous frame."""
         before = self._cells.get(led)
         self._cells[led] = light
         if before is not None:

@@ -1,4 +1,4 @@
-"""The film at rest, as either kind of calibration knows it."""
+"""The film at rest, from either kind of calibration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.nodes.live._frames import LiveState, Touch
 
 
 class CalibratedFilm(NamedTuple):
-    """Flat frame, K x H x W; the camera's dark, H x W; whether it is a one-shot sensor's."""
+    """Flat frame, K x H x W; dark image, H x W; whether it is a one-shot sensor's."""
 
     flat: Light
     dark: Dark
@@ -22,7 +22,7 @@ class CalibratedFilm(NamedTuple):
 
     @property
     def touch(self) -> Touch:
-        """A touch of the film at rest, to rehearse with."""
+        """A touch that shows the film at rest, for rehearsals."""
         return Touch(self.flat + self.dark, "", 0.0, [], LiveState())
 
 

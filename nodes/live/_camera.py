@@ -1,4 +1,4 @@
-"""A camera in its own thread: frames with times, the newest winning, faults counted."""
+"""A camera in its own thread: timed frames, of which the newest are kept, and fault counters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PAUSE = 0.1
 
 
 class Shot(NamedTuple):
-    """A frame as it came: counted, with the end of its exposure in s of time.monotonic()."""
+    """A raw frame: its number, and the end of its exposure in s of time.monotonic()."""
 
     number: int
     time: float
@@ -27,27 +27,27 @@ class Shot(NamedTuple):
 
 
 class Camera:
-    """Fetches frames in a thread of its own; opens the camera again whenever it fails.
+    """Fetches frames in its own thread; reopens the camera whenever it fails.
 
     Parameters
     ----------
     connect
         Opens the camera; called again after every failure.
     wanted
-        What it is asked for.
+        The requested settings.
     queue
-        Frames that wait at most; older ones are dropped and counted.
+        Most frames that wait; older ones are dropped and counted.
     timeout
-        Seconds without a frame after which the camera is opened again.
+        Seconds without a frame after which the camera is reopened.
     once
-        Whether the end of the frames is the end: a file.
+        Whether the stream ends with the frames, as of a file.
 
     Attributes
     ----------
     faults
-        How often what happened: "dropped", "camera lost", and "lost" where the kernel counts.
+        Counts of "dropped", "camera lost", and "lost" if the kernel numbers frames.
     refused
-        What the driver did not do at the last opening.
+        Settings that the driver refused at the last opening.
     connections
         How often the camera was opened.
     """
@@ -80,35 +80,35 @@ class Camera:
         self._start()
 
     def shots(self, wait: float) -> list[Shot]:
-        """All frames that wait, oldest first; at most `wait` seconds for the first of them.
+        """All waiting frames, oldest first; waits at most `wait` seconds for the first one.
 
-        A thread that hangs in its driver is left to itself, and another one started.
+        A thread that hangs in its driver is abandoned, and another one is started.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._shots or self.ended, wait)
             shots = list(self._shots)
             self._shots.clear()
-        # A driver may block far longer than a frame takes; opening is given longer still.
+        # A driver may block for much longer than a frame, and for even longer while opening.
         if not shots and time.monotonic() - self._alive > self._timeout + PAUSE:
             self._lost()
             self._start()
         return shots
 
     def check(self, wait: float, name: object) -> None:
-        """Wait for a first frame, and see that it has the size that is wanted.
+        """Wait for a first frame, and check that it has the requested size.
 
         Parameters
         ----------
         wait
-            Seconds to wait at most.
+            Longest time to wait, in seconds.
         name
-            What the user calls the camera.
+            The user's name for the camera.
 
         Raises
         ------
         InputError
-            If the camera cannot be opened, delivers nothing, or another size, or grey pictures
-            where colours are wanted.
+            If the camera cannot be opened, or delivers nothing, another size, or grey pictures
+            instead of colours.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._shots or self.ended or self._refused, wait)
@@ -151,7 +151,7 @@ class Camera:
         self._thread.start()
 
     def _run(self, stop: threading.Event) -> None:
-        """Open, fetch until it fails, and again."""
+        """Open the camera, fetch until it fails, and repeat."""
         while not stop.is_set():
             capture = self._opened()
             if capture is None:
@@ -208,7 +208,7 @@ class Camera:
         return self._wanted.view.of(plane) if self._wanted.view else plane
 
     def _put(self, moment: float, data: Plane, sequence: int | None) -> None:
-        """Queue a frame; by the kernel's numbers it is known what is missing before it."""
+        """Queue a frame; the kernel's numbers show how many are missing before it."""
         with self._changed:
             if sequence is not None:
                 if self._sequence is not None and sequence > self._sequence + 1:
@@ -232,7 +232,7 @@ class Camera:
 
 
 class _FilePace:
-    """Lets a file's frames come at the file's own rate."""
+    """Paces a file's frames at the file's own rate."""
 
     def __init__(self, capture: Capture) -> None:
         rate = capture.get(cv2.CAP_PROP_FPS)
@@ -245,7 +245,7 @@ class _FilePace:
 
 
 def _moment(capture: Capture, come: float) -> float:
-    """The driver's time of the frame if it is of the host's clock, else when it came."""
+    """The driver's time of the frame if it is on the host's clock, else the time of arrival."""
     told = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
     return told if 0 <= come - told < 1 else come
 
@@ -259,7 +259,7 @@ def _grey(frame: Any) -> Plane:
 
 
 def _colours(frame: Any) -> Plane:
-    """Three planes, one beside another, as the driver orders them; grey stays grey."""
+    """H x W x 3 in the driver's order; grey stays grey."""
     picture = np.asarray(frame)
     if picture.ndim == 3 and picture.shape[2] == 1:
         picture = picture[..., 0]

@@ -1,4 +1,4 @@
-"""Cameras by what they are, not by the order in which they were plugged in (Linux)."""
+"""Cameras by serial number or link, regardless of the order of connection (Linux)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import NamedTuple
 from tactograph.graph import InputError
 
 SYSFS = Path("/sys/class/video4linux")
-"""Where the kernel tells of cameras."""
+"""Where the kernel lists cameras."""
 SERIAL = "serial:"
 NODE = re.compile(r"/dev/video(\d+)")
 
 
 class NamedCamera(NamedTuple):
-    """A camera that is plugged in; `serial` is empty where it has none."""
+    """A connected camera; `serial` is empty if it has none."""
 
     device: str
     name: str
@@ -23,20 +23,20 @@ class NamedCamera(NamedTuple):
 
 
 def named_cameras(sysfs: Path | None = None) -> list[NamedCamera]:
-    """The cameras there are, by number; what shows no pictures (metadata) is left out."""
+    """The connected cameras, by number, without devices that deliver no pictures (metadata)."""
     found = []
     for entry in sorted((sysfs or SYSFS).glob("video*"), key=lambda each: int(each.name[5:])):
         if _read(entry / "index") not in ("", "0"):
             continue
         interface = (entry / "device").resolve()
-        # A USB camera's serial number is its device's, of which the camera is an interface.
+        # A USB camera is an interface of a device, which has the serial number.
         serial = _read(interface / "serial") or _read(interface.parent / "serial")
         found.append(NamedCamera(f"/dev/{entry.name}", _read(entry / "name"), serial))
     return found
 
 
 def device_of(camera: str) -> str:
-    """The device node that a serial number or a link such as ``/dev/v4l/by-id/...`` means now.
+    """The present device node of a serial number or of a link such as ``/dev/v4l/by-id/...``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A one-shot sensor at work: its camera, and the stream of touches, one to a colour frame."""
+"""A live one-shot sensor: its camera, and its stream of touches, one per colour frame."""
 
 from __future__ import annotations
 
@@ -47,22 +47,22 @@ SAYS = {
     "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
     "camera lost": "the camera is gone: looking for it until it is back",
 }
-"""What every fault is, in one line."""
+"""One line of explanation for every fault."""
 
 
 @dataclass
 class ColourSensor:
-    """A camera over a film under three colours; `table` is the simulated one's film."""
+    """A camera that sees a film under three colours; `table` is the film of a simulated one."""
 
     camera: Camera
     table: SimulatedColourSensor | None
 
     def truth(self, end: float) -> Height | None:
-        """The true height of a frame whose exposure ended at `end`, where it is known."""
+        """The true height for a frame whose exposure ended at `end`, if known."""
         return None if self.table is None else self.table.truth(end)
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         self.camera.close()
 
 
@@ -75,16 +75,16 @@ def open_colour_sensor(
     queue: int = 8,
     timeout: float = 0.5,
 ) -> ColourSensor:
-    """Open a one-shot sensor's camera, real or simulated, and see that it delivers.
+    """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
 
-    What `wanted` leaves open is the preset's, whose view is taken of a real camera's pictures;
-    a simulated one delivers frames as they are afterwards.
+    The preset completes `wanted`.  Its view is applied to a real camera's pictures; a simulated
+    camera delivers frames to which the view is already applied.
 
     Raises
     ------
     InputError
-        If it cannot be opened, or delivers nothing, another size, or grey pictures; if the
-        preset's frames are of another size.
+        If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
+        the preset's frames have another size.
     """
     table: SimulatedColourSensor | None = None
     once = False
@@ -106,7 +106,7 @@ def open_colour_sensor(
 
 
 def _film_of(preset: SensorPreset | None) -> dict[str, float]:
-    """What a simulated sensor of this kind shows."""
+    """Image and pixel size of a simulated sensor of this kind."""
     if preset is None:
         return {}
     width, height = preset.size
@@ -114,12 +114,12 @@ def _film_of(preset: SensorPreset | None) -> dict[str, float]:
 
 
 def _with_preset(wanted: Wanted, preset: SensorPreset) -> Wanted:
-    """What the driver is asked for, and the view of its pictures.
+    """The settings to request from the driver, and the view of its pictures.
 
     Raises
     ------
     InputError
-        If frames of another size than the preset's are wanted.
+        If the requested size differs from the preset's.
     """
     size = wanted.width or preset.size[0], wanted.height or preset.size[1]
     if size != preset.size:
@@ -150,13 +150,13 @@ class ColourStream:
     sensor
         Not closed here.
     film
-        The film at rest; a colour is an LED.
+        The film at rest; each colour counts as an LED.
     order
-        The channels that are the lights, as the calibration counts them.
+        The channels that are the lights, in the calibration's order.
     full
         The camera's largest value; 0: that of the frame's type.
     state
-        What is counted.
+        The counters.
     """
 
     sensor: ColourSensor
@@ -174,7 +174,7 @@ class ColourStream:
     def touches(
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
     ) -> Iterator[Touch]:
-        """Yield touches until the time, their number or a video file is at its end."""
+        """Yield touches until the time, their number or a video file ends."""
         camera = self.sensor.camera
         return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
 
@@ -184,7 +184,7 @@ class ColourStream:
         return self._touch(usable) if usable else None
 
     def _supervise(self, passed_over: int) -> None:
-        """Count what the camera went through, and the frames that newer ones replace."""
+        """Count the camera's faults, and the frames that newer ones replace."""
         camera = self.sensor.camera
         camera.faults["dropped"] += max(passed_over, 0)
         self._log.take(Counter(camera.faults))
@@ -197,7 +197,7 @@ class ColourStream:
             self._log.restart()
 
     def _is_usable(self, shot: Shot) -> bool:
-        """Whether a frame shows the film; what else it shows is counted."""
+        """Whether a frame shows the film; otherwise count its fault."""
         self._log.count(shot)
         fault = self._fault(shot.data)
         if fault:
@@ -210,7 +210,7 @@ class ColourStream:
     def _fault(self, data: Plane) -> str:
         if data.shape != (*self.film.size, len(self.film.patterns)):
             return "wrong size"
-        # A few rows say as much of light from elsewhere as all do.
+        # A few rows detect saturation as well as all rows.
         sample = data[::5].copy()
         if (
             np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
@@ -223,7 +223,7 @@ class ColourStream:
         return self._judge_brightness(data)
 
     def _judge_brightness(self, data: Plane) -> str:
-        """A dark frame is discarded; a colour that has changed is told, and followed."""
+        """Discard a dark frame; report a changed colour, but keep its frame."""
         light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(top_of(data, self.full))
         share = light / self.film.scale
         gains = np.median(share.reshape(len(share), -1), axis=1)
@@ -235,7 +235,7 @@ class ColourStream:
         return ""
 
     def _touch(self, shots: list[Shot]) -> Touch:
-        """The newest frame's; all frames go along, for a recording."""
+        """The touch of the newest frame; it carries all frames, for a recording."""
         newest = shots[-1]
         self.state.touches += 1
         return Touch(
@@ -252,7 +252,7 @@ class ColourStream:
 
 
 def planes_of(data: Plane | F4, order: Order, top: float = 1.0) -> Light:
-    """The lights of a colour frame, H x W x 3 as a driver gives it: 3 x H x W, 0 to 1."""
+    """The lights of a driver's colour frame (H x W x 3) as 3 x H x W, 0 to 1."""
     ordered = cv2.split(data) if order == "bgr" else cv2.split(data)[::-1]
     scale = np.float32(1 / top)
     image: F4 = np.empty((len(ordered), *data.shape[:2]), np.float32)

@@ -1,4 +1,4 @@
-"""Count and report what goes wrong with a stream of frames."""
+"""Count and report the faults of a stream of frames."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tactograph.nodes.live._frames import LiveState
 
 LOG = logging.getLogger("tactograph")
 AGAIN_S = 2.0
-"""A fault that goes on is reported again after so many seconds."""
+"""Seconds after which a continuing fault is reported again."""
 SILENCE_S = 0.7
-"""Without a touch for so long, faults are reported at once instead of with the next touch."""
+"""Seconds without a touch after which faults are reported at once, not with the next touch."""
 PACE_S, MOST_OFF_PACE = 2.0, 0.05
-"""The camera's rate is measured over so many seconds, and may be off by this share."""
+"""Seconds over which the camera's rate is measured, and its largest relative error."""
 
 SAYS = {
     "mixed": "a frame shows LED {led} and another one, or LED {led} in some rows only: discarded",
@@ -40,20 +40,21 @@ SAYS = {
     "controller lost": "the LED controller is gone: looking for it until it is back",
     "controller reset": "the LED controller was reset: its cycle is started again",
 }
-"""What every fault is, in one line."""
+"""One line of explanation for every fault."""
 
 
 class FaultLog:
-    """Counts frames and faults, and says each fault in one line.
+    """Counts frames and faults, and reports each fault in one line.
 
     Parameters
     ----------
     state
-        What is counted.
+        The counters.
     rate
-        Frames per second that the camera has to deliver, since LEDs change as often; None: any.
+        Frames per second that the camera must deliver, because the LEDs change as often.
+        None: any rate.
     says
-        What every fault is, in one line.
+        One line of explanation for every fault.
     """
 
     def __init__(
@@ -66,34 +67,34 @@ class FaultLog:
         self._teller = _Teller()
 
     def take(self, counted: Counter[str]) -> None:
-        """Note what others have counted since the last time."""
+        """Note the faults that others have counted since the last call."""
         for fault, times in (counted - self._counted).items():
             self.note(fault, times=times)
         self._counted = counted
 
     def note(self, fault: str, about: object = 0, times: int = 1) -> None:
-        """Count a fault, and say it with the next touch."""
+        """Count a fault, and report it with the next touch."""
         self.state.faults[fault] += times
         says = self._says.get(fault, f"the LED controller: {fault}")
         self._teller.add(says.format(led=about))
 
     def add(self, line: str) -> None:
-        """Say something that is no fault of the stream."""
+        """Report a line that is not a fault of the stream."""
         self._teller.add(line)
 
     def tell(self, *, with_item: bool) -> None:
-        """Say what waits: with a touch, or at once if none comes."""
+        """Report waiting lines: with a touch, or at once if none comes."""
         self._teller.tell(with_item=with_item)
 
     def count(self, shot: Shot) -> None:
-        """Count a frame, and those that are missing before it."""
+        """Count a frame, and the frames missing before it."""
         self.state.frames += 1
         if self._rate is not None:
             self._count_gap(shot.time, self._rate)
             self._check_pace(shot, self._rate)
 
     def restart(self) -> None:
-        """Forget when the last frame came: the camera was connected again."""
+        """Forget the time of the last frame, because the camera was reconnected."""
         self._before = self._pace = None
 
     def _count_gap(self, moment: float, rate: float) -> None:
@@ -121,7 +122,7 @@ class FaultLog:
 
 
 class _Teller:
-    """Says each fault in one line: with the next touch, or at once if none comes."""
+    """Reports each fault in one line: with the next touch, or at once if none comes."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""Camera frames with their LED, the touches they make up, and what went wrong on the way."""
+"""Camera frames with their LED, the touches made of them, and the counters of a stream."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from tactograph.graph import Port
 from tactograph.nodes import Height, Labels, Light, Slope
 
 ALL_LIT = -1
-"""In place of an LED's number: all LEDs are lit, a colour each."""
+"""In place of an LED's number: all LEDs, each of another colour, are lit."""
 
 
 @dataclass(frozen=True)
 class RawFrame:
-    """One camera frame as it came.
+    """One raw camera frame.
 
-    `number` is counted by the camera, so that a gap is a drop.  `led` is the LED it was
-    exposed with, from 1, 0 if all were off, or ALL_LIT in a one-shot sensor.  `time` is the
-    end of the exposure in seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit; of a
-    one-shot sensor H x W x 3 in the order of the camera's driver.
+    `number` is counted by the camera, so that a gap means dropped frames.  `led` is the lit LED,
+    from 1; 0 if all were off, or ALL_LIT in a one-shot sensor.  `time` is the end of the
+    exposure in seconds of ``time.monotonic()``.  `data` is H x W, 8 or 16 bit; for a one-shot
+    sensor H x W x 3 in the order of the camera's driver.
     """
 
     number: int
@@ -34,7 +34,7 @@ class RawFrame:
 
 @dataclass
 class LiveState:
-    """What a stream has counted so far: frames, touches, drops, and every fault by name.
+    """The counters of a stream: frames, touches, drops, and every fault by name.
 
     `motion` is the largest change of the light, 1 on the film at rest, from one cycle of the
     LEDs to the next.
@@ -49,10 +49,10 @@ class LiveState:
 
 
 class Touch(NamedTuple):
-    """The newest light of every LED or colour, and the frames that are new in it.
+    """The newest light of every LED or colour, and its new frames.
 
-    True slopes and shadows are known of no sensor at work; they are here so that a camera can
-    stand wherever `read_capture` does.
+    True slopes and shadows are never known live; the fields exist so that a camera can replace
+    `read_capture` anywhere.
     """
 
     image: Light

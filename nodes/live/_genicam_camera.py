@@ -1,7 +1,8 @@
-"""Industrial cameras (GenICam) by harvesters, called like ``cv2.VideoCapture``.
+"""Industrial cameras (GenICam) through harvesters, with the interface of ``cv2.VideoCapture``.
 
-The camera's maker brings a GenTL producer, a ``.cti`` file; the variable GENICAM_GENTL64_PATH
-says where such files are.  A process loads each of them once, so all cameras share a Harvester.
+The camera's maker provides a GenTL producer, a ``.cti`` file; the variable GENICAM_GENTL64_PATH
+names the folders of such files.  A process loads each of them only once, so all cameras share
+one Harvester.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from tactograph.nodes.live._camera_names import NamedCamera
 GENICAM = "genicam:"
 PRODUCERS = "GENICAM_GENTL64_PATH"
 WAIT_S = 1.0
-"""Without a frame for so long, the camera counts as lost."""
+"""Time without a frame after which the camera counts as lost."""
 STEADY = 128
-"""Frames by which the camera's clock is compared with the host's: drift within them is nothing."""
+"""Frames over which the camera's clock is compared with the host's; their drift is negligible."""
 PIXELS = re.compile(r"(Mono|Bayer(?:RG|GR|GB|BG)|(?:RGB|BGR)a?)(8|10|12|14|16)")
-"""The pixel formats that are read: names of the PFNC, without those that are packed."""
+"""The supported pixel formats: PFNC names, without packed formats."""
 COLOUR = ("BayerRG8", "BayerGR8", "BayerGB8", "BayerBG8", "RGB8", "BGR8", "RGBa8", "BGRa8")
 GREY = ("Mono16", "Mono14", "Mono12", "Mono10", "Mono8")
-"""In the order in which they are taken, where the camera is set to none that is wanted."""
+"""Preferred formats, in order, for a camera that is not set to a suitable one."""
 FEATURES = {
     cv2.CAP_PROP_FRAME_WIDTH: "Width",
     cv2.CAP_PROP_FRAME_HEIGHT: "Height",
@@ -42,12 +43,12 @@ FEATURES = {
     cv2.CAP_PROP_EXPOSURE: "ExposureTime",
     cv2.CAP_PROP_GAIN: "Gain",
 }
-"""OpenCV's properties and the standard's features; an exposure is in microseconds."""
+"""The standard's feature for each of OpenCV's properties; exposure is in microseconds."""
 AUTOMATIC = {
     cv2.CAP_PROP_AUTO_EXPOSURE: ("ExposureAuto", "GainAuto"),
     cv2.CAP_PROP_AUTO_WB: ("BalanceWhiteAuto",),
 }
-# By the first row's two pixels, as GenICam has it; OpenCV has aliases of all four.
+# Named by the first row's two pixels, as in GenICam; OpenCV has aliases of all four.
 MOSAICS = {
     "BayerRG": cv2.COLOR_BayerRGGB2BGR,
     "BayerGR": cv2.COLOR_BayerGRBG2BGR,
@@ -57,11 +58,11 @@ MOSAICS = {
 
 _lock = threading.RLock()
 _shared: list[Any] = []
-"""The process' Harvester, once there is one."""
+"""The process's Harvester, once there is one."""
 
 
 def genicam_cameras() -> list[NamedCamera]:
-    """The cameras that the producers know.
+    """The cameras that the producers find.
 
     Raises
     ------
@@ -80,12 +81,12 @@ def genicam_cameras() -> list[NamedCamera]:
 
 
 def check_genicam(camera: str) -> None:
-    """See that a camera is there, can be opened, and has pixels that can be read.
+    """Check that a camera exists, can be opened, and has a supported pixel format.
 
     Raises
     ------
     InputError
-        If not, or harvesters or producers are missing.
+        If it does not, or harvesters or producers are missing.
     """
     there = genicam_cameras()
     if camera not in {each.device for each in there}:
@@ -109,21 +110,21 @@ def check_genicam(camera: str) -> None:
 
 
 class GenicamCapture:
-    """What of ``cv2.VideoCapture`` is used, for a GenICam camera.
+    """The used part of ``cv2.VideoCapture``, for a GenICam camera.
 
     Parameters
     ----------
     camera
         ``genicam:`` and the serial number.
     colour
-        Whether pictures are wanted in colour.
+        Whether to deliver colour pictures.
 
     Attributes
     ----------
     sequence
-        The number of the last frame: a gap is a frame that was lost.
+        The number of the last frame; a gap means lost frames.
     reason
-        Why the camera is not opened.
+        Why the camera could not be opened.
     """
 
     def __init__(self, camera: str, *, colour: bool) -> None:
@@ -145,7 +146,7 @@ class GenicamCapture:
 
     @property
     def formats(self) -> list[str]:
-        """The names of the pixel formats that the camera has."""
+        """The names of the camera's pixel formats."""
         node = self._feature("PixelFormat")
         return [] if node is None else [str(each) for each in node.symbolics]
 
@@ -154,15 +155,15 @@ class GenicamCapture:
         return self._acquirer is not None
 
     def getBackendName(self) -> str:  # noqa: N802
-        """As no back end of OpenCV is called."""
+        """A name that no back end of OpenCV has."""
         return "GENICAM"
 
     def release(self) -> None:
-        """End the stream and close."""
+        """End the stream and close the camera."""
         acquirer, self._acquirer = self._acquirer, None
         if acquirer is None:
             return
-        # What was unplugged cannot be closed in order.
+        # An unplugged camera cannot be closed properly.
         with _lock, suppress(*_errors()):
             if self._streaming:
                 acquirer.stop()
@@ -181,7 +182,7 @@ class GenicamCapture:
         return prop in FEATURES and self._write(FEATURES[prop], int(value) if whole else value)
 
     def get(self, prop: int) -> float:
-        """A feature's value, or the last frame's time in ms; -1 of what the camera has not."""
+        """A feature's value, or the last frame's time in ms; -1 if the camera lacks the feature."""
         if prop == cv2.CAP_PROP_POS_MSEC:
             return 1e3 * self._moment
         if prop in AUTOMATIC:
@@ -192,7 +193,7 @@ class GenicamCapture:
         return -1.0 if node is None else float(node.value)
 
     def grab(self) -> bool:
-        """Wait for the next frame that is whole; False if the camera is gone."""
+        """Wait for the next complete frame; False if the camera is gone."""
         try:
             if not self._streaming:
                 self._start()
@@ -201,7 +202,7 @@ class GenicamCapture:
                 buffer = self._acquirer.try_fetch(timeout=WAIT_S)
                 if buffer is not None and self._take(buffer):
                     return True
-        # Of a camera that was closed in another thread nothing is left.
+        # The camera may have been closed in another thread.
         except _errors(ValueError, AttributeError, IndexError):
             return False
         return False
@@ -220,7 +221,7 @@ class GenicamCapture:
         self._streaming = True
 
     def _suits(self, name: str) -> bool:
-        """Whether the format that the camera is set to is one that is wanted."""
+        """Whether a pixel format is supported, and colour or grey as requested."""
         return bool(PIXELS.fullmatch(name)) and name.startswith("Mono") != self._colour
 
     def _take(self, buffer: Any) -> bool:
@@ -235,7 +236,7 @@ class GenicamCapture:
         return self._picture is not None
 
     def _feature(self, name: str) -> Any:
-        """A feature that can be read now; None if the camera has it not."""
+        """A feature that is readable now; None if the camera does not have it."""
         try:
             node = getattr(self._acquirer.remote_device.node_map, name)
             _ = node.value
@@ -255,16 +256,16 @@ class GenicamCapture:
 
 
 class _Clock:
-    """Brings the camera's clock to the host's: the frame that came quickest sets it.
+    """Converts the camera's clock to the host's, by the frame with the fastest transfer.
 
-    What a transfer takes at least stays in the time; its jitter does not.
+    The shortest transfer time remains in the result; its jitter does not.
     """
 
     def __init__(self) -> None:
         self._apart: deque[float] = deque(maxlen=STEADY)
 
     def host(self, stamp: float | None, come: float) -> float:
-        """The frame's time on the host's clock; when it came, if the camera does not say."""
+        """The frame's time on the host's clock; its arrival if the camera gives no time."""
         if stamp is None:
             return come
         self._apart.append(come - stamp)
@@ -274,18 +275,18 @@ class _Clock:
 def decode(
     data: NDArray[Any], name: str, width: int, height: int, padding: int = 0
 ) -> NDArray[Any] | None:
-    """Turn a frame's elements into a picture; None where they are no whole one.
+    """Convert a frame's elements to a picture; None if they are incomplete or unsupported.
 
     Parameters
     ----------
     data
-        As harvesters gives them: 8 or 16 bit, row by row.
+        Elements from harvesters: 8 or 16 bit, row by row.
     name
         The pixel format's name.
     width, height
         Of the picture.
     padding
-        Elements at the end of each row that are no picture.
+        Unused elements at the end of each row.
 
     Returns
     -------
@@ -312,16 +313,16 @@ def decode(
 
 
 def _stamp(buffer: Any) -> float | None:
-    """The frame's time on the camera's clock in s; None if it does not tell."""
+    """The frame's time on the camera's clock in s; None if the camera gives none."""
     try:
         return float(buffer.timestamp) / float(buffer.timestamp_frequency) or None
-    # Where a producer knows no frequency, harvesters has an attribute error of its own.
+    # If a producer knows no frequency, harvesters itself raises an attribute error.
     except _errors(AttributeError, ZeroDivisionError):
         return None
 
 
 def _updated() -> Any:
-    """The process' Harvester; it looks for cameras only while none is open: that closes them."""
+    """The process's Harvester; it updates only while no camera is open, because that closes it."""
     if not _shared:
         core = _harvesters()
         harvester = core.Harvester()
@@ -341,7 +342,7 @@ def _created(harvester: Any, serial: str) -> Any:
         return harvester.create({"serial_number": serial})
     finally:
         if main:
-            # It takes Ctrl-C, which is the pipeline's.
+            # Harvesters takes over Ctrl-C, which belongs to the pipeline.
             signal.signal(signal.SIGINT, before)
 
 
@@ -367,7 +368,7 @@ def _producers() -> list[Path]:
 
 
 def _errors(*others: type[Exception]) -> tuple[type[Exception], ...]:
-    """What producers and cameras raise, and others."""
+    """The errors that producers and cameras raise, and `others`."""
     try:
         gentl, genapi = (importlib.import_module(f"genicam.{name}") for name in ("gentl", "genapi"))
     except ImportError:

@@ -1,4 +1,4 @@
-"""What the controller's clock shows at a moment of the host's, and which LED is lit then."""
+"""Convert host time to the controller's clock, and find which LED is lit then."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 WINDOW = 10.0
-"""Seconds for which what was heard of the controller's clock counts."""
+"""Seconds for which bounds on the controller's clock are used."""
 DRIFT = 1e-4
 """Two quartz clocks drift apart by less than this (100 ppm)."""
 
@@ -16,20 +16,19 @@ DRIFT = 1e-4
 class Clock:
     """Maps the controller's clock to time.monotonic(), in seconds.
 
-    Whatever the controller tells of its time was true before it came, and an answer was given
-    after its request was sent.  Each of these bounds the difference between the two clocks;
-    the narrowest bounds of the last seconds, widened by the drift since, leave an interval
-    whose middle is taken.
+    The controller reads its clock before its message arrives, and after a request was sent.
+    Both facts bound the difference between the clocks.  The narrowest bounds of the last
+    seconds, widened by the drift since, form an interval, whose middle is used.
     """
 
     def __init__(self) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=256)
         self._difference: float | None = None
         self.error = math.inf
-        """Half the interval that is left: the error at most."""
+        """Half the interval: the largest possible error."""
 
     def hear(self, controller: float, received: float, sent: float = -math.inf) -> None:
-        """Take in that the controller's clock showed `controller` between two moments."""
+        """Note that the controller's clock showed `controller` between `sent` and `received`."""
         bounds = self._bounds
         bounds.append((received, sent - controller, received - controller))
         while received - bounds[0][0] > WINDOW:
@@ -41,16 +40,16 @@ class Clock:
             self.error = abs(high - low) / 2
 
     def controller(self, host: float) -> float | None:
-        """The controller's time at a moment of time.monotonic(); None before it is known."""
+        """The controller's time at a time of time.monotonic(); None until it is known."""
         return None if self._difference is None else host - self._difference
 
     def jitter(self) -> float:
-        """Standard deviation of how long what the controller tells is under way, in s."""
+        """Standard deviation of the controller's transmission times, in s."""
         late = [b[2] for b in self._bounds]
         return statistics.pstdev(late) if len(late) > 1 else math.nan
 
     def forget(self) -> None:
-        """Start anew: the controller has been switched off, or another one came."""
+        """Start again, after the controller was switched off or replaced."""
         self._bounds.clear()
         self._difference = None
         self.error = math.inf
@@ -58,7 +57,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Course:
-    """LEDs that take turns from `since` on, `step` seconds each; times by the controller."""
+    """LEDs that take turns from `since` on, `step` seconds each; in controller time."""
 
     since: float
     order: tuple[int, ...]
@@ -72,5 +71,5 @@ class Course:
         return self.order[math.floor((time - self.start) / self.step) % len(self.order)]
 
     def moved(self, start: float) -> Course:
-        """The same, a cycle of it having begun at `start`."""
+        """The same course with a cycle that began at `start`."""
         return replace(self, start=start)

@@ -1,8 +1,8 @@
-"""The LED controller as the host sees it: found, commanded, watched, and found again.
+"""The host's side of the LED controller: find, command, watch, and find it again.
 
 The protocol, the wiring and the firmware are described in docs/hardware.md.
 
-Long because every command has to restore the same state after a lost connection.
+Long because every command must restore the same state after a lost connection.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = [
 
 NAME = "tactograph-led"
 BEAT = 0.2
-"""Seconds between two looks at whether the controller is there and does what it should."""
+"""Seconds between two checks that the controller is present and in the requested state."""
 RETRY = 0.1
 """Seconds between two attempts to find it again."""
 FULL = 1000
@@ -41,7 +41,7 @@ FULL = 1000
 
 @dataclass(frozen=True)
 class Identity:
-    """Who a controller is: `uid` is its chip's own number, `firmware` its release."""
+    """Identity of a controller: `uid` is its chip's unique number, `firmware` its release."""
 
     protocol: int
     firmware: str
@@ -51,26 +51,26 @@ class Identity:
 
 @dataclass(frozen=True)
 class Status:
-    """What the controller does and has counted.
+    """State and counters of the controller.
 
     Attributes
     ----------
     state
         "off", "set" or "cycle".
     led
-        The LED that is lit at this moment, 0 if none.
+        The LED that is lit now, 0 if none.
     step, cycle
-        Place in the order, from 0, and number of the cycle, from 0; -1 outside a cycle.
+        Position in the order and number of the cycle, both from 0; -1 outside a cycle.
     last_step_us, time_us
-        When that step began, and now, by the controller's clock in microseconds.
+        Start of that step, and present time, on the controller's clock in microseconds.
     bad_lines
-        Lines that reached the controller damaged.
+        Number of damaged lines that the controller received.
     watchdog
         How often it switched off because the host was silent.
     burnt_out
-        LEDs through which no current flows; None where the board does not measure it.
+        LEDs through which no current flows; None if the board does not measure it.
     round_trip_s
-        How long this answer took.
+        Time from request to answer.
     """
 
     state: str
@@ -92,7 +92,7 @@ def open_controller(
     leds: int = 4,
     watchdog_s: float = 2.0,
 ) -> LedController:
-    """Find the LED controller, make sure that it understands us, and switch its LEDs off.
+    """Find the LED controller, check its protocol, and switch its LEDs off.
 
     Parameters
     ----------
@@ -100,17 +100,17 @@ def open_controller(
         A serial port (``/dev/ttyACM0``, ``COM3``, a pseudo-terminal); None: the first
         controller found by its USB id.
     timeout_s
-        How long an answer may take.
+        Longest time that an answer may take.
     leds
-        How many LEDs are needed.
+        Number of LEDs that are needed.
     watchdog_s
-        The controller switches its LEDs off once the host has been silent for so long.
+        Silence of the host after which the controller switches its LEDs off.
 
     Raises
     ------
     InputError
-        In one line: no controller there, no permission, the port taken by another program,
-        no or unintelligible answers, another protocol version, too few LEDs.
+        In one line: no controller, no permission, port in use by another program, no or
+        invalid answers, another protocol version, too few LEDs.
     """
     if port is not None:
         return LedController(port, timeout_s, leds, watchdog_s)
@@ -127,21 +127,21 @@ def open_controller(
 
 
 class LedController:
-    """A connected LED controller; `open_controller` makes it.
+    """A connected LED controller; `open_controller` creates it.
 
-    Any thread may use it.  A thread of its own looks after it: what fails is found again by
-    its unique id, on whatever port, and does again what it did (brightness, LED or cycle).
-    Until then requests raise `ControllerLostError` and `step_at` says None.  Leaving its ``with``
-    block, or `close`, switches the LEDs off.
+    Any thread may use it.  Its own thread monitors it: a lost controller is found again by its
+    unique id on any port, and its state (brightness, LED or cycle) is restored.  Until then
+    requests raise `ControllerLostError` and `step_at` returns None.  Leaving its ``with`` block,
+    or `close`, switches the LEDs off.
 
     Attributes
     ----------
     port
-        Where it was found last.
+        Where it was last found.
     identity
-        Who it is.
+        Its identity.
     recoveries
-        For each time it was lost or reset, the seconds until it did again what it should.
+        For each loss or reset, the seconds until its state was restored.
     """
 
     port: str
@@ -178,7 +178,7 @@ class LedController:
         except BaseException:
             self._link.close()
             raise
-        # Some boards start anew when their port is opened; that is no fault.
+        # Some boards restart when their port is opened; that is not a fault.
         self._failed_at = None
         self._faults.clear()
         self._news.clear()
@@ -193,12 +193,12 @@ class LedController:
 
     @property
     def connected(self) -> bool:
-        """Whether it is there and does what it should."""
+        """Whether it is present and in the requested state."""
         return self._failed_at is None and not self._link.lost
 
     @property
     def faults(self) -> Counter[str]:
-        """How often what happened: "controller lost", "controller reset", "bad line"…"""
+        """Counts of each fault: "controller lost", "controller reset", "bad line"…"""
         with self._known:
             faults = Counter(self._faults)
             faults["bad line"] += self._link.bad
@@ -206,17 +206,17 @@ class LedController:
 
     @property
     def clock_error_s(self) -> float:
-        """By how much `step_at` may be wrong in time, at most; infinite before it knows."""
+        """Largest timing error of `step_at`; infinite until the clock is known."""
         return self._clock.error
 
     @property
     def jitter_s(self) -> float:
-        """Standard deviation of the time that lines from the controller are under way."""
+        """Standard deviation of the transmission time of lines from the controller."""
         with self._known:
             return self._clock.jitter()
 
     def news(self) -> list[str]:
-        """What happened since this was last asked, a line each."""
+        """What has happened since the last call, one line each."""
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def set(self, led: int) -> None:
@@ -224,15 +224,15 @@ class LedController:
         self._do(f"set {led}", (led,))
 
     def off(self) -> None:
-        """All LEDs off; a cycle ends."""
+        """Switch all LEDs off; this ends a cycle."""
         self._do("off", (0,))
 
     def stop(self) -> None:
-        """End the cycle; all LEDs are off then."""
+        """End the cycle and switch all LEDs off."""
         self.off()
 
     def brightness(self, led: int, share: float) -> None:
-        """Set how bright an LED is when it is lit, 0 to 1, in thousandths."""
+        """Set an LED's brightness when lit, 0 to 1, in thousandths."""
         level = round(FULL * share)
         with self._commands:
             self._ask(f"level {led} {level}")
@@ -248,7 +248,7 @@ class LedController:
     ) -> None:
         """Let the LEDs take turns, timed by the controller's hardware.
 
-        A controller that is lost meanwhile takes the cycle up once it is back.
+        A controller that is lost meanwhile resumes the cycle once it is back.
 
         Parameters
         ----------
@@ -257,7 +257,7 @@ class LedController:
         step_s
             Duration of a step: the camera's frame time.
         on_s
-            For how long an LED is lit from the start of its step; None: until its end.
+            How long an LED is lit from the start of its step.  None: until its end.
         trigger_s
             Length of the pulse on the trigger output at the start of each step; 0: none.
         """
@@ -272,7 +272,7 @@ class LedController:
             raise
 
     def status(self) -> Status:
-        """Ask the controller what it does and has counted."""
+        """Request the controller's state and counters."""
         heard = self._ask("status")
         with _intelligible():
             status = _status(heard)
@@ -280,11 +280,11 @@ class LedController:
         return status
 
     def step_at(self, host_time: float) -> int | None:
-        """The LED whose turn it was at a moment of time.monotonic(), 0 for none.
+        """The LED whose turn it was at a time of time.monotonic(), 0 for none.
 
-        Within a step the LED may already be dark again, where the on-time is shorter.  None if
-        it is not known: no contact yet, lost, or the moment is too long ago.  The moment at
-        which steps change is known to `clock_error_s`.
+        If the on-time is shorter than the step, the LED may already be dark.  None if it is not
+        known: no contact yet, controller lost, or the time is too long ago.  The times at which
+        steps change are known to `clock_error_s`.
         """
         with self._known:
             moment = self._clock.controller(host_time)
@@ -296,10 +296,10 @@ class LedController:
         return None
 
     def reconnect(self) -> bool:
-        """Look once for this very controller, on its port and on all others; True if found.
+        """Search once for this controller, on its port and all others; True if found.
 
-        It then does again what it did.  There is no need to call this: the controller looks
-        for itself ten times a second.
+        Its state is then restored.  There is no need to call this, because the monitoring thread
+        searches ten times a second.
         """
         with self._commands:
             for port in dict.fromkeys([self._given, self.port, *find_ports()]):
@@ -321,7 +321,7 @@ class LedController:
             return False
 
     def close(self) -> None:
-        """Switch the LEDs off and leave the port."""
+        """Switch the LEDs off and close the port."""
         if self._closed.is_set():
             return
         self._closed.set()
@@ -333,7 +333,7 @@ class LedController:
         finally:
             self._link.close()
 
-    # Asking
+    # Requests
 
     def _connect(self, port: str) -> tuple[Link, Identity]:
         link = Link(open_port(port, self._timeout), self._timeout, self._event, self._woken.set)
@@ -348,7 +348,7 @@ class LedController:
             return self._link.request(body)
 
     def _do(self, wish: str, order: tuple[int, ...], step: float = math.inf) -> None:
-        """Ask for a state that lasts, and keep in mind that it is wanted."""
+        """Request a lasting state, and remember it for `_restore`."""
         with self._commands:
             heard = self._ask(wish)
             self._wish = wish
@@ -356,11 +356,11 @@ class LedController:
                 moment = 1e-6 * int(heard.values["t"])
             with self._known:
                 self._hear(heard)
-                # A cycle's first event says exactly when its first step began.
+                # A cycle's first event later gives the exact start of its first step.
                 self._courses.append(Course(moment, order, step, moment))
 
     def _restore(self) -> None:
-        """Have the controller do what it should."""
+        """Restore the controller's requested state."""
         self._ask(f"watchdog {self._watchdog}")
         for led, level in self._levels.items():
             self._ask(f"level {led} {level}")
@@ -371,7 +371,7 @@ class LedController:
         order = tuple(int(word) for word in words[0].split(","))
         self._do(self._wish, order, 1e-6 * int(words[1]))
 
-    # Hearing
+    # Answers and events
 
     def _hear(self, heard: Heard) -> None:
         with self._known, _intelligible():
@@ -382,7 +382,7 @@ class LedController:
         self._courses.clear()
 
     def _event(self, event: Event, now: float) -> None:
-        """What the reading thread hears unasked."""
+        """Handle an event from the reading thread."""
         with contextlib.suppress(ValueError, IndexError), self._known:
             if event.name == "cycle":
                 began = 1e-6 * int(event.words[1])
@@ -398,7 +398,7 @@ class LedController:
                 self._fail("host silent", "the LED controller heard nothing and switched off")
                 self._woken.set()
 
-    # Looking after it
+    # Monitoring
 
     def _keep(self) -> None:
         while not self._closed.is_set():
@@ -411,7 +411,7 @@ class LedController:
                     self._mended()
 
     def _look_after(self) -> bool:
-        """Whether the controller is there and does what it should, if need be by mending."""
+        """Check the controller, restore or find it if needed; whether it then is in order."""
         if not self._link.lost:
             try:
                 if self._failed_at is None and self._does_what_it_should():
@@ -457,7 +457,7 @@ class LedController:
 
 @contextlib.contextmanager
 def _intelligible() -> Iterator[None]:
-    """Values that are not as the protocol has them count as no answer."""
+    """Treat values that violate the protocol as no answer."""
     try:
         yield
     except (KeyError, ValueError):
@@ -465,12 +465,12 @@ def _intelligible() -> Iterator[None]:
 
 
 def _identified(link: Link, port: str, timeout_s: float) -> Identity:
-    """Who is at the other end.
+    """Identify the device at the other end.
 
     Raises
     ------
     InputError
-        If it is no LED controller, or one that speaks another version.
+        If it is not an LED controller, or has another protocol version.
     """
     try:
         values = link.request("id").values

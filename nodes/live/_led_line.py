@@ -1,6 +1,6 @@
-"""The lines between host and LED controller: framing, checksum, and what they say.
+"""The lines between host and LED controller: framing, checksum and content.
 
-The protocol is described in docs/hardware.md; ``firmware/protocol.py`` is its other end.
+The protocol is described in docs/hardware.md; ``firmware/protocol.py`` is the other end.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ import re
 from dataclasses import dataclass, field
 
 PROTOCOL = 1
-"""The version of the protocol spoken here."""
+"""The version of the protocol."""
 LONGEST = 400
-"""Bytes of a line at most."""
+"""Most bytes of a line."""
 _LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
 _NUMBER = re.compile(r"[0-9]{1,18}")
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What the controller answered to the request `number`.
+    """The controller's answer to the request `number`.
 
-    `values` are its ``key=value`` words; `refusal` is the reason if it did not obey.
+    `values` are its ``key=value`` words; `refusal` is the reason if it refused.
     """
 
     number: int
@@ -31,7 +31,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Event:
-    """What the controller said unasked: ``cycle``, ``ready`` or ``watchdog``."""
+    """An unsolicited message from the controller: ``cycle``, ``ready`` or ``watchdog``."""
 
     name: str
     words: tuple[str, ...]
@@ -44,7 +44,7 @@ def frame(body: str) -> bytes:
 
 
 def unframe(line: bytes) -> str | None:
-    """The body of a line without its newline; None if a byte of it was changed on the way."""
+    """The body of a line without its newline; None if it was damaged in transit."""
     match = _LINE.fullmatch(line)
     if match is None or binascii.crc_hqx(match[1], 0xFFFF) != int(match[2], 16):
         return None
@@ -52,7 +52,7 @@ def unframe(line: bytes) -> str | None:
 
 
 def parse(body: str) -> Answer | Event | None:
-    """What a body from the controller says; None if it is none of the protocol's."""
+    """Parse a body from the controller; None if it does not follow the protocol."""
     words = body.split(" ")
     if words[0] == "!" and len(words) > 1:
         return Event(words[1], tuple(words[2:]))
@@ -69,19 +69,19 @@ def parse(body: str) -> Answer | Event | None:
 
 @dataclass
 class Lines:
-    """Cuts a stream of bytes into what the controller says, and counts in `bad` what is not right.
+    """Splits a stream of bytes into the controller's messages, and counts damaged lines in `bad`.
 
-    After garbage or a line cut off, the next whole line is understood again.
+    After garbage or a truncated line, the next complete line is understood again.
     """
 
     bad: int = 0
     _rest: bytes = field(default=b"", repr=False)
 
     def feed(self, data: bytes) -> list[Answer | Event]:
-        """Take in bytes; return what the lines they complete say."""
+        """Take in bytes; return the messages that they complete."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > LONGEST:
-            # The tail of an endless line is no line: keep what makes it wrong.
+            # The tail of an overlong line must not pass as a line: keep a byte that spoils it.
             self._rest = b"?"
         said = []
         for line in lines:

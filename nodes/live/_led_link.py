@@ -1,4 +1,4 @@
-"""Requests and answers over an open serial port, read by a thread of its own."""
+"""Requests and answers over an open serial port, which a separate thread reads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.graph import InputError, TactographError
 from tactograph.nodes.live._led_line import Answer, Event, Lines, frame
 
 ATTEMPTS = 4
-"""A request is sent so often before it counts as unanswered; none does harm twice."""
+"""How often a request is sent before it counts as unanswered; repetition does no harm."""
 
 
 class ControllerLostError(TactographError):
@@ -22,12 +22,12 @@ class ControllerLostError(TactographError):
 
 
 class ControllerRefusedError(InputError):
-    """The LED controller does not do what it was asked, and said why."""
+    """The LED controller refused a request, with a reason."""
 
 
 @dataclass(frozen=True)
 class Heard:
-    """An answer's values, and between which moments of time.monotonic() it was given."""
+    """An answer's values, and the times of time.monotonic() between which it was given."""
 
     values: dict[str, str]
     sent: float
@@ -35,16 +35,16 @@ class Heard:
 
 
 class Link:
-    """A conversation over one open port; any thread may ask.
+    """A connection over one open port; any thread may send requests.
 
     Parameters
     ----------
     port
         An open port; the link closes it.
     timeout_s
-        How long a request may take, with all its repetitions.
+        Longest time that a request may take, including all repetitions.
     on_event
-        Called by the reading thread with each event and the time at which it came.
+        Called by the reading thread with each event and its time of arrival.
     on_loss
         Called by the reading thread when the port fails.
     """
@@ -70,21 +70,21 @@ class Link:
         self._closing = False
         self._thread = threading.Thread(target=self._read, name="LED controller", daemon=True)
         self._thread.start()
-        # Ends whatever an earlier program left half said.
+        # Ends an incomplete line that an earlier program may have left.
         self._write(b"\n")
 
     @property
     def bad(self) -> int:
-        """Lines that came damaged."""
+        """Number of damaged lines received."""
         return self._lines.bad
 
     def request(self, body: str) -> Heard:
-        """Ask, and wait for the answer.
+        """Send a request and wait for the answer.
 
         Raises
         ------
         ControllerLostError
-            If none comes in time, or the port fails.
+            If no answer comes in time, or the port fails.
         ControllerRefusedError
             With the controller's reason.
         """
@@ -115,7 +115,7 @@ class Link:
                 raise OSError
             self._port.write(data)
         except (OSError, TypeError, AttributeError):
-            # pyserial's own errors are OSErrors; the others come from a port just closed.
+            # pyserial's own errors are OSErrors; a port that was just closed raises the others.
             self._lose()
             raise ControllerLostError("the connection to the LED controller is lost") from None
 

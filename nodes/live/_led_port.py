@@ -1,4 +1,4 @@
-"""Where the LED controller is plugged in, and why a port cannot be opened."""
+"""Find the LED controller's port, and explain why a port cannot be opened."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ USB_IDS = {
 }
 """USB vendor and product of boards that may be an LED controller."""
 BAUD = 115200
-"""Only a converter between USB and UART cares; a Pico on USB does not."""
+"""Only matters for a USB-UART converter, not for a Pico on USB."""
 
 
 def find_ports() -> list[str]:
@@ -27,25 +27,25 @@ def find_ports() -> list[str]:
 
 
 def open_port(port: str, timeout_s: float) -> serial.SerialBase:
-    """Open `port` for this program alone; reads wait 0.1 s at most, writes `timeout_s`.
+    """Open `port` exclusively; reads wait at most 0.1 s, writes `timeout_s`.
 
     Raises
     ------
     InputError
-        If there is no such port, another program has it, or it may not be opened; if it is a
-        URL, some of which write files.
+        If there is no such port, another program uses it, or permission is missing; if it is a
+        URL, because some of them write files.
     """
     if "://" in port:
         raise InputError(f"port={port}: is no device; give its name, such as /dev/ttyACM0")
     try:
         return serial.Serial(port, BAUD, timeout=0.1, write_timeout=timeout_s, exclusive=True)
     except (OSError, ValueError) as error:
-        # serial.SerialException is an OSError; most of its kind carry the number.
+        # serial.SerialException is an OSError, and most have an errno.
         raise InputError(_why_not(port, error)) from None
 
 
 def no_controller() -> InputError:
-    """The error for a port that was neither given nor found; it lists what there is."""
+    """The error for a port that was neither given nor found; it lists the existing ports."""
     names = [
         f"{p.device} ({p.description})" if p.description not in (None, "n/a") else p.device
         for p in sorted(list_ports.comports())
@@ -56,7 +56,7 @@ def no_controller() -> InputError:
 
 
 def holder(port: str) -> str | None:
-    """The program that has `port` open, such as "minicom (pid 812)", where that can be seen."""
+    """The program that has `port` open, such as "minicom (pid 812)"; None if unknown."""
     device = os.path.realpath(port)
     for folder in Path("/proc").glob("[0-9]*"):
         if int(folder.name) == os.getpid():
@@ -83,7 +83,7 @@ def _why_not(port: str, error: Exception) -> str:
 
 
 def _remedy(port: str) -> str:
-    """Which group may open the port, and how to get into it."""
+    """How to join the group that may open the port."""
     try:
         import grp
 

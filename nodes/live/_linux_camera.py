@@ -1,7 +1,7 @@
-"""A camera read through the kernel (V4L2) by linuxpy, called like ``cv2.VideoCapture``.
+"""A camera read through the kernel (V4L2) by linuxpy, with the interface of ``cv2.VideoCapture``.
 
-Frames have the kernel's time and number, so what is lost is known and not guessed, and grey
-cameras give all of their 10 to 16 bits.  linuxpy is GPL-3.0; nothing else here needs it.
+Frames have the kernel's time and number, so lost frames are known, not guessed, and grey cameras
+deliver all of their 10 to 16 bits.  linuxpy is GPL-3.0; nothing else here needs it.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from tactograph.graph import InputError
 
 BUFFERS = 4
 WAIT_S = 1.0
-"""Without a frame for so long, the camera counts as lost."""
+"""Time without a frame after which the camera counts as lost."""
 COLOUR = ("MJPG", "YUYV", "BGR3", "RGB3")
 GREY = ("Y16 ", "Y12 ", "Y10 ", "GREY", "YUYV", "MJPG")
-"""Pixel formats in the order in which they are taken, where none is asked for."""
+"""Preferred pixel formats, in order, if none is requested."""
 BITS = {"Y10 ": 10, "Y12 ": 12, "Y16 ": 16}
 CONTROLS = {
     cv2.CAP_PROP_AUTO_EXPOSURE: 0x009A0901,
@@ -32,7 +32,7 @@ CONTROLS = {
     cv2.CAP_PROP_GAIN: 0x00980913,
     cv2.CAP_PROP_WB_TEMPERATURE: 0x0098091A,
 }
-"""OpenCV's properties and V4L2's controls."""
+"""The V4L2 control for each of OpenCV's properties."""
 
 
 def linuxpy() -> Any:
@@ -52,19 +52,19 @@ def linuxpy() -> Any:
 
 
 class LinuxCapture:
-    """What of ``cv2.VideoCapture`` is used, for ``/dev/videoN``.
+    """The used part of ``cv2.VideoCapture``, for ``/dev/videoN``.
 
     Parameters
     ----------
     device
         The device node.
     colour
-        Whether pictures are wanted in colour.
+        Whether to deliver colour pictures.
 
     Attributes
     ----------
     sequence
-        The kernel's number of the last frame: a gap is a frame that was lost.
+        The kernel's number of the last frame; a gap means lost frames.
     """
 
     def __init__(self, device: str, *, colour: bool) -> None:
@@ -89,25 +89,25 @@ class LinuxCapture:
         return not self._device.closed
 
     def getBackendName(self) -> str:  # noqa: N802
-        """As OpenCV calls the kernel's interface; manual exposure is the same number."""
+        """OpenCV's name of this interface, because manual exposure has the same value."""
         return "V4L2"
 
     def release(self) -> None:
-        """End the stream and close."""
-        # What was unplugged cannot be closed in order.
+        """End the stream and close the camera."""
+        # An unplugged camera cannot be closed properly.
         with suppress(OSError):
             self._source.close()
         self._device.close()
 
     def set(self, prop: int, value: float) -> bool:
-        """Ask for a size, a rate, a pixel format, or a control's value."""
+        """Request a size, a rate, a pixel format, or a control's value."""
         if prop in CONTROLS:
             return self._control(prop, value)
         self._asked[prop] = value
         return True
 
     def get(self, prop: int) -> float:
-        """What was asked for, a control's value, or the last frame's time in ms."""
+        """A requested value, a control's value, or the last frame's time in ms."""
         if prop == cv2.CAP_PROP_POS_MSEC:
             return 1e3 * self._moment
         if prop in CONTROLS:
@@ -118,7 +118,7 @@ class LinuxCapture:
         return self._asked.get(prop, 0.0)
 
     def grab(self) -> bool:
-        """Wait for the next frame that is whole; False if the camera is gone."""
+        """Wait for the next complete frame; False if the camera is gone."""
         try:
             if not self._streaming:
                 self._start()
@@ -151,14 +151,14 @@ class LinuxCapture:
         self._source.set_format(width, height, self._format())
         rate = self._asked.get(cv2.CAP_PROP_FPS)
         if rate:
-            # Some cameras have one rate only.
+            # Some cameras have only one rate.
             with suppress(OSError):
                 self._source.set_fps(rate)
         self._source.open()
         self._streaming = True
 
     def _format(self) -> str:
-        """The pixel format that was asked for, else the best that the camera has."""
+        """The requested pixel format, else the camera's best one."""
         asked = self._asked.get(cv2.CAP_PROP_FOURCC)
         if asked:
             return struct.pack("<I", int(asked)).decode("ascii")
@@ -174,18 +174,18 @@ class LinuxCapture:
 
 
 def decode(data: bytes, name: str, width: int, height: int, stride: int) -> NDArray[Any] | None:
-    """Turn a frame's bytes into a picture; None where they are no whole one.
+    """Convert a frame's bytes to a picture; None if they are incomplete or damaged.
 
     Parameters
     ----------
     data
-        As the kernel gives them.
+        Bytes from the kernel.
     name
         The pixel format's four letters.
     width, height
         Of the picture.
     stride
-        Bytes of a row; what goes beyond its pixels is no picture.
+        Bytes per row, including unused ones after its pixels.
 
     Returns
     -------

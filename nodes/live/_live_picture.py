@@ -1,4 +1,4 @@
-"""One picture of a touch for people who watch a stream: fast enough for every camera frame."""
+"""Draw a picture of a touch for a live stream, fast enough for every camera frame."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ALPHA = 0.75
 DIM = 0.6
 """Brightness of the image under the labels, so that their colours stand out."""
 WHITE_SHARE = 0.995
-"""The share of the pixels that the camera picture shows below white."""
+"""Share of the pixels that are shown below white."""
 LABELS = 256
 BLUE, GREEN, RED = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
 NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
@@ -41,7 +41,7 @@ NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
     "bgr": (BLUE, GREEN, RED),
     "rgb": (RED, GREEN, BLUE),
 }
-"""What the lights are called, and their labels' colours."""
+"""Names of the lights, and colours of their labels."""
 
 
 def draw_touch(
@@ -61,20 +61,20 @@ def draw_touch(
     height
         H x W, mm.
     shadow
-        H x W, a bit per shadowed LED.
+        H x W, one bit per LED that does not reach the pixel.
     image
-        K x H x W; LED 1 is shown, or the colours, and under the labels the mean.
+        K x H x W; shown are LED 1, or the colours, and under the labels the mean.
     pixel
         mm per px.
     top
-        The height in mm at which the colours end.
+        Upper end of the colour scale in mm.
     footer
         One line of text.
     moved
-        Markers M x 3 in px, their shifts M x 2 and whether they are seen, M: drawn as arrows
+        Markers M x 3 in px, their shifts M x 2 and whether they are seen, M; drawn as arrows
         over the camera image.
     lights
-        "bgr" or "rgb" where the lights are the colours of one picture.
+        "bgr" or "rgb" if the lights are the colours of one picture.
     """
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
@@ -109,7 +109,7 @@ def draw_touch(
 
 def colour_height(height: Height, top: float) -> Picture:
     """Heights as colours from dark (0) to light (`top`, mm); grey where not finite."""
-    # An average tells whether there is any NaN at all, faster than a mask does.
+    # The mean shows faster than a mask whether there is any NaN.
     known = np.isfinite(height) if not np.isfinite(height.mean()) else None
     finite = height if known is None else np.where(known, height, 0)
     coloured = _colours()[cv2.convertScaleAbs(np.maximum(finite, 0), alpha=255 / top)]
@@ -119,7 +119,7 @@ def colour_height(height: Height, top: float) -> Picture:
 
 
 def round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10, 20, … times a power of ten."""
+    """Round up to 1, 2, 5 or 10 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(max(value, 1e-9)))
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
 
@@ -132,7 +132,7 @@ def _grey(image: Light, width: int, height: int) -> Picture:
 
 
 def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
-    """The lights as the colours that they are."""
+    """The lights in their true colours."""
     rows, columns = like.shape[:2]
     planes = [_resized(plane, columns, rows) for plane in image]
     picture = np.stack(planes if lights == "rgb" else planes[::-1], axis=-1)
@@ -159,7 +159,7 @@ def _label_colours(lights: Lights) -> Picture:
 
 @lru_cache
 def _colours() -> Picture:
-    """256 x 3: dark to light, even to the eye."""
+    """256 x 3, from dark to light, perceptually uniform."""
     ramp = np.arange(256, dtype=np.uint8)[:, None]
     bgr = cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS)
     return np.asarray(bgr[:, 0, ::-1], np.uint8)
@@ -198,7 +198,7 @@ def _ticks(pen: ImageDraw.ImageDraw, x: int, y: int, top: float) -> None:
 
 
 def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: float) -> None:
-    """A length of 1, 2 or 5 mm (or tenths, tens) of about a fifth of the picture."""
+    """Draw a scale bar of 1, 2 or 5 mm (or tenths, tens), about a fifth of the picture wide."""
     length = round_up(mm / 8)
     across = width * length / mm
     y = bottom - 16

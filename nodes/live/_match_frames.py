@@ -1,4 +1,4 @@
-"""Match a stream of frames to the LEDs of a cycle: their images, and the controller's clock."""
+"""Match a stream of frames to the LEDs of a cycle, by their images and the controller's clock."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from tactograph.nodes import F4
 from tactograph.nodes.live._led_in_frame import Film, Plane, Sight, light_of, reach, see
 
 Clock = Callable[[float], int | None]
-"""The LED that was lit at a moment of time.monotonic(), 0 for none; None: not known."""
+"""The LED that was lit at a time of time.monotonic(), 0 for none; None if unknown."""
 LEAST_REACH = 0.012
 """Share of a neighbour in the cycle above which a frame is mixed."""
 REACH_SHARE = 0.1
-"""Weight of a new frame in the mean of that share, which is known better."""
+"""Weight of a new frame in the running mean of that share, which is more accurate."""
 STRANGE_CYCLES = 2
-"""After so many cycles without a usable frame the ambient light is looked for again."""
+"""Number of cycles without a usable frame after which the ambient light is measured again."""
 SLIPPED = 3
-"""So many frames out of turn in a row are no swap any more."""
+"""Number of consecutive frames out of turn after which the cycle counts as slipped."""
 DARK_CYCLES = 3
-"""An LED that stays dark so often while others light is taken to be burnt out."""
+"""How often an LED must stay dark, while others are lit, to count as burnt out."""
 PHASES = 8
-"""Delays of the camera that are distinguished, in parts of a step of the cycle."""
+"""Number of camera delays that are distinguished per step of the cycle."""
 FORGET = 0.9
-"""What remains of a delay's score with every frame."""
+"""Factor by which the delays' scores decay with every frame."""
 
 
 class Verdict(NamedTuple):
@@ -44,7 +44,7 @@ class Verdict(NamedTuple):
     """The LED that the fault is about; 0 for none."""
     other: int = 0
     share: float = 0.0
-    """Of a mixed frame: the second LED, 0 for none, and its share of the light."""
+    """In a mixed frame: the second LED, 0 for none, and its share of the light."""
     gain: float = 1.0
     """The LED's brightness, 1 as calibrated."""
 
@@ -53,27 +53,27 @@ class Verdict(NamedTuple):
 class Matcher:
     """Matches a stream of frames to the LEDs of a cycle.
 
-    The image is asked first.  Where the controller's clock is known, both have to agree; how
-    late the camera's times are against that clock is learnt from the frames themselves.
+    The image is evaluated first.  If the controller's clock is known, both must agree; the delay
+    of the camera's times against that clock is learnt from the frames themselves.
 
     Parameters
     ----------
     film
-        What the film at rest looks like.
+        The film at rest.
     cycle
         The LEDs in the order of the cycle, 0 for the ambient step.
     rate
         Frames per second.
     clock
-        The controller's cycle; None: the image alone decides.
+        The controller's cycle.  None: the image alone decides.
     full
         The camera's largest value; 0: that of the frame's type.
     burnt
         LEDs that stay dark.
     usual_reach
-        The `reach` of frames that are in order: 0 unless the film looks otherwise than it did.
+        The `reach` of correct frames: 0 unless the film has changed since the calibration.
     mean_reach
-        Mean of what the last frames had above that.
+        Running mean of the excess over it.
     """
 
     film: Film
@@ -98,7 +98,7 @@ class Matcher:
         self._delay = _Delay(self.cycle, self.rate)
 
     def restart(self) -> None:
-        """Forget the cycle's phase: the camera or the controller was connected again."""
+        """Forget the cycle's phase, because the camera or the controller was reconnected."""
         self._delay = _Delay(self.cycle, self.rate)
         self._last = self._before = None
         self._first, self._ambient_known = [], False
@@ -106,16 +106,16 @@ class Matcher:
         self._disagreed = 0
 
     def match(self, data: Plane, time: float, light: F4 | None = None) -> Verdict:
-        """Say which LED a frame belongs to, or why it is discarded.
+        """Determine which LED a frame belongs to, or why it is discarded.
 
         Parameters
         ----------
         data
             H x W, the frame.
         time
-            The end of its exposure as the camera reported it, s of time.monotonic().
+            The end of its exposure as reported by the camera, in s of time.monotonic().
         light
-            `light_of` the frame, if it is known.
+            `light_of` the frame, if known.
         """
         if light is None:
             light = light_of(data, self.full)
@@ -150,7 +150,7 @@ class Matcher:
         return verdict._replace(gain=sight.gain) if sight.kind == "one" else verdict
 
     def _overlap(self, light: F4, led: int) -> float:
-        """`reach` of a frame, above what is usual."""
+        """Excess of a frame's `reach` over the usual one."""
         film = self.film
         found = reach(light - film.dark, film.scale, led, *self._neighbours(led))
         return found - self.usual_reach
@@ -160,7 +160,7 @@ class Matcher:
         return self.cycle[place - 1], self.cycle[(place + 1) % len(self.cycle)]
 
     def _learn_ambient(self, light: F4) -> Verdict:
-        """Take the darkest frame of the first cycle for the ambient step's."""
+        """Take the darkest frame of the first cycle as that of the ambient step."""
         self._first.append(light)
         if len(self._first) > len(self.cycle):
             darkest = min(self._first, key=lambda light: float(np.median(light)))
@@ -187,7 +187,7 @@ class Matcher:
         return Verdict(led)
 
     def _off(self, light: F4, due: int | None, time: float) -> Verdict:
-        """A dark frame: the ambient step, an LED that fails, or a covered lens."""
+        """Judge a dark frame: the ambient step, a failing LED, or a covered lens."""
         if due is None:
             return Verdict(None, "dark")
         if due == 0:
@@ -206,7 +206,7 @@ class Matcher:
         return Verdict(due, "burnt out", due)
 
     def _due(self, time: float) -> int | None:
-        """The LED whose turn it is: by the clock if there is one, else by order."""
+        """The LED whose turn it is: by the clock if there is one, else by the cycle's order."""
         if self.clock is not None:
             return self._delay.due(time, self.clock)
         if self._last is None or time - self._last[0] > 2 * len(self.cycle) / self.rate:
@@ -215,7 +215,7 @@ class Matcher:
         return self.cycle[(self.cycle.index(self._last[1]) + steps) % len(self.cycle)]
 
     def _is_doubled(self, data: NDArray[np.generic]) -> bool:
-        """Whether it is the frame before once more: noise never repeats."""
+        """Whether it repeats the previous frame, because noise never repeats."""
         sample = data[::5, ::3]
         same = self._before is not None and np.array_equal(sample, self._before)
         self._before = sample.copy()
@@ -223,10 +223,10 @@ class Matcher:
 
 
 class _Delay:
-    """How late the camera's times are against the controller's clock, modulo a cycle.
+    """Delay of the camera's times against the controller's clock, modulo a cycle.
 
-    Every frame votes for the delays that would explain its LED; the middle of the longest run
-    of the best ones is taken.
+    Every frame votes for the delays that would explain its LED.  The result is the middle of the
+    longest run of the best ones.
     """
 
     def __init__(self, cycle: tuple[int, ...], rate: float) -> None:
@@ -243,7 +243,7 @@ class _Delay:
             self._votes += 1
 
     def due(self, time: float, clock: Clock) -> int | None:
-        """The LED that the clock says; None before enough frames have voted."""
+        """The LED by the clock; None until enough frames have voted."""
         if self._votes < self._needed:
             return None
         return clock(time - self.seconds)

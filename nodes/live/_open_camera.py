@@ -1,4 +1,4 @@
-"""Open a camera, and settle what it does by itself: size, rate, exposure, gain, white balance."""
+"""Open a camera, and fix its size, rate, exposure, gain and white balance."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol, cast
 
-# V4L2 waits so many seconds for a frame of a camera that has stopped; OpenCV's own 10 would
-# keep the thread from opening it again.  Read at the first wait.
+# Seconds that V4L2 waits for a frame of a camera that has stopped; OpenCV's default of 10 would
+# keep the thread from reopening it.  OpenCV reads the variable at the first wait.
 os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
 
 import cv2
@@ -24,13 +24,13 @@ Library = Literal["opencv", "linuxpy"]
 Plane = NDArray[np.uint8] | NDArray[np.uint16]
 
 NET_TIMEOUTS = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 1000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000)
-"""OpenCV's own are half a minute."""
+"""OpenCV's defaults are half a minute."""
 FILES = ("FFMPEG", "CV_MJPEG", "CV_IMAGES", "GSTREAMER")
-"""Back ends whose pictures come from files or the net: they have no exposure to set."""
+"""Back ends for files or network streams, which have no exposure to set."""
 
 
 class Capture(Protocol):
-    """What of ``cv2.VideoCapture`` is used: anything that has it can be the camera."""
+    """The used part of ``cv2.VideoCapture``: any object with it can be the camera."""
 
     def isOpened(self) -> bool: ...  # noqa: N802
     def grab(self) -> bool: ...
@@ -43,14 +43,14 @@ class Capture(Protocol):
 
 @dataclass(frozen=True)
 class View:
-    """The part of the camera's picture that is the film, and the size that it is brought to.
+    """The part of the camera's picture that shows the film, and the size it is scaled to.
 
     Parameters
     ----------
     turn_deg
         Counter-clockwise: 0, 90, 180 or 270.
     crop
-        Left, top, right and bottom as shares of the turned picture.
+        Left, top, right and bottom as shares of the rotated picture.
     size
         Width and height of the frames.
     """
@@ -60,7 +60,7 @@ class View:
     size: tuple[int, int]
 
     def of(self, picture: Plane) -> Plane:
-        """Turn, cut and shrink a picture, H x W or H x W x 3."""
+        """Rotate, crop and scale a picture, H x W or H x W x 3."""
         turned: Any = np.rot90(picture, self.turn_deg // 90)
         rows, columns = turned.shape[:2]
         left, top, right, bottom = self.crop
@@ -76,10 +76,10 @@ class View:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the camera is asked for; None leaves a property as the driver has it.
+    """The settings to request from the camera; None keeps the driver's.
 
-    Frames in `colour` are H x W x 3 as the driver gives them, else H x W.  Where there is a
-    `view`, frames are that of the camera's pictures.
+    Frames in `colour` are H x W x 3 as the driver delivers them, else H x W.  A `view` is applied
+    to the camera's pictures.
     """
 
     width: int | None
@@ -96,7 +96,7 @@ class Wanted:
 def open_capture(
     camera: int | str, library: Library = "opencv", *, colour: bool = False
 ) -> Capture:
-    """Open a camera by index, serial number, path or URL; it may turn out not to be opened."""
+    """Open a camera by index, serial number, path or URL; check `isOpened` of the result."""
     if str(camera).startswith(GENICAM):
         return GenicamCapture(str(camera), colour=colour)
     try:
@@ -105,7 +105,7 @@ def open_capture(
         return cv2.VideoCapture()  # it is unplugged
     if library == "linuxpy":
         return LinuxCapture(f"/dev/video{text}" if text.isdecimal() else text, colour=colour)
-    # We report once what cannot be opened.
+    # A camera that cannot be opened is reported once, by us.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     node = NODE.fullmatch(text)
     if node:
@@ -120,8 +120,8 @@ def open_capture(
 def settle(capture: Capture, wanted: Wanted) -> list[str]:
     """Fix size, rate, exposure, gain and white balance; return what the driver refused.
 
-    A camera that sets its own exposure or gain makes the light of one LED depend on that of
-    the others: nothing could be measured.
+    With automatic exposure or gain, the light of one LED would depend on that of the others, and
+    nothing could be measured.
     """
     if capture.getBackendName() in FILES:
         return []
@@ -154,17 +154,17 @@ def settle(capture: Capture, wanted: Wanted) -> list[str]:
 
 
 def _manual(capture: Capture) -> float:
-    """The value that means manual exposure: V4L2's menu has 1, the others a quarter."""
+    """The value for manual exposure: 1 in V4L2's menu, a quarter elsewhere."""
     return 1.0 if capture.getBackendName() in ("V4L2", "V4L") else 0.25
 
 
 def check_camera(camera: int | str, library: Library = "opencv") -> bool:
-    """Whether `camera` is a file; a path that names nothing is refused.
+    """Whether `camera` is a file; a path to nothing is refused.
 
     Raises
     ------
     InputError
-        If it looks like a path and there is nothing, or no camera has its serial number, or the
+        If it looks like a path but nothing is there, no camera has its serial number, or the
         library is not installed.
     """
     if str(camera).startswith(GENICAM):

@@ -1,7 +1,7 @@
 """The loops of `_simulated_sensor` over the pixels around its ball, compiled by numba.
 
-They leave a core to the reconstruction, which a simulated camera would else slow down.  Importing
-numba takes half a second, so a sensor imports this when it is made.
+Compiled, they leave a core to the reconstruction, which a simulated camera would otherwise slow
+down.  Importing numba takes half a second, so a sensor imports this module when it is created.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def surface_around(
 ) -> tuple[F4, F4, F4]:
     """Height in mm and slopes p and q at offsets from the ball's axis, W and H.
 
-    `heights` and `steepness` are tabulated by the distance from the axis, `by` entries to the mm.
+    `heights` and `steepness` are tabulated by distance from the axis, with `by` entries per mm.
     """
     size = down.size, across.size
     height, p, q = (

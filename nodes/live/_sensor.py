@@ -1,4 +1,4 @@
-"""A sensor at work: its camera, its LEDs, and what its film looks like; real or simulated."""
+"""A live sensor, real or simulated: its camera, its LEDs, and its film at rest."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ FREE = "none"
 """The port of LEDs that flash by themselves."""
 SIMULATED = "simulated"
 START_S = 3.0
-"""A camera has so long to deliver its first frame."""
+"""Longest time until a camera's first frame."""
 CHANGE_GRID = 64
-"""Moments per step at which the clock is asked for the next change."""
+"""Times per step at which the clock is searched for the next change."""
 
 
 class Lamps(Protocol):
-    """The LEDs: what they do by the clock, and what went wrong with their controller."""
+    """The LEDs: their clock, and the faults of their controller."""
 
     @property
     def faults(self) -> Counter[str]:
-        """How often what happened."""
+        """Count of each fault."""
 
     @property
     def clock(self) -> Clock | None:
-        """The LED that is lit at a moment; None if nobody knows."""
+        """A function that gives the LED lit at a time; None if it is unknown."""
 
     @property
     def starts(self) -> int:
@@ -65,15 +65,15 @@ class Lamps(Protocol):
         """Start the cycle again."""
 
     def news(self) -> list[str]:
-        """What happened since this was last asked, a line each."""
+        """What has happened since the last call, one line each."""
 
     def close(self) -> None:
-        """Switch all LEDs off and let go of the controller."""
+        """Switch all LEDs off and release the controller."""
 
 
 @dataclass
 class FreeLamps:
-    """LEDs that flash by themselves: nothing is known of them, nothing can be done."""
+    """LEDs that flash by themselves, without any knowledge or control of them."""
 
     clock: None = None
     starts: int = 1
@@ -83,7 +83,7 @@ class FreeLamps:
         """Not possible."""
 
     def hold(self, led: int) -> None:
-        """Not possible either, and needed."""
+        """Not possible; refused, because callers need it."""
         raise InputError(
             "port=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
             "images of your own (tactograph run calibrate capture=DIR flat=DIR)"
@@ -103,8 +103,8 @@ class FreeLamps:
 class ControlledLamps:
     """LEDs that a controller steps through the cycle, one step per camera frame.
 
-    Whether a step and a frame overlap with their neighbours is not known beforehand: the
-    camera's frames say it, and `shift` moves the cycle against them.
+    It is not known beforehand whether frames overlap with neighbouring steps.  The frames show
+    it, and `shift` then moves the cycle relative to them.
     """
 
     def __init__(self, controller: LedController, cycle: Sequence[int], rate: float) -> None:
@@ -116,12 +116,12 @@ class ControlledLamps:
 
     @property
     def clock(self) -> Clock:
-        """The controller's own."""
+        """The controller's clock."""
         return self._controller.step_at
 
     @property
     def faults(self) -> Counter[str]:
-        """As the controller counts them."""
+        """The controller's fault counts."""
         return self._controller.faults
 
     @property
@@ -135,7 +135,7 @@ class ControlledLamps:
         change = self._next_change(time.monotonic() + self._step / 4)
         if change is not None:
             wait = change + (steps % 1) * self._step - time.monotonic()
-            # The request is on its way for half of the time that question and answer take.
+            # The request takes half of the round trip.
             with suppress(ControllerLostError, ControllerRefusedError):
                 wait -= self._controller.status().round_trip_s / 2
             time.sleep(max(wait, 0))
@@ -151,7 +151,7 @@ class ControlledLamps:
         self._start()
 
     def news(self) -> list[str]:
-        """What happened to the controller, a line each."""
+        """What has happened to the controller, one line each."""
         return self._controller.news()
 
     def close(self) -> None:
@@ -159,12 +159,12 @@ class ControlledLamps:
         self._controller.close()
 
     def _start(self) -> None:
-        # A controller that is lost starts the cycle by itself once it is back.
+        # A lost controller starts the cycle by itself once it is back.
         with suppress(ControllerLostError, ControllerRefusedError):
             self._controller.start_cycle(self._cycle, step_s=self._step)
 
     def _next_change(self, after: float) -> float | None:
-        """When the controller steps on next; None if that is not known."""
+        """The time of the controller's next step; None if unknown."""
         grid = [after + self._step * i / CHANGE_GRID for i in range(2 * CHANGE_GRID)]
         lit = [self.clock(moment) for moment in grid]
         pairs = pairwise(zip(grid, lit, strict=True))
@@ -173,7 +173,7 @@ class ControlledLamps:
 
 @dataclass
 class Rig:
-    """A camera and its LEDs at work; what their film looks like is not known yet.
+    """A running camera and its LEDs, whose film at rest is not known yet.
 
     Attributes
     ----------
@@ -204,11 +204,11 @@ class Rig:
         )
 
     def truth(self, end: float) -> Height | None:
-        """The true height of a frame whose exposure ended at `end`, where it is known."""
+        """The true height for a frame whose exposure ended at `end`, if known."""
         return None if self.table is None else self.table.truth(end)
 
     def close(self) -> None:
-        """LEDs off, camera closed."""
+        """Switch the LEDs off and close the camera."""
         with ExitStack() as stack:
             if self.board is not None:
                 stack.callback(self.board.close)
@@ -220,7 +220,7 @@ class Rig:
 
 @dataclass
 class Sensor(Rig):
-    """What `read_camera` works with: the rig, and its film from the calibration."""
+    """A rig with the film at rest from its calibration, as `read_camera` uses it."""
 
     film: Film
     dark: Dark
@@ -248,7 +248,7 @@ def open_sensor(
     queue: int = 8,
     timeout: float = 0.5,
 ) -> Sensor:
-    """Open what `read_camera` is asked to read, as `open_rig` does.
+    """Open the sensor for `read_camera`, like `open_rig`.
 
     Parameters
     ----------
@@ -290,9 +290,9 @@ def open_rig(
     camera, port
         As for `read_camera`.
     wanted
-        What the camera is asked for.
+        The settings to request from the camera.
     leds
-        How many LEDs there are.
+        Number of LEDs.
     ambient
         Whether the cycle has a step with all LEDs off.
     library
@@ -311,12 +311,12 @@ def open_rig(
     link: Path | None = None
     once = False
     with ExitStack() as undo:
-        # What is open by then is closed again should the rest fail, or Ctrl-C be pressed.
+        # Close everything again if a later step fails or Ctrl-C is pressed.
         if str(camera).partition("?")[0] == SIMULATED:
             table = SimulatedSensor(read_scene(str(camera), Scene))
             lit_between = steady(cycle, wanted.rate, table.start)
             if port == SIMULATED:
-                # Plugged in again, a controller has another port; a link leads to it, as udev's do.
+                # A replugged controller has another port; a link points to it, as udev's do.
                 link = Path(mkdtemp()) / "controller"
                 undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
                 board = SimulatedController(leds=leds, link=link)

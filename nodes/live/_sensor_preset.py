@@ -1,4 +1,4 @@
-"""What is known of a kind of sensor: a small file, shipped or one's own."""
+"""Presets for kinds of sensor: small files, shipped or the user's own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class _Part(BaseModel):
 
 
 class DriverSettings(_Part):
-    """What the camera's driver is asked for; None leaves it as it is."""
+    """Settings to request from the camera's driver; None keeps the driver's."""
 
     width: Side | None = None
     height: Side | None = None
@@ -33,7 +33,7 @@ class DriverSettings(_Part):
 
 
 class SensorPreset(_Part):
-    """A kind of sensor; ``sensors/gelsight_mini.yaml`` says what every value means."""
+    """A kind of sensor; ``sensors/gelsight_mini.yaml`` explains every value."""
 
     format: Literal[1]
     title: str = ""
@@ -47,12 +47,12 @@ class SensorPreset(_Part):
 
 
 def read_preset(sensor: str) -> SensorPreset:
-    """Read a preset by the name of one that ships, or by the path of one's own.
+    """Read a shipped preset by name, or the user's own by path.
 
     Raises
     ------
     InputError
-        If there is none, or it says something that no preset says, with its place.
+        If there is none, or an entry is invalid; the message gives its place.
     """
     file = Path(sensor)
     if file.suffix != ".yaml":

@@ -1,4 +1,4 @@
-"""A simulated camera above a simulated sensor, called like ``cv2.VideoCapture``."""
+"""A simulated camera above a simulated sensor, with the interface of ``cv2.VideoCapture``."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from tactograph.nodes.live._simulated_colour_sensor import SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import EXPOSED, EXPOSURE_S, SimulatedSensor
 
 LitBetween = Callable[[float, float], Sequence[tuple[int, float]]]
-"""The LEDs that are lit between two moments of time.monotonic(), and for what share of it."""
+"""The LEDs that are lit between two times of time.monotonic(), and for what share of it."""
 ROW_GROUPS = 24
-"""A rolling shutter's rows are exposed in so many groups."""
+"""Number of groups in which a rolling shutter's rows are exposed."""
 
 
 @dataclass
 class SimulatedCamera:
-    """A connection to a simulated sensor: what of ``cv2.VideoCapture`` is needed.
+    """A connection to a simulated sensor: the needed part of ``cv2.VideoCapture``.
 
     Frames end at whole multiples of the frame time, whether they are fetched or not.
 
     Parameters
     ----------
     sensor
-        What it looks at.
+        The sensor that it sees.
     lit_between
-        The simulated controller's LEDs; None: all are lit, and `sensor` is a one-shot sensor.
+        The simulated controller's LEDs.  None: all are lit, and `sensor` is a one-shot sensor.
     full_share
-        The share of an exposure for which an LED is lit when the controller and the camera
-        agree: the calibration's brightness.
+        The share of an exposure for which an LED is lit when controller and camera are in step;
+        this gives the calibration's brightness.
     """
 
     sensor: SimulatedSensor
@@ -61,12 +61,12 @@ class SimulatedCamera:
         return "SIMULATED"
 
     def release(self) -> None:
-        """Close; a `grab` that waits returns False."""
+        """Close the camera; a waiting `grab` returns False."""
         self._open = False
         self._released.set()
 
     def set(self, prop: int, value: float) -> bool:
-        """Take the frame rate, no higher than the exposure allows; size is the scene's."""
+        """Set the frame rate, up to what the exposure allows; the size is the scene's."""
         if prop == cv2.CAP_PROP_FPS and value > 0:
             sensor = self.sensor
             if sensor.scene.exposure_s is None:
@@ -120,7 +120,7 @@ class SimulatedCamera:
         """Wait until the next frame's end and make it."""
         scene, start = self.sensor.scene, self.sensor.start
         now = time.monotonic()
-        # A camera does not wait: what was not fetched in time is gone.
+        # A camera does not wait: frames that were not fetched in time are lost.
         self.number = max(self.number + 1, math.floor((now - start) * self.rate))
         end = start + (self.number + 1) / self.rate
         if self._released.wait(max(end - now, 0)) or not self.isOpened():
@@ -139,7 +139,7 @@ class SimulatedCamera:
         return self.sensor.image(self._shares(end), middle, self.number)
 
     def _shares(self, end: float) -> list[F4]:
-        """How much of every LED's light each row takes up."""
+        """The share of every LED's light that each row receives."""
         assert self.lit_between is not None
         scene = self.sensor.scene
         groups = ROW_GROUPS if scene.readout_s else 1

@@ -14,22 +14,22 @@ from tactograph.nodes.live._simulated_sensor import FULL, NOISES, Scene, Simulat
 from tactograph.nodes.simulate.light_ring import light_ring
 
 COLOURS = 3
-"""Blue, green, red: the order in which a camera's driver gives them."""
+"""Blue, green, red: the order of a camera's driver."""
 FIRST_AZIMUTH_DEG = -90.0
-"""Blue stands above the picture."""
+"""The blue LED is above the picture."""
 BRIGHTEST = 0.55
-"""Of full scale, on the film at rest: a film that faces an LED is half as bright again."""
+"""Largest light of the film at rest; film that faces an LED is half as bright again."""
 PACES = np.array([1.0, 2.0, 0.5])
-"""Of the LEDs' warming up."""
+"""Relative speeds of the LEDs' warm-up."""
 
 
 @checked_dataclass(frozen=True, config={"extra": "forbid"})
 class ColourScene(Scene):
     """A one-shot sensor and the ball that presses it; defaults are a GelSight Mini's size.
 
-    `diffuse` is the share of each LED's light that the gel diffuses, `crosstalk` what each of
-    two colours adds to the third in the camera, `warm_up` by how much the LEDs are brighter at
-    the start, which fades within `warm_s`, green twice as fast as blue, and red half as fast.
+    `diffuse` is the share of each LED's light that the gel diffuses.  `crosstalk` is what each
+    of two colours adds to the third in the camera.  `warm_up` is the LEDs' relative excess at the
+    start, which decays with `warm_s`: in green twice as fast as in blue, in red half as fast.
     """
 
     width_px: Annotated[int, Interval(ge=8, le=4096)] = 320
@@ -46,7 +46,7 @@ class ColourScene(Scene):
 
     @property
     def lights(self) -> LightPositions:
-        """Where the LEDs stand: around the film, a third of a turn apart."""
+        """LED positions: around the film, a third of a turn apart."""
         return light_ring(
             count=COLOURS,
             slant_deg=self.slant_deg,
@@ -56,13 +56,13 @@ class ColourScene(Scene):
 
 
 class SimulatedColourSensor(SimulatedSensor):
-    """Film, coloured LEDs and ball; of the faults, all but those of single LEDs."""
+    """Film, coloured LEDs and ball, with all faults except those of single LEDs."""
 
     scene: ColourScene
 
     def __init__(self, scene: ColourScene, start: float | None = None) -> None:
         super().__init__(scene, start)
-        # What each of the camera's channels takes from each of the LEDs.
+        # Share of each LED in each of the camera's channels.
         mix = np.full((COLOURS, COLOURS), scene.crosstalk, np.float32)
         np.fill_diagonal(mix, 1 - (COLOURS - 1) * scene.crosstalk)
         scale = np.float32(BRIGHTEST / float(self._bare.max()))
@@ -72,7 +72,7 @@ class SimulatedColourSensor(SimulatedSensor):
         self._pictures: dict[int, NDArray[np.uint8]] = {}
 
     def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
-        """What the camera records at a moment: H x W x 3; `number` chooses the noise."""
+        """The camera's picture at a time: H x W x 3; `number` selects the noise."""
         if self.covered:
             return self._developed(np.zeros_like(self._flat), number, ())
         if self.flooded:
@@ -89,7 +89,7 @@ class SimulatedColourSensor(SimulatedSensor):
         return recorded
 
     def _at_rest_all(self, warmth: F4, number: int) -> NDArray[np.uint8]:
-        """The untouched film; developed once for every field of noise while LEDs are steady."""
+        """The untouched film; computed once per field of noise while the LEDs are steady."""
         strength = (warmth * self.strength)[:, None, None]
         if (strength != 1).any():
             return self._developed(self._flat * strength, number, ())
@@ -99,12 +99,12 @@ class SimulatedColourSensor(SimulatedSensor):
         return self._pictures[key]
 
     def _developed(self, light: F4, number: int, part: Any) -> NDArray[np.uint8]:
-        """The camera's three channels of LEDs' light, K x H x W, each with noise of its own."""
+        """The camera's three channels for the LEDs' light, K x H x W, each with its own noise."""
         mixed = np.tensordot(self._mix, light, axes=1)
         channels = [self._recorded(plane, number + c, part) for c, plane in enumerate(mixed)]
         return np.stack(channels, axis=-1)
 
     def _warmth(self, moment: float) -> F4:
-        """How bright the LEDs are, 1 when warm."""
+        """The LEDs' brightness, 1 when warm."""
         pace = PACES * max(moment - self.start, 0.0) / self.scene.warm_s
         return np.asarray(1 + self.scene.warm_up * np.exp(-pace), np.float32)

@@ -1,6 +1,6 @@
 """A simulated LED controller: the firmware's own logic behind a pseudo-terminal.
 
-It is found, opened and spoken to like the board, and can be broken like one.
+It is found, opened and used like the board, and can simulate its faults.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from tactograph.firmware.controller import WRAP, Controller
 
 FULL = 1000
 REMEMBERED = 8192
-"""Changes of the LEDs that `SimulatedController.lit_between` looks back on."""
+"""Number of LED changes that are kept for `SimulatedController.lit_between`."""
 IDLE = 0.02
-"""Seconds after which the main loop comes round at the latest."""
+"""Longest period of the main loop in seconds."""
 
 
 class SimulatedController:
-    """A controller with its board, plugged in from the start; `close` removes it.
+    """A controller with its board, connected from the start; `close` removes it.
 
     Parameters
     ----------
     leds
-        How many LEDs it has.
+        Number of LEDs.
     uid
         The number of its chip.
     drift
-        By how much its clock is too fast.
+        Relative excess speed of its clock.
     senses
         Whether the board measures the current through its LEDs.
     protocol
-        The version of the protocol that it says it speaks.
+        The protocol version that it reports.
     link
-        A path that always leads to its port, as a rule of udev would lay it.
+        A path that always points to its port, like a link made by a udev rule.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class SimulatedController:
     burnt_out
         LEDs that give no light.
     garble
-        What becomes of each line on its way to the host; None: it arrives unchanged.
+        Changes each line on its way to the host.  None: lines arrive unchanged.
     """
 
     def __init__(
@@ -90,11 +90,11 @@ class SimulatedController:
         self.close()
 
     def lit_between(self, start: float, end: float) -> list[tuple[int, float]]:
-        """LEDs that were lit between two moments of time.monotonic(), which have passed.
+        """LEDs that were lit between two past times of time.monotonic().
 
         Returns
         -------
-        (LED, share) for each that gave light: its brightness, 0 to 1, averaged over that time.
+        (LED, share) for each lit LED: its brightness, 0 to 1, averaged over that time.
         """
         with self._lock:
             self._advance()
@@ -113,11 +113,11 @@ class SimulatedController:
 
     @property
     def asked_to_quit(self) -> bool:
-        """Whether the host has ended the firmware."""
+        """Whether the host has asked the firmware to end."""
         with self._lock:
             return self._controller.asked_to_quit
 
-    # What can happen to it
+    # Faults
 
     def unplug(self) -> None:
         """Pull its cable: no port and no power."""
@@ -132,31 +132,31 @@ class SimulatedController:
                 self._link.unlink(missing_ok=True)
 
     def replug(self) -> None:
-        """Plug it in again; it starts anew, on another port."""
+        """Plug it in again; it restarts on another port."""
         with self._lock:
             self._plug_in()
 
     def reset(self) -> None:
-        """Start anew, the port staying open: a reset button behind a converter to UART."""
+        """Restart while the port stays open, like a reset button behind a USB-UART converter."""
         with self._lock:
             self._advance()
             self._darken()
             self._boot()
 
     def freeze(self, seconds: float) -> None:
-        """Do nothing for some time, and remember nothing that came in."""
+        """Hang for some time, and lose all input meanwhile."""
         with self._lock:
             self._darken()
             self._frozen_until = time.monotonic() + seconds
 
     def noise(self, data: bytes) -> None:
-        """Send bytes of no meaning to the host."""
+        """Send meaningless bytes to the host."""
         with self._lock:
             self._write(data)
 
     @contextlib.contextmanager
     def taken(self) -> Iterator[None]:
-        """Let another program have the port for the length of the block."""
+        """Let another program hold the port during the block."""
         other = os.open(self.port, os.O_RDWR | os.O_NOCTTY)
         fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
@@ -165,7 +165,7 @@ class SimulatedController:
             os.close(other)
 
     def close(self) -> None:
-        """Take it away."""
+        """Stop and unplug it."""
         self._closed = True
         self._thread.join(2)
         self.unplug()
@@ -173,7 +173,7 @@ class SimulatedController:
     # The board as the firmware sees it
 
     def ticks(self) -> int:
-        """Microseconds since it was started, modulo 2**30."""
+        """Microseconds since its start, modulo 2**30."""
         return round(1e6 * (1 + self._drift) * (self._now - self._born)) & WRAP
 
     def light(self, led: int, level: int) -> None:
@@ -193,14 +193,14 @@ class SimulatedController:
         self._next_step = self._next_dark = None
 
     def sense(self) -> bool | None:
-        """Whether the LED that is lit conducts."""
+        """Whether the lit LED conducts; None if the board does not measure it."""
         return any(self._changes[-1][1]) if self._senses else None
 
     def send(self, data: bytes) -> None:
-        """A line to the host."""
+        """Send a line to the host."""
         self._write(data if self.garble is None else self.garble(data))
 
-    # How it runs
+    # Simulation
 
     def _plug_in(self) -> None:
         main, far = pty.openpty()
@@ -237,12 +237,12 @@ class SimulatedController:
 
     def _write(self, data: bytes) -> None:
         if self._main is not None:
-            # A full buffer means that nobody reads; the board drops it then, too.
+            # A full buffer means that nobody reads; the board drops lines then, too.
             with contextlib.suppress(BlockingIOError):
                 os.write(self._main, data)
 
     def _advance(self) -> None:
-        """Let everything happen that was due until now, each at its exact time."""
+        """Process everything that was due until now, each at its exact time."""
         now = time.monotonic()
         if self._main is None or now < self._frozen_until:
             return
@@ -270,7 +270,7 @@ class SimulatedController:
             if main is None:
                 time.sleep(IDLE)
                 continue
-            # Its cable may be pulled at any moment.
+            # The cable may be unplugged at any time.
             with contextlib.suppress(OSError):
                 select.select([main], [], [], wait)
             with self._lock:

@@ -1,4 +1,4 @@
-"""A simulated sensor: a film, LEDs, a ball that is pressed and rolled around, and faults."""
+"""A simulated sensor: film, LEDs, a ball that is pressed and rolled around, and faults."""
 
 from __future__ import annotations
 
@@ -29,36 +29,36 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 
 FULL = 255
 EXPOSURE_S, EXPOSED = 0.02, 0.6
-"""An exposure that nobody chose, and the share of a frame's time that it takes at most."""
+"""Default exposure, and the largest share of the frame time that it takes."""
 DEPTHS = 9
-"""Depths at which the film's shape is computed; between them it is interpolated."""
+"""Number of depths at which the film's shape is computed; it is interpolated between them."""
 RADII = 4096
-"""Distances from the ball's axis at which it is tabulated."""
+"""Number of distances from the ball's axis at which the shape is tabulated."""
 REACH_MM = 3.0
-"""So far beyond the contact the film has come to rest: six times `press`'s own reach."""
+"""Distance from the contact at which the film is at rest: six times `press`'s own reach."""
 NOISES = 8
-"""Fields of noise, used in turn."""
+"""Number of noise fields, used in turn."""
 DRAG_REACH_MM = 4.0
-"""Standard deviation of the fall-off of a drag around the ball; `DRAGGED` times that it is gone."""
+"""Standard deviation of a drag's fall-off around the ball; it ends at `DRAGGED` times that."""
 DRAGGED = 4
 RECENT = 8
-"""Films that are kept for the truth."""
+"""Number of latest films that are kept for the true height."""
 
 
 @checked_dataclass(frozen=True, config={"extra": "forbid"})
 class Scene:
     """The sensor and the ball that presses it; defaults agree with the graph `simulate`.
 
-    The ball's axis runs round a circle of `path_mm` once in `period_s`, and in `press_s` the
-    ball goes down to `depth_mm` and up again.  Pressed `by_hand`, it stays away for `rest_s`,
-    and then comes down once in every `press_s`, each time elsewhere within `path_mm` of the
-    middle, and is held still for half of the time.
+    The ball's axis moves on a circle of radius `path_mm` once in `period_s`, and in `press_s` the
+    ball goes down to `depth_mm` and up again.  Pressed `by_hand`, it stays away for `rest_s` and
+    then comes down once in every `press_s`, each time elsewhere within `path_mm` of the middle,
+    and is held still for about half of the time.
 
-    With a `marker_pitch_mm` dots of `marker_mm` radius are printed on the film, which the ball
-    drags to the right with it, by `drag_mm` where it is deepest (`print_markers`).
+    With a `marker_pitch_mm`, dots of radius `marker_mm` are printed on the film.  The ball drags
+    the film to the right, by `drag_mm` at full depth (`print_markers`).
 
-    Without an `exposure_s` it is `EXPOSURE_S`, or `EXPOSED` of the time of a frame where that is
-    less.
+    Without an `exposure_s`, the exposure is the shorter of `EXPOSURE_S` and `EXPOSED` of the
+    frame time.
     """
 
     width_px: Annotated[int, Interval(ge=8, le=4096)] = 640
@@ -86,7 +86,7 @@ class Scene:
 
     @property
     def lights(self) -> LightPositions:
-        """Where the LEDs stand."""
+        """LED positions."""
         return light_ring(slant_deg=self.slant_deg, distance_mm=self.distance_mm)
 
 
@@ -96,12 +96,12 @@ SceneKind = TypeVar("SceneKind", bound=Scene)
 def read_scene(
     text: str, kind: type[SceneKind], known: Mapping[str, Any] | None = None
 ) -> SceneKind:
-    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``; `known` are other defaults.
+    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``; `known` overrides defaults.
 
     Raises
     ------
     InputError
-        If it names something that a scene has not, or a value that is out of range.
+        If it names an unknown property, or a value is out of range.
     """
     pairs = parse_qsl(text.partition("?")[2], keep_blank_values=True)
     try:
@@ -113,9 +113,9 @@ def read_scene(
 
 
 class _Pressed(NamedTuple):
-    """The film around the ball: where, also in mm, height, slopes p and q, and how bright.
+    """The film around the ball: window, positions in mm, height, slopes p and q, brightness.
 
-    `bright` is 1 where the film is bare, less on a marker.
+    `bright` is 1 on bare film, and less on a marker.
     """
 
     rows: slice
@@ -129,25 +129,24 @@ class _Pressed(NamedTuple):
 
 
 class SimulatedSensor:
-    """Film, LEDs and ball, and the faults that a test lets happen.
+    """Film, LEDs and ball, and faults that tests can trigger.
 
     Attributes
     ----------
     plugged
-        False: the cable is out; no camera can be opened, an open one fails.
+        False: the cable is unplugged; no camera can be opened, and an open one fails.
     covered, flooded
-        Something lies before the lens; light from elsewhere saturates the camera.
+        The lens is covered; stray light saturates the camera.
     frozen
         The driver hangs: a fetch does not return.
     strength
         Brightness of each LED, 1 as calibrated; 0 is burnt out.
     size
-        Width and height that the camera delivers, whatever is asked; None: the scene's.
+        Width and height that the camera delivers, whatever is requested.  None: the scene's.
     exposure_s
-        The scene's, or what its camera's rate allows.
+        The scene's exposure, or what its camera's rate allows.
     faults
-        What happens to the next frames, one each: "double", "lose", "swap", "late" or
-        "none".
+        Faults of the next frames, one each: "double", "lose", "swap", "late" or "none".
     """
 
     def __init__(self, scene: Scene, start: float | None = None) -> None:
@@ -179,7 +178,7 @@ class SimulatedSensor:
         self._pressed_light(0, self.start)  # loops are compiled before the camera runs
 
     def place(self, moment: float) -> tuple[float, float, float]:
-        """The ball at a moment: x and y of its axis from the middle, its depth; all mm."""
+        """The ball at a time: x and y of its axis from the middle, and its depth; all in mm."""
         scene, since = self.scene, moment - self.start
         if scene.by_hand:
             return self._place_by_hand(since - scene.rest_s)
@@ -189,37 +188,37 @@ class SimulatedSensor:
         return x, y, scene.depth_mm * down
 
     def _place_by_hand(self, since: float) -> tuple[float, float, float]:
-        """The ball's place, `since` seconds after the film was left alone for long enough."""
+        """The ball's position, `since` seconds after the initial rest."""
         scene = self.scene
         count, part = divmod(max(since, 0.0) / scene.press_s, 1)
-        # Roberts' sequence: any run of it, and any stride through it, fills the film evenly.
+        # Roberts' sequence: any part of it, with any stride, covers the film evenly.
         x, y = (2 * ((0.5 + step * count) % 1) - 1 for step in (0.7548776662, 0.5698402910))
         down = np.interp(part, (0, 0.1, 0.55, 0.65), (0, 1, 1, 0)) if since > 0 else 0.0
         narrow = scene.height_px / scene.width_px
         return scene.path_mm * x, scene.path_mm * narrow * y, scene.depth_mm * float(down)
 
     def truth(self, end: float) -> F4:
-        """The true height, H x W in mm, of a frame whose exposure ended at `end`."""
+        """The true height, H x W in mm, for a frame whose exposure ended at `end`."""
         return self.true_height(end - 0.5 * (self.exposure_s + self.scene.readout_s))
 
     def true_height(self, moment: float) -> F4:
-        """H x W, mm, at a moment."""
+        """The true height at a time, H x W in mm."""
         height = np.zeros(self._flat.shape[1:], np.float32)
         pressed = self._press(moment)
         height[pressed.rows, pressed.columns] = pressed.height
         return height
 
     def image(self, shares: Sequence[F4], moment: float, number: int) -> NDArray[np.uint8]:
-        """What the camera records.
+        """The camera's image.
 
         Parameters
         ----------
         shares
-            By LED, from 1: how much of its light each row takes up, length H.
+            For each LED, from 1: the share of its light that each row receives, length H.
         moment
-            Where the ball is then.
+            Time that determines the ball's position.
         number
-            Chooses the noise.
+            Selects the noise.
         """
         if self.covered:
             return self._recorded(np.zeros_like(self._lens), number, ...)
@@ -242,22 +241,22 @@ class SimulatedSensor:
         return self._recorded(total, number, ...)
 
     def _press(self, moment: float) -> _Pressed:
-        """The film around the ball at a moment; all LEDs and the truth ask for the same one."""
+        """The film around the ball at a time; cached for all LEDs and the true height."""
         pressed = self._pressed.get(moment)
         if pressed is None:
             x, y, depth = self.place(moment)
             rows, columns = self._window(x, y)
             at = self._x[columns], self._y[rows]
-            # In order, so that loops are compiled for one kind of array alone.
+            # Contiguous, so that the loops are compiled for only one kind of array.
             bright = np.ascontiguousarray(self._brightness(x, y, depth)[rows, columns])
             shape = self._film.surface(at[0] - np.float32(x), at[1] - np.float32(y), depth)
             pressed = _Pressed(rows, columns, *at, *shape, bright)
-            # Only the last few: the truth of a frame is asked for soon after it was taken.
+            # Keep only the last few, because a frame's truth is needed soon after the frame.
             self._pressed = dict([*self._pressed.items()][-RECENT:]) | {moment: pressed}
         return pressed
 
     def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
-        """Light of LED k around the ball, and where that is (equation N1; no cast shadows)."""
+        """Light of LED k around the ball, and its window (equation N1; no cast shadows)."""
         from tactograph.nodes.live._pressed_loops import light_around
 
         film = self._press(moment)
@@ -267,7 +266,7 @@ class SimulatedSensor:
         return light, (film.rows, film.columns)
 
     def _brightness(self, x: float, y: float, depth: float) -> F4:
-        """H x W: 1 on bare film, less on markers, which the ball at x and y drags with it."""
+        """H x W: 1 on bare film, less on markers, which the ball at (x, y) drags along."""
         scene = self.scene
         if not scene.marker_pitch_mm:
             return self._unprinted
@@ -285,7 +284,7 @@ class SimulatedSensor:
         return printed
 
     def _at_rest(self, led: int, number: int) -> NDArray[np.uint8]:
-        """The untouched film under an LED; rendered once for every field of noise."""
+        """The untouched film under an LED; computed once per field of noise."""
         key = led, number % NOISES
         if key not in self._resting or (led and self.strength[led - 1] != 1):
             light = self._flat[led - 1] * self.strength[led - 1] if led else 0 * self._lens
@@ -293,7 +292,7 @@ class SimulatedSensor:
         return self._resting[key]
 
     def _recorded(self, light: F4, number: int, part: Any) -> NDArray[np.uint8]:
-        """Ambient light, noise and quantisation, as `expose` has them."""
+        """Add ambient light, noise and quantisation, as in `expose`."""
         scene = self.scene
         seen = light + np.float32(scene.ambient) * self._lens[part]
         electrons = seen * np.float32(scene.full_well)
@@ -340,7 +339,7 @@ class _PressedFilm:
             section = film[half, half:].astype(np.float64)
             curve = CubicSpline(np.arange(half + 1) * ball.pixel_size, section)
             self._height[i], self._steepness[i] = curve(at), curve(at, 1)
-        # The last tenth of a micron goes to zero, so that the window's border is no step.
+        # Subtract the last tenth of a micron, so that the window's border is not a step.
         self._height -= self._height[:, -1:]
 
     def surface(self, across: F4, down: F4, depth: float) -> tuple[F4, F4, F4]:
@@ -351,7 +350,7 @@ class _PressedFilm:
         return surface_around(across, down, *tables, np.float32(1 / self._step))
 
     def _at_depth(self, table: F4, depth: float) -> F4:
-        """The table's row at a depth, between two rows."""
+        """The table interpolated at a depth."""
         level = min(depth / self._deepest, 1.0) * (DEPTHS - 1)
         i = min(int(level), DEPTHS - 2)
         share = np.float32(level - i)

@@ -1,4 +1,4 @@
-"""The stream of touches: frames are matched and assembled, faults counted and reported."""
+"""The stream of touches: match and assemble frames, count and report faults."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from tactograph.nodes.live._match_frames import Matcher, Verdict
 from tactograph.nodes.live._sensor import Sensor
 
 KEPT = 64
-"""Frames that wait for a touch to go with, at most."""
+"""Most frames that wait for their touch."""
 MOST_DIMMED = 0.1
 """Change of an LED's brightness since the calibration above which heights are not trusted."""
 REOPEN_S = 0.3
-"""Time between two attempts to get the right size out of a camera."""
+"""Time between two attempts to get the right image size from a camera."""
 MIXED_CYCLES = 1.5
-"""After so many cycles in which no LED is seen alone, the LEDs' cycle is shifted."""
+"""Number of cycles without a frame of a single LED after which the LEDs' cycle is shifted."""
 EXPOSED = 0.6
-"""The exposure as a share of the frame time, roughly."""
+"""Approximate exposure, as a share of the frame time."""
 CREEP = 0.004
-"""A mean share of a neighbour in the frames above which the cycle is shifted, too."""
+"""Mean share of a neighbouring LED in the frames above which the cycle is also shifted."""
 ATTEMPTS = 4
-"""A share that stays the same through so many shifts is none of a neighbour's light."""
+"""Number of shifts after which an unchanged share is not a neighbour's light."""
 MARGIN, LEAST_MARGIN = 0.2, 0.03
-"""So much of a step lies between an exposure and the next change of LED, at first, at least."""
+"""Initial and smallest margin between an exposure and the next change of LED, in steps."""
 
 
 @dataclass
@@ -44,10 +44,10 @@ class Stream:
     refresh, full, whole
         As for `Assembler`.
     motion_limit, skip_moving
-        Change of the light within a cycle above which a touch counts as moved, and whether
-        it is left out then.
+        Change of the light within a cycle above which a touch counts as moved, and whether such
+        touches are left out.
     state
-        What is counted.
+        The counters.
     """
 
     sensor: Sensor
@@ -79,13 +79,13 @@ class Stream:
         self._later: bool | None = None
         self._margin = MARGIN
         self._reopened = 0.0
-        # While no touch is due, as with an LED whose frames all fail, the oldest are let go.
+        # While no touch is due, as when all frames of an LED fail, the oldest are dropped.
         self._new: deque[RawFrame] = deque(maxlen=max(KEPT, 4 * len(sensor.cycle)))
 
     def touches(
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
     ) -> Iterator[Touch]:
-        """Yield touches until the time, their number or a video file is at its end."""
+        """Yield touches until the time, their number or a video file ends."""
         camera = self.sensor.camera
         return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
 
@@ -96,10 +96,10 @@ class Stream:
         return self._touch()
 
     def _supervise(self) -> None:
-        """Count what camera and controller went through; forget frames from before it."""
+        """Count faults of camera and controller; after a reconnection, forget older frames."""
         camera, lamps = self.sensor.camera, self.sensor.lamps
         counted = camera.faults + lamps.faults
-        del counted["lost"]  # here by the frames' times
+        del counted["lost"]  # counted here by the frames' times
         self._log.take(counted)
         self.state.dropped = camera.faults["dropped"]
         for line in (*camera.refused, *lamps.news()):
@@ -117,7 +117,7 @@ class Stream:
         self._overlaps.clear()
 
     def _take(self, shot: Shot) -> None:
-        """Match one frame; keep it, or count why not."""
+        """Match one frame; keep it, or count its fault."""
         self._log.count(shot)
         light = light_of(shot.data, self.full)
         verdict = self._matcher.match(shot.data, shot.time, light)
@@ -132,7 +132,7 @@ class Stream:
             self._assembler.add(frame, light)
 
     def _react(self, verdict: Verdict) -> None:
-        """Do what can be done about a fault."""
+        """React to a fault."""
         if verdict.fault == "mixed":
             self._overlaps.append(self._reach(verdict))
         elif verdict.led:
@@ -148,7 +148,7 @@ class Stream:
             self.sensor.camera.reopen()
 
     def _reach(self, verdict: Verdict) -> float:
-        """The share of the exposure that lies in the LED's next step, negative: the last one."""
+        """The share of the exposure in the next LED's step; negative: in the previous one's."""
         cycle, led, other = self.sensor.cycle, verdict.about, verdict.other
         if led not in cycle or other not in cycle:
             return 0.0
@@ -156,13 +156,13 @@ class Stream:
         return verdict.share * {1: 1, len(cycle) - 1: -1}.get(apart, 0)
 
     def _separate(self, reach: float) -> None:
-        """Move the LEDs' steps to where no exposure crosses from one into the next."""
+        """Shift the LEDs' steps so that no exposure extends into a neighbouring step."""
         self._overlaps.clear()
         if self.sensor.lamps.clock is None:
             return
         self._tried.append(reach)
         if len(self._tried) == ATTEMPTS and max(self._tried) - min(self._tried) < CREEP:
-            # Shifts change nothing: it is the film that looks otherwise than calibrated.
+            # Shifts change nothing, so the film itself differs from the calibration.
             self._log.note("changed")
             self._matcher.usual_reach += reach
             self._matcher.mean_reach = 0.0
@@ -171,14 +171,14 @@ class Stream:
         self._log.note("shifted")
         later = reach >= 0
         if self._later not in (None, later):
-            # It went too far the last time: little time is left between two exposures.
+            # The last shift went too far, so there is little time between two exposures.
             self._margin = max(self._margin / 2, LEAST_MARGIN)
         self._later = later
         steps = EXPOSED * abs(reach) + self._margin
         self.sensor.lamps.shift(steps if later else -steps)
 
     def _touch(self) -> Touch | None:
-        """The touch that is due, unless it moves too fast."""
+        """The touch that is due; None if there is none, or it moves too fast."""
         if not self._assembler.due:
             return None
         motion = self._assembler.motion
@@ -204,14 +204,14 @@ def each_touch(
     seconds: float | None,
     items: int | None,
 ) -> Iterator[Touch]:
-    """Yield touches until the time, their number or a video file is at its end.
+    """Yield touches until the time, their number or a video file ends.
 
     Parameters
     ----------
     touch_with
-        The touch that is due with new frames, of which there may be none.
+        Takes new frames (perhaps none) and returns the touch that is due.
     timeout
-        Seconds to wait for a frame before faults are told.
+        Seconds to wait for a frame before faults are reported.
     """
     end = None if seconds is None else time.monotonic() + seconds
     while end is None or time.monotonic() < end:

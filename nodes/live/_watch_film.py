@@ -1,4 +1,4 @@
-"""Watching a person at the sensor: when the film is left alone, and when it is pressed."""
+"""Watch a person at the sensor: detect when the film is at rest and when it is pressed."""
 
 from __future__ import annotations
 
@@ -23,39 +23,39 @@ from tactograph.nodes.live._sensor import Rig
 from tactograph.nodes.live._touch_stream import Stream
 
 SETTLE_S = 0.25
-"""For so long a camera may deliver frames from before an LED was switched."""
+"""Time for which a camera may deliver frames from before an LED was switched."""
 AVERAGED = 10
 """Frames of the untouched film per LED."""
 DARKEST = 0.02
-"""Mean light of an LED, of full scale, below which it is of no use."""
+"""Mean light of an LED, as a share of full scale, below which it cannot be used."""
 MOST_CELLS = 0.998
-"""Changes are judged by this quantile of the cells: the noise of the others says nothing."""
+"""Quantile of the cells by which changes are judged, to ignore the noisiest."""
 MOVES = 0.05
 """Change of the light, 1 on the film at rest, above which something moves."""
 RESTS, TOUCHES = 0.08, 0.2
-"""Departures from the untouched film: it is back at rest below, and pressed above."""
+"""Departure from the untouched film below which it is at rest, and above which it is pressed."""
 REMIND_S = 15.0
-"""What is waited for is said again after so long."""
+"""Time after which a request is repeated."""
 POLL_S = 0.25
 HARMLESS = ("lost", "dropped", "moved")
-"""Faults that mean nothing where a press is held still, and calibrated while nobody looks."""
+"""Faults that do not matter, because presses are held still and frames may be missed meanwhile."""
 
 State = Literal["untouched", "pressed", "between"]
 Found = TypeVar("Found")
 
 
 def tell(line: str) -> None:
-    """Say something to the person at the sensor, at once."""
+    """Print a line for the person at the sensor, at once."""
     print(line, file=sys.stderr, flush=True)
 
 
 def new_folder(calibration: Path) -> Path:
-    """Where the presses for a calibration are kept: ``cal_presses`` for ``cal.npz``.
+    """The folder for the presses of a calibration: ``cal_presses`` for ``cal.npz``.
 
     Raises
     ------
     InputError
-        If there are presses already.
+        If the folder exists already.
     """
     folder = calibration.with_name(f"{calibration.stem}_presses")
     if folder.exists():
@@ -64,9 +64,9 @@ def new_folder(calibration: Path) -> Path:
 
 
 def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, Dark]:
-    """Take the untouched film, one LED lit after the other, and none.
+    """Capture the untouched film under one LED after the other, and with all LEDs off.
 
-    The image does not show yet which LED a frame belongs to, and need not.
+    The LEDs are held one by one, so frames need not be matched to them.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
     end = time.monotonic() + patience_s
     leds = sorted(led for led in rig.cycle if led)
     while time.monotonic() < end:
-        # The first is taken again at the end: nothing may have come down meanwhile.
+        # The first LED is captured again at the end, to detect a touch in between.
         means = [_mean(rig, led, bits) for led in (0, *leds, leds[0])]
         taken = [mean for mean in means if mean is not None]
         if len(taken) < len(means):
@@ -98,7 +98,7 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
 
 
 def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
-    """Take the untouched film of a one-shot sensor: H x W x 3 in the driver's order.
+    """Capture the untouched film of a one-shot sensor: H x W x 3 in the driver's order.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _mean(rig: Rig, led: int, bits: int | None) -> F4 | None:
 
 
 def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | None:
-    """The mean of some frames from a moment on; None if the light changes meanwhile."""
+    """The mean of some frames from `settled` on; None if the light changes meanwhile."""
     total: F4 | None = None
     first: F4 | None = None
     count = 0
@@ -163,13 +163,13 @@ def _cells(plane: F4, dark: F4) -> F4:
 
 
 def _change(one: F4, other: F4, rest: F4) -> float:
-    """By how much light differs, 1 on the film at rest; all but the noisiest cells."""
+    """Difference of light, 1 on the film at rest, without the noisiest cells."""
     share = np.abs(one - other) / np.maximum(rest, np.float32(FAINTEST))
     return float(np.quantile(share, MOST_CELLS))
 
 
 class Guide:
-    """Watches touches until the person at the sensor has done what is asked.
+    """Watches touches until the person at the sensor has done what was requested.
 
     Parameters
     ----------
@@ -178,9 +178,9 @@ class Guide:
     stream
         Touches, one per cycle of the LEDs, or per colour frame.
     still_s
-        Nothing may change for so long.
+        Time for which nothing may change.
     patience_s
-        So long is waited.
+        Longest time to wait.
     """
 
     def __init__(
@@ -193,15 +193,15 @@ class Guide:
         self._ready = False
 
     def presses(self, ball_in: Callable[[Touch], Found]) -> Iterator[tuple[Touch, Found]]:
-        """Ask for presses until none comes any more; yield each with the ball in it.
+        """Ask for presses until none comes any more; yield each with its ball.
 
-        Each is held still, after the film was left alone.
+        Each press is held still, and before it the film was at rest.
 
         Parameters
         ----------
         ball_in
-            Finds the ball, or raises an `InputError`: then the person is told why, and asked
-            for another press.
+            Finds the ball, or raises an `InputError`; then the person is told why and asked for
+            another press.
         """
         while (press := self._next_press()) is not None:
             try:
@@ -219,7 +219,7 @@ class Guide:
         return self._await("pressed", line)
 
     def _await(self, state: State, line: str) -> Touch | None:
-        """Wait for a state that lasts; say what is waited for every now and then."""
+        """Wait for a lasting state; repeat the request from time to time."""
         self._seen.clear()
         reminded = time.monotonic()
         touches = self._stream.touches(POLL_S, self._patience)
@@ -238,7 +238,7 @@ class Guide:
                 tell(line)
 
     def _tell_once(self, faults: list[str]) -> None:
-        """Tell each fault once, but not those of finding the LEDs' phase at the start."""
+        """Report each fault once, except those of finding the LEDs' phase at the start."""
         for fault in faults:
             if self._ready and fault not in self._told:
                 self._told.add(fault)
@@ -246,7 +246,7 @@ class Guide:
         faults.clear()
 
     def _state(self, touch: Touch) -> State:
-        """What the film has been in for long enough."""
+        """The state in which the film has been for long enough."""
         film = self._film
         now = np.stack([cells(plane) for plane in touch.image]) - film.dark
         self._seen.append((touch.time, now))

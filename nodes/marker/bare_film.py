@@ -27,9 +27,9 @@ def bare_film(
     darkness
         H x W, as `marker_darkness` gives it.
     dark
-        Darkness of a marker.
+        Darkness above which a pixel belongs to a marker.
     grow_px
-        Pixels around a marker that are taken for it.
+        Pixels around a marker that count as part of it.
     """
     covered = (darkness > np.float32(dark)).astype(np.uint8)
     side = 2 * grow_px + 1

@@ -1,4 +1,4 @@
-"""How far a slope is to be trusted on bare film, and under markers."""
+"""The variance of slopes on bare film and under markers."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def fill_presses(
     width_px: Annotated[int, Interval(ge=3, le=61)] = 11,
     grow_px: Annotated[int, Interval(ge=0, le=15)] = 1,
 ) -> PressImages:
-    """Return the presses with a plane through the light around in place of each marker.
+    """Return the presses with each marker replaced by a plane fitted to the light around it.
 
     Parameters
     ----------

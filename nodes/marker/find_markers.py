@@ -33,9 +33,9 @@ def find_markers(
     darkness
         H x W, as `marker_darkness` gives it.
     dark
-        Darkness that a spot has throughout.
+        Darkness that all pixels of a spot exceed.
     smallest_px, largest_px
-        Areas of spots that are markers.
+        Smallest and largest area of a marker.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def find_markers(
     inside = (left > 0) & (top > 0) & (left + wide < columns) & (top + high < rows)
     kept = inside & (area >= smallest_px) & (area <= largest_px)
     kept[0] = False
-    # The skirt of a spot counts, too: cut off at the threshold, a centroid jumps by pixels.
+    # The skirt of a spot counts, too: if it is cut off at the threshold, the centroid jumps.
     grown = np.asarray(cv2.dilate(labels.astype(np.uint16), np.ones((3, 3), np.uint8)), np.intp)
     y, x = np.indices(darkness.shape)
     weight = darkness.ravel().astype(np.float64)

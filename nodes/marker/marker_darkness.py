@@ -1,4 +1,4 @@
-"""By how much the film is darker than what lies around: printed markers."""
+"""How much darker the film is than its surroundings: printed markers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 DARKEST = np.float32(0.01)
-"""Light that is divided by at least."""
+"""Smallest light that is divided by."""
 
 Darkness = Annotated[F4, Port("H W", "1", high=1)]
 """0 on bare film, 1 on a marker that reflects nothing."""
@@ -27,9 +27,9 @@ def marker_darkness(
 ) -> Darkness:
     """Return 1 - I / closing(I), the least over the LEDs.
 
-    A closing with a square (the highest value within it, and of that the lowest) takes out what
-    is dark and narrower than the square, which is the markers; light on a slope changes more
-    slowly, and a shadow is one LED's alone.
+    A closing with a square (the maximum within it, then the minimum of that) removes dark spots
+    narrower than the square: the markers.  Light on a slope changes more slowly, and a shadow
+    belongs to one LED only.
 
     Parameters
     ----------

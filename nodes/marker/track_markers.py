@@ -16,18 +16,18 @@ from tactograph.nodes.marker.find_markers import Markers, find_markers
 from tactograph.nodes.marker.marker_darkness import Darkness
 
 NEIGHBOURS = 1.6
-"""Pitches within which markers move alike."""
+"""Distance, in pitches, within which markers move alike."""
 SEED, RING = 0.25, 1.5
-"""Pitches by which a marker near the rim of the grid may have moved, and how near."""
+"""Largest shift of a marker near the rim of the grid, and what counts as near, in pitches."""
 FEWEST = 3
-"""Neighbours that a linear prediction needs besides its own place."""
+"""Up to this many neighbours predict a shift by their mean; more, by a plane."""
 
 Shifts = Annotated[F4, Port("M 2", "px")]
-"""By what each marker has moved, x and y."""
+"""The shift of each marker, x and y."""
 
 
 Seen = Annotated[U1, Port("M", "flag", high=1)]
-"""0: a marker is not seen; its shift is what its neighbours' say."""
+"""0: a marker is not seen; its shift is predicted from its neighbours."""
 
 
 class Tracks(NamedTuple):
@@ -48,13 +48,13 @@ def track_markers(
     dark: Annotated[float, Interval(ge=0.01, le=1)] = 0.15,
     farthest: Annotated[float, Gt(0)] = 0.45,
 ) -> Tracks:
-    """Return by what each marker of the untouched film has moved.
+    """Return the shift of each marker of the untouched film.
 
-    The markers under the touch are found as `find_markers` finds them.  A grid looks the same
-    after one pitch, so a nearest neighbour is no proof: the film at the rim of the grid is
-    taken to have moved little, and from there on each marker is looked for where the shifts of
-    its neighbours that are known say, those with most of them first.  In a stream the shifts
-    before say where all of them begin.
+    The markers under the touch are found by `find_markers`.  A grid looks the same after a
+    shift by one pitch, so the nearest spot need not be the right one.  The film at the rim of
+    the grid is assumed to have moved little.  From there on each marker is searched where the
+    known shifts of its neighbours predict it, markers with most known neighbours first.  In a
+    stream the previous shifts predict where all markers are.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ def track_markers(
     pixel
         mm per px.
     before
-        M x 2 in px, the shifts of the item before.
+        M x 2 in px, the shifts of the previous item.
     dark
         As for `find_markers`.
     farthest
-        From where it is expected to where a marker is found, in pitches.
+        Largest distance from a marker's predicted to its found place, in pitches.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def _figures(shift: F8 | F4, seen: NDArray[np.generic], pixel: float) -> Metrics
 def _follow(
     places: F8, found: F8, pitch: float, farthest: float, before: F8 | None
 ) -> tuple[F8, U1]:
-    """Match markers with spots, from those that are sure to their neighbours."""
+    """Match markers with spots, proceeding from sure markers to their neighbours."""
     spots, taken = cKDTree(found), np.zeros(len(found), bool)
     pairs = cKDTree(places).query_pairs(NEIGHBOURS * pitch, output_type="ndarray")
     near = np.zeros((len(places), len(places)), bool)
@@ -127,7 +127,7 @@ def _follow(
             settle(i, before[i], farthest)
             known[i] = True
     if not known.any():
-        # All of the film has moved: nothing to begin with but the nearest spots.
+        # The whole film has moved: the nearest spots are the only start.
         for i in range(len(places)):
             settle(i, np.zeros(2), farthest)
             known[i] = True

@@ -1,5 +1,5 @@
-"""Streams kept and played again.
+"""Recording and replay of streams.
 
-Camera frames as MCAP that survives a kill, replay, ROS 2 messages in files and on topics.
+Camera frames as MCAP files that survive a kill, replay, ROS 2 messages in files and on topics.
 Another log format goes here.
 """

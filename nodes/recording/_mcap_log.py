@@ -1,10 +1,10 @@
 """A log of ROS 2 messages in MCAP files that survives a kill, a power cut and a full disk.
 
-Every message is a chunk of its own, with its checksum, so that a reader needs neither the end
-of the file nor its index (`_mcap_read.py`).  One thread writes, which survives the program's
-end; another asks the disk to keep it, which survives the computer's.
+Every message is its own chunk with a checksum, so that a reader needs neither the end of the
+file nor its index (`_mcap_read.py`).  One thread writes to the system, which survives the
+program's end; another syncs to the disk, which survives the computer's.
 
-All topics are CDR: ``ros2 bag`` refuses mixed serialisation.
+All topics are CDR, because ``ros2 bag`` refuses mixed serialisation.
 
 Long because writing, syncing, rotating and failing share the state of one open file.
 """
@@ -34,17 +34,17 @@ WhenFull = Literal["stop", "oldest"]
 FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")
 """A running number, so that the order does not depend on the computer's clock."""
 PATIENCE_S = 0.25
-"""How long a call waits for the system to take what it hands over; not if others wait already."""
+"""How long a call waits until its messages are written; it does not wait if others wait already."""
 RETRY_S = 1.0
-"""Pause before a disk that failed is tried again."""
+"""Pause before a failed disk is tried again."""
 CLOSING_S = 10.0
 SHARES = 4
-"""Files that the space on the disk is divided into at least, so that one can go."""
+"""Fewest files into which the disk space is divided, so that one can be deleted."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a log may take of the disk and of memory."""
+    """Limits of a log's use of disk and memory."""
 
     file_bytes: float = 512e6
     file_s: float = 600.0
@@ -60,7 +60,7 @@ class Limits:
 
 
 def need_mcap() -> None:
-    """Raise an `InputError` that says what to install, if the libraries are not there."""
+    """Raise an `InputError` that says what to install if the libraries are missing."""
     try:
         import mcap.writer  # noqa: F401
         import mcap_ros2.writer  # noqa: F401
@@ -76,21 +76,22 @@ def log_files(folder: Path) -> list[Path]:
 
 
 class McapLog:
-    """Writes messages into numbered files in a folder, in threads of its own.
+    """Writes messages into numbered files in a folder, in its own threads.
 
     Parameters
     ----------
     folder
-        Made if needed; a log that is already there is continued with new files.
+        Created if needed; an existing log is continued in new files.
     about
-        What stands in every file, as MCAP metadata named "tactograph".
+        Contents of every file's MCAP metadata named "tactograph".
     limits
-        Of a file, of the folder, of the queue.
+        Limits of a file, of the folder, and of the queue.
 
     Attributes
     ----------
     dropped
-        Calls whose messages are not in the log: the disk was too slow, full or absent.
+        Number of calls whose messages are not in the log, because the disk was too slow, full or
+        absent.
 
     Raises
     ------
@@ -105,7 +106,7 @@ class McapLog:
         self._waiting = 0
         self._taken = self._done = 0
         self._closing = self._all_written = False
-        # Handles of files that are whole but not yet kept.
+        # Handles of files that are complete but not yet synced.
         self._ended: list[int] = []
         self._changed = threading.Condition()
         self._lines: deque[str] = deque()
@@ -113,7 +114,7 @@ class McapLog:
         self._stopped = False
         self._disk_error: OSError | None = None
         self._retry_at = 0.0
-        # How many were left out when the disk failed; None while it works.
+        # Value of `dropped` when the disk failed; None while it works.
         self._failed_since: int | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -130,11 +131,11 @@ class McapLog:
             thread.start()
 
     def put(self, messages: Sequence[Message]) -> bool:
-        """Hand over messages that belong together; whether they were taken.
+        """Hand over messages that belong together; return whether they were accepted.
 
-        Returns once they are in the file, as far as the system is concerned; but if the disk
-        makes that last longer than `PATIENCE_S`, they and what follows wait in the queue, and
-        where that is full and the limits do not say `wait`, they are dropped.
+        Returns once the system has them in the file.  If the disk takes longer than
+        `PATIENCE_S`, they and later ones wait in the queue.  If the queue is full and the limits
+        do not say `wait`, they are dropped.
         """
         size = sum(message.size for message in messages)
         with self._changed:
@@ -154,14 +155,14 @@ class McapLog:
         return True
 
     def take_lines(self) -> list[str]:
-        """What happened since the last call that a user should know, a line each."""
+        """Return news for the user since the last call, one line each."""
         found = []
         while self._lines:
             found.append(self._lines.popleft())
         return found
 
     def close(self) -> None:
-        """Write what is waiting, end the file with its index, and wait for the disk."""
+        """Write waiting messages, end the file with its index, and wait for the disk."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -169,7 +170,7 @@ class McapLog:
             thread.join(CLOSING_S)
 
     def _run(self) -> None:
-        """Write what is in the queue; the system takes it into memory, so that it is quick."""
+        """Write the queue to files; this is fast, because the system buffers it in memory."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._queue or self._closing)
@@ -188,7 +189,7 @@ class McapLog:
             self._changed.notify_all()
 
     def _keep(self) -> None:
-        """Ask the disk, which may take its time, to keep what was written."""
+        """Sync written data to the disk, which may take long."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._unkept() or self._ended or self._all_written)
@@ -237,7 +238,7 @@ class McapLog:
             self._drop()
             return
         except Exception as error:
-            # Whatever it is, a thread that ends unseen would be worse.
+            # Report any error, because a thread that ends silently would be worse.
             self._stopped = True
             self._say(f"{self._folder}: recording has stopped: {type(error).__name__}: {error}")
             self._drop()
@@ -248,7 +249,7 @@ class McapLog:
             self._failed_since = None
 
     def _make_room(self) -> bool:
-        """Delete the oldest files, or stop, where the folder holds all that it may."""
+        """Delete the oldest files, or stop, if the folder has reached its limit."""
         limit = self._limits.total_bytes
         used = sum(self._old.values()) + (self._file.size if self._file else 0)
         if used < limit:
@@ -265,12 +266,12 @@ class McapLog:
         return used < limit
 
     def _delete(self, path: Path) -> int:
-        """Delete an old file; the bytes that it took."""
+        """Delete an old file; return its size in bytes."""
         path.unlink(missing_ok=True)
         return self._old.pop(path)
 
     def _fail(self, error: OSError) -> None:
-        """Leave the file whole as far as it goes, say so once, and try again later."""
+        """Truncate the file to its complete part, report once, and schedule a retry."""
         if self._failed_since is None:
             self._failed_since = self.dropped
             self._say(
@@ -299,7 +300,7 @@ class McapLog:
         self._put_away(file)
 
     def _put_away(self, file: _File) -> None:
-        """Leave the file to the disk."""
+        """Hand the file over for syncing."""
         with self._changed:
             self._file = None
             self._old[file.path] = file.size
@@ -317,7 +318,7 @@ class McapLog:
         with self._changed:
             self._file = file
             if os.name != "nt":
-                # The folder's entry for the file has to be on the disk as well.
+                # The folder's entry for the file must be synced, too.
                 self._ended.append(os.open(self._folder, os.O_RDONLY))
         return file
 
@@ -331,7 +332,7 @@ class McapLog:
 
 
 class _File:
-    """One MCAP file: as far as `size` it is whole, as far as `kept` it is on the disk."""
+    """One MCAP file: complete up to `size`, synced to the disk up to `kept`."""
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
         from mcap_ros2.writer import Writer
@@ -382,7 +383,7 @@ class _File:
         self._flush()
 
     def cut(self) -> None:
-        """Take off what was only written in part."""
+        """Remove what was only partly written."""
         with contextlib.suppress(OSError):
             os.ftruncate(self.handle, self.size)
 
@@ -395,7 +396,7 @@ class _File:
 
 
 class _Pending(io.BufferedIOBase):
-    """What the MCAP library wrote since the last `take`."""
+    """Collects what the MCAP library has written since the last `take`."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []

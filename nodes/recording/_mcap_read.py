@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 MAGIC = b"\x89MCAP0\r\n"
 MOST_BYTES = 2**28
-"""Of one record, and of one chunk once it is unpacked: a quarter of a gigabyte."""
+"""Largest record, and largest chunk after decompression: a quarter of a gigabyte."""
 LZ4_RATIO = 255
-"""LZ4 cannot pack better than that."""
+"""Largest compression ratio of LZ4."""
 _OPCODE_AND_LENGTH = struct.Struct("<BQ")
 
 
@@ -36,7 +36,7 @@ class Read:
 
 @dataclass
 class McapFile:
-    """One file; iterate over `messages`, then see what was lost.
+    """One file; iterate over `messages`, then check `lost`.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class McapFile:
     lost
         Bytes that could not be read: a record cut off by the file's end, or damaged.
     topics
-        All topics that were met.
+        All topics found so far.
     """
 
     path: Path
@@ -59,7 +59,7 @@ class McapFile:
         Raises
         ------
         InputError
-            If it cannot be read at all, or is no MCAP file.
+            If it cannot be read at all, or is not an MCAP file.
         """
         need_mcap()
         try:
@@ -108,8 +108,8 @@ class McapFile:
         from mcap.records import Channel, Chunk, Message, Metadata, Schema
         from mcap.stream_reader import breakup_chunk
 
-        # The library's own reader stops at damage without telling where; this one goes from
-        # record to record by their lengths and lets the library read what is inside.
+        # The library's own reader stops at damage without saying where.  This one steps from
+        # record to record by their lengths and lets the library decode the contents.
         for opcode, payload in self._payloads(stream):
             data = ReadDataStream(io.BytesIO(payload))
             found: list[Any] = []
@@ -135,7 +135,7 @@ class McapFile:
             yield from found
 
     def _payloads(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
-        """The whole records from the present position on."""
+        """The complete records of the file."""
         size = stream.seek(0, io.SEEK_END)
         at = stream.seek(min(len(MAGIC), size))
         while size - at >= _OPCODE_AND_LENGTH.size:
@@ -153,7 +153,7 @@ class McapFile:
 
 
 def _check_size(compression: str, unpacked: int, data: bytes) -> None:
-    """Refuse a chunk that would unpack to more than `MOST_BYTES`, whatever it says of itself."""
+    """Refuse a chunk that would unpack to more than `MOST_BYTES`, whatever size it declares."""
     import lz4.frame
     import zstandard
 
@@ -172,7 +172,7 @@ def _check_size(compression: str, unpacked: int, data: bytes) -> None:
 def _decoder(
     message_encoding: str, name: str, encoding: str, definition: bytes
 ) -> Callable[[bytes], Any] | None:
-    """Turns bytes into a message; None where they are not ROS 2's."""
+    """Returns a decoder from bytes to a message; None if the encoding is not ROS 2's."""
     from mcap.records import Schema
     from mcap_ros2.decoder import DecoderFactory
 
@@ -181,7 +181,7 @@ def _decoder(
 
 
 def _damage() -> tuple[type[Exception], ...]:
-    """What the libraries raise where a record is not what it says."""
+    """The errors that the libraries raise for a damaged record."""
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 

@@ -1,4 +1,4 @@
-"""ROS 2 messages as plain dictionaries: what Foxglove, Rerun and ``ros2 bag`` know how to read.
+"""ROS 2 messages as plain dictionaries, which Foxglove, Rerun and ``ros2 bag`` can read.
 
 Lengths are in metres, as everywhere in ROS; times are nanoseconds since 1970.
 """
@@ -79,10 +79,10 @@ string key
 string value
 {_HEADER}""",
 }
-"""The definitions that stand in the file, so that a reader needs no ROS."""
+"""Definitions that are stored in the file, so that a reader does not need ROS."""
 _ENCODINGS = {"u1": "mono8", "u2": "mono16", "f4": "32FC1"}
 _COLOURS = {"u1": "bgr8", "u2": "bgr16"}
-"""Of pictures of three channels: blue, green, red, as OpenCV gives them."""
+"""Encodings of pictures with three channels, blue, green, red, as in OpenCV."""
 _READ = {
     **{encoding: (kind, 1) for kind, encoding in _ENCODINGS.items()},
     **{encoding: (kind, 3) for kind, encoding in _COLOURS.items()},
@@ -92,13 +92,13 @@ _READ = {
     "rgb8": ("u1", 3),
     "rgb16": ("u2", 3),
 }
-"""Element type and channels of what is read."""
+"""Element type and number of channels of the encodings that can be read."""
 _FLOAT32 = 7
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message on its way into a file."""
+    """One message to write or publish."""
 
     topic: str
     type: str
@@ -108,14 +108,14 @@ class Message:
 
     @property
     def size(self) -> int:
-        """Bytes that it keeps in memory, near enough."""
+        """Approximate size in memory, in bytes."""
         return len(self.body.get("data", b"")) + 1000
 
 
 def text_message(topic: str, time: int, text: str) -> Message:
     """A std_msgs/String."""
-    # JSON channels of their own would make `ros2 bag play` refuse the whole file: it wants one
-    # serialisation for all topics.
+    # Separate JSON channels would make `ros2 bag play` refuse the whole file, because it requires
+    # one serialisation for all topics.
     return Message(topic, "std_msgs/msg/String", time, {"data": text})
 
 
@@ -144,7 +144,7 @@ def read_image(body: Any) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If its encoding is none of `_READ`, or its size is not what it says.
+        If its encoding is not in `_READ`, or its size contradicts its header.
     """
     if body.encoding not in _READ:
         raise InputError(f"images are {body.encoding}; mono8, mono16, bgr8 or bgr16 is needed")
@@ -162,7 +162,7 @@ def read_image(body: Any) -> NDArray[Any]:
 
 
 def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) -> Message:
-    """A sensor_msgs/PointCloud2 of float32 fields: N of each, or H x W, which are ordered then."""
+    """A sensor_msgs/PointCloud2 of float32 fields: N points, or H x W ordered points."""
     columns = np.broadcast_arrays(*fields.values())
     points = np.stack(columns, axis=-1).astype("<f4")
     width, step = points.shape[-2], 4 * len(fields)
@@ -186,7 +186,7 @@ def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) 
 def diagnostics_message(
     topic: str, time: int, name: str, warnings: list[str], values: Mapping[str, Any]
 ) -> Message:
-    """A diagnostic_msgs/DiagnosticArray with one status; a warning where there are some."""
+    """A diagnostic_msgs/DiagnosticArray with one status, of level warning if there are any."""
     status = {
         "level": 1 if warnings else 0,
         "name": name,

@@ -1,4 +1,4 @@
-"""A node of ROS 2 for messages as `_ros` makes them; rclpy is all of ROS that it needs."""
+"""A ROS 2 node for the messages of `_ros`; it only needs rclpy."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from tactograph.graph import InputError
 from tactograph.nodes.recording._ros import Message
 
 DEPTH = 8
-"""Messages of a topic that wait for whoever is slow; older ones are dropped."""
+"""Most messages of a topic that wait for a slow receiver; older ones are dropped."""
 
 
 class RosNode:
-    """A node of ROS 2, in a context of its own.
+    """A ROS 2 node in its own context.
 
     Parameters
     ----------
     name, namespace
-        Of the node; topics without a slash are below the namespace.
+        Of the node; topics without a leading slash are below the namespace.
 
     Raises
     ------
     InputError
-        If ROS is not installed, or refuses the name.
+        If ROS is not installed or rejects the name.
     """
 
     def __init__(self, name: str, namespace: str) -> None:
@@ -46,9 +46,9 @@ class RosNode:
         self._publishers: dict[str, Any] = {}
 
     def publish(self, messages: list[Message]) -> None:
-        """Publish messages; a topic is there from its first message on.
+        """Publish messages; a topic exists from its first message on.
 
-        ``/diagnostics`` is one for all of ROS, other topics are below the namespace.
+        ``/diagnostics`` is shared by all of ROS; other topics are below the namespace.
         """
         for message in messages:
             if message.topic not in self._publishers:
@@ -61,24 +61,24 @@ class RosNode:
                 publisher.publish(as_ros(message))
 
     def subscribe(self, topic: str, kind: str) -> deque[Any]:
-        """What comes on a topic while `wait` is called, newest last."""
+        """A queue that `wait` fills with the messages of a topic, newest last."""
         came: deque[Any] = deque(maxlen=DEPTH)
-        # What a camera driver offers, reliable or not, is taken.
+        # This profile accepts what a camera driver offers, reliable or not.
         profile = importlib.import_module("rclpy.qos").qos_profile_sensor_data
 
         def take(message: Any) -> None:
-            # rclpy looks at a callback's signature, which built-in ones have not.
+            # rclpy inspects a callback's signature, which built-in functions do not have.
             came.append(message)
 
         self._node.create_subscription(_class_of(kind), topic, take, profile)
         return came
 
     def wait(self, seconds: float) -> None:
-        """Let messages come, for so long at most."""
+        """Receive messages, for at most `seconds`."""
         self._executor.spin_once(timeout_sec=seconds)
 
     def close(self) -> None:
-        """Leave ROS."""
+        """Shut the node down."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -94,7 +94,7 @@ def _rclpy() -> Any:
 
 
 def as_ros(message: Message) -> Any:
-    """The message as ROS's own class has it."""
+    """The message as an instance of ROS's own class."""
     return _filled(_class_of(message.type), message.body)
 
 
@@ -110,7 +110,7 @@ def _value(kind: str, value: Any) -> Any:
         element = _class_of(kind.removeprefix("sequence<").removesuffix(">"))
         return [_filled(element, each) for each in value]
     if isinstance(value, bytes):
-        # In a list ROS would look at every byte.
+        # In a list ROS would check every byte.
         return array("B", value)
     return bytes([value]) if kind == "octet" else value
 

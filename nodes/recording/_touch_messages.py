@@ -1,4 +1,4 @@
-"""A touch as messages of ROS 2: what `write_mcap` writes and `publish_ros2` publishes.
+"""A touch as ROS 2 messages, for `write_mcap` and `publish_ros2`.
 
 Lengths are in metres, angles in radians.  The origin lies in the middle of the first pixel, on
 the film at rest: x right, y down, z towards the camera.
@@ -31,7 +31,7 @@ FULL_SCALE = 255
 
 
 class TouchParts(NamedTuple):
-    """What is known of a touch; None: its graph does not say.
+    """The parts of a touch; None for those that its graph does not provide.
 
     As in `write_mcap`; `metrics` holds the figures of `measure_contact`.
     """
@@ -49,20 +49,20 @@ class TouchParts(NamedTuple):
 
 
 class TouchStamps:
-    """Turns the camera's clock, ``time.monotonic()``, into nanoseconds since 1970."""
+    """Converts the camera's clock, ``time.monotonic()``, to nanoseconds since 1970."""
 
     def __init__(self) -> None:
         self._offset = clock.time_ns() - clock.monotonic_ns()
 
     def of(self, time: float | None) -> int:
-        """The stamp of an exposure; of now where nobody knows it."""
+        """The stamp of an exposure; the present time if the exposure's is unknown."""
         return clock.time_ns() if time is None else round(1e9 * time) + self._offset
 
 
 def touch_messages(
     stamp: int, touch: TouchParts, points_step: int, provenance: Provenance
 ) -> list[Message]:
-    """All messages of a touch, which bear one stamp; its name comes last."""
+    """All messages of a touch, with the same stamp; its name comes last."""
     figures = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
     figures |= touch.metrics or {}
     leds = (
@@ -93,13 +93,13 @@ def _surface(stamp: int, touch: TouchParts, step: int) -> list[Message]:
 
 
 def _contacts(stamp: int, touch: TouchParts) -> list[Message]:
-    """A point per contact, the first of number 1: its centroid, as high as it is deep."""
+    """One point per contact, from number 1: its centroid, with its depth as z."""
     figures = touch.metrics or {}
     if "contacts" not in figures:
         return []
 
     def each(name: str, unit: float) -> F8:
-        # A number that no pixel bears has no figures.
+        # A number that no pixel has comes without figures.
         numbers = range(1, int(figures["contacts"]) + 1)
         return unit * np.array([figures.get(f"contact_{name}/c{n}", np.nan) for n in numbers])
 
@@ -119,7 +119,7 @@ def _contacts(stamp: int, touch: TouchParts) -> list[Message]:
 
 
 def _markers(stamp: int, touch: TouchParts) -> list[Message]:
-    """A point per marker: its place on the untouched film, and by what it has moved."""
+    """One point per marker: its position on the untouched film, and its shift."""
     if touch.markers is None or touch.shift is None:
         return []
     side = touch.pixel * MM

@@ -62,7 +62,7 @@ def mark(first: int, last: int, images: Images, limits: Limits, room: Room, mark
 def _choose_unlikely(room: Room, count: int, unlikely: np.float32) -> int:
     """Gather the pixels that all LEDs together do not explain; return how many they are.
 
-    Where level film explains their light, so does the normal that explains it best.
+    If level film explains a pixel's light, the best normal explains it, too.
     """
     pixels, chosen, found = room.pixels, room.chosen, 0
     for i in range(count):

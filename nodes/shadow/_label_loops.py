@@ -1,11 +1,11 @@
 """The loops of `label_lights` over pixels, compiled by numba.
 
-A piece of a row at a time: its pixels first as if every LED reached them, then those of them that
-another set of LEDs may explain better, side by side for each set.  In a piece loops go over the
-pixels, innermost, so that LLVM turns them into vectors.
+Rows are processed in pieces: first all pixels as if every LED reached them, then, for each other
+set of LEDs, the pixels that it may explain better.  The innermost loops go over the pixels of a
+piece, so that LLVM vectorises them.
 
-LLVM has to see that planes do not overlap: so what belongs together is one array, in which x, y
-and z lie `PIECE` apart, and functions of single pixels are inlined by numba.
+LLVM must see that planes do not overlap.  So planes that belong together are one array, in which
+x, y and z lie `PIECE` apart, and numba inlines functions of single pixels.
 
 Importing numba takes half a second, so this is imported where the host labels.
 
@@ -32,7 +32,7 @@ Symmetric = tuple[np.float32, np.float32, np.float32, np.float32, np.float32, np
 """The elements xx, xy, xz, yy, yz, zz of a matrix."""
 
 Y, Z = PIECE, 2 * PIECE
-"""Where the y and z of vectors lie behind their x."""
+"""Distances of the y and z of vectors from their x."""
 XY, XZ, YY, YZ, ZZ, BX, BY, BZ = (PIECE * number for number in range(1, 9))
 """Where sums lie, behind those of xx."""
 FLATTEST = np.float32(0.02)
@@ -40,23 +40,23 @@ FLATTEST = np.float32(0.02)
 LONGEST = np.float32(0.3)
 """Longest Gauss-Newton step, in radians."""
 AT_REST = np.float32(0.999)
-"""A pair's normal with a larger n_z is the film at rest: light says 1 twice by no accident."""
+"""A pair's normal with a larger n_z is the film at rest: two lights are not 1 by accident."""
 ALIKE = np.float32(0.02)
-"""Light of the dark LEDs that decides between the two normals of a pair."""
+"""Smallest difference of the dark LEDs' light that decides between a pair's two normals."""
 MILD = np.float32(0.01)
-"""Variance of a normal, over n_z^2, up to which what noise does on average is taken out."""
+"""Variance of a normal, over n_z^2, up to which the bias by noise is fully corrected."""
 SINGULAR = np.float32(1e-4)
-"""Sine squared of the angle between two lights' gradients below which they are one."""
+"""Sine squared of the angle between two lights' gradients below which they count as one."""
 FAINTEST = np.float32(0.08)
-"""Light that is expected at least, when what is there is called less than half of it."""
+"""Lower bound on the expected light, of which a shadow has less than half."""
 STRAY = np.float32(0.015)
-"""Light in a shadow that is no noise: the film's own, and ambient light not quite taken off."""
+"""Light in a shadow that is no noise: from the film, and ambient light not fully subtracted."""
 SHADE = np.float32(0.1)
-"""Light that is much for a shadow.  Two dark LEDs alone would explain any pixel as lit at a
-grazing angle, and the bright ones as shadows of still brighter light."""
+"""Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
+at a grazing angle, and the bright LEDs as shadows of still brighter light."""
 UNKNOWN = np.float32(1e12)
 BEHIND = np.float32(0.05)
-"""Smaller n_z are those of normals that the camera cannot see."""
+"""The camera cannot see normals with a smaller n_z."""
 PLENTY = np.float32(10)
 SOFTLY, LEAST_SPREAD, LEAST_PAIR = np.float32(1e-6), np.float32(1e-5), np.float32(1e-9)
 ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
@@ -102,7 +102,7 @@ def load(images: Images, row: int, start: int, count: int, pixels: Pixels) -> No
 
 @compiled
 def _find_dark(prior: F4, rules: Rules, row: int, start: int, count: int, pixels: Pixels) -> None:
-    """Read the slopes expected, and find the LEDs that surely do not reach."""
+    """Read the expected slopes, and find the LEDs that certainly do not reach."""
     p, q, forced = prior[0, row, start:], prior[1, row, start:], pixels.forced
     for i in range(count):
         pixels.prior[i], pixels.prior[i + Y], forced[i] = p[i], q[i], np.uint8(0)
@@ -117,12 +117,12 @@ def _find_dark(prior: F4, rules: Rules, row: int, start: int, count: int, pixels
 
 @compiled
 def _label_piece(rules: Rules, room: Room, count: int) -> None:
-    """The cheapest set for each pixel; none where no set is open."""
+    """Find the cheapest set for each pixel; none where no set is allowed."""
     pixels, best, tried, doubtful = room.pixels, room.best, room.tried, room.doubtful
     _try(pixels, count, rules.sets[0], rules, room, best)
     left = NOTHING
     for i in range(count):
-        # Leaving an LED out costs its price at least.
+        # Leaving an LED out costs at least its price.
         if pixels.forced[i] == 0 and best.cost[i] <= rules.price:
             continue
         doubtful[left] = i
@@ -148,7 +148,7 @@ def _label_piece(rules: Rules, room: Room, count: int) -> None:
 
 @compiled
 def _forget(best: Choice, i: int) -> None:
-    """No set explains a pixel yet."""
+    """Reset a pixel: no set explains it yet."""
     for axis in (0, Y, Z):
         best.normal[i + axis] = best.twin[i + axis] = ONE if axis == Z else ZERO
     best.used[i], best.cost[i], best.misfit[i] = np.uint8(0), INFINITE, ZERO
@@ -166,7 +166,7 @@ def _choose(rules: Rules, room: Room, left: int, left_out: int) -> int:
         forced = np.int64(pixels.forced[i])
         if forced & ~left_out or _count_bits(forced) + rules.dark < number:
             continue
-        # The light of LEDs that are left out is much for a shadow, wherever the surface faces.
+        # A lower bound on the cost: the light of LEDs left out counts whatever the normal is.
         least = price
         for k in range(leds):
             if left_out >> k & 1 and not pixels.below[k, i]:
@@ -201,7 +201,7 @@ def _count_bits(number: int) -> int:
 def _try(
     pixels: Pixels, count: int, left_out: int, rules: Rules, room: Room, tried: Choice
 ) -> None:
-    """Solve for the normal without some LEDs, and say what that costs."""
+    """Solve for the normal without some LEDs, and find what that costs."""
     leds = len(pixels.light)
     number = leds - _count_bits(left_out)
     if number > 2:
@@ -266,7 +266,7 @@ def _least_squares(count: int, uneven: np.float32, sums: F4, normal: F4, twin: F
 
 @compiled
 def _least_squares_of_three(count: int, sums: F4, judged: F4) -> None:
-    """The unit normals that judge sets of three LEDs: length alone shows a shadow among them."""
+    """The unit normals by which sets of three are judged: only |n| = 1 can reveal a shadow."""
     for i in range(count):
         a, b, scale = _scaled(sums, i)
         n = _visible(_unit(_solved(a, b)))
@@ -276,7 +276,7 @@ def _least_squares_of_three(count: int, sums: F4, judged: F4) -> None:
 
 @inlined
 def _scaled(sums: F4, i: int) -> tuple[Symmetric, Vector, np.float32]:
-    """A pixel's equations, times one over the trace of their matrix: so products stay small."""
+    """A pixel's equations, divided by the trace of their matrix so that products stay small."""
     xx, yy, zz = sums[i], sums[i + YY], sums[i + ZZ]
     scale = ONE / (xx + yy + zz)
     xy, xz, yz = sums[i + XY] * scale, sums[i + XZ] * scale, sums[i + YZ] * scale
@@ -325,14 +325,14 @@ def _solved(a: Symmetric, b: Vector) -> Vector:
 def _gauss_newton(a: Symmetric, b: Vector, scale: np.float32, n: Vector) -> Vector:
     """One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).
 
-    To a slope that noise does not bias.  With h = T'AT in the tangents T, u = T'An,
-    f = h^-1 u, G = T'T and noise of covariance C = scale h^-1, such a step from the linear
+    The step corrects the bias of the slope by noise.  With h = T'AT in the tangents T,
+    u = T'An, f = h^-1 u, G = T'T and noise of covariance C = scale h^-1, a step from the linear
     solution goes too far by C (G f) + f tr(C G) / 2 on average, which off the axis of the
-    LEDs makes a bowl of the film at rest; and p and q come out too large by C (p, q).
+    LEDs turns the film at rest into a bowl.  Also, p and q come out too large by C (p, q).
     """
     xx, xy, xz, yy, yz, zz = a
     x, y, z = n
-    # The matrix times the first tangent, and what the second takes of its own product.
+    # The matrix times the first tangent, and the part of the second's product that is needed.
     ux, uy, uz = xx * z - xz * x, xy * z - yz * x, xz * z - zz * x
     vy, vz = yy * z - yz * y, yz * z - zz * y
     h11, h12, h22 = ux * z - uz * x, uy * z - uz * y, vy * z - vz * y
@@ -418,8 +418,8 @@ def _two_normals(pixels: Pixels, count: int, left_out: int, first: F4, second: F
 def _judge(
     pixels: Pixels, count: int, left_out: int, n: F4, rules: Rules, sums: F4, tried: Choice
 ) -> None:
-    """The sum of squares that normals leave, of more than three LEDs at any brightness; and what
-    the set costs with the LEDs left out."""
+    """The sum of squares of the residuals, at any brightness for more than three LEDs; and the
+    cost of the set, including the LEDs left out."""
     leds, number = len(pixels.light), _count_bits(left_out)
     cost, misfit = tried.cost, tried.misfit
     price = rules.price * np.float32(number)
@@ -454,7 +454,7 @@ def lit_by(v: F4, n: F4, i: int) -> np.float32:
 
 @compiled
 def _add_squares(v: F4, n: F4, light: F4, weight: F4, count: int, sums: F4) -> None:
-    """Add what an LED's light leaves, squared, and its products with the light expected."""
+    """Add an LED's squared residual, its product with the expected light, and that squared."""
     for i in range(count):
         expected = lit_by(v, n, i)
         away, weighted = light[i] - expected, weight[i] * expected
@@ -465,7 +465,7 @@ def _add_squares(v: F4, n: F4, light: F4, weight: F4, count: int, sums: F4) -> N
 
 @compiled
 def _write(rules: Rules, room: Room, row: int, start: int, count: int, made: Labelled) -> None:
-    """Enter what is wanted of a piece of a row."""
+    """Enter the wanted outputs of a piece of a row."""
     best = room.best
     _write_slope(best.normal, rules.steepest, row, start, count, made.slope)
     _write_slope(best.twin, rules.steepest, row, start, count, made.twin)
@@ -495,7 +495,7 @@ def _write_slope(n: F4, steepest: np.float32, row: int, start: int, count: int, 
 def _write_shadow(
     pixels: Pixels, best: Choice, row: int, start: int, count: int, made: NDArray[np.uint8]
 ) -> None:
-    """The LEDs whose light is not there; where the slope is not known, those below the floor."""
+    """The LEDs whose light is missing; where the slope is not known, those below the floor."""
     n = best.normal
     out, used = made[row, start : start + count], best.used
     for i in range(count):

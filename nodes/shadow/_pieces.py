@@ -1,4 +1,4 @@
-"""Pieces of rows, whose pixels loops do side by side."""
+"""Pieces of rows whose pixels loops process side by side."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tactograph.nodes.light._near_light import places
 from tactograph.nodes.light._only_read import only_read
 
 PIECE = 640
-"""Pixels of a row that are done side by side, so that the cache holds them."""
+"""Pixels of a row that are processed side by side; they fit into the cache."""
 
 
 class Images(NamedTuple):
@@ -29,7 +29,7 @@ class Images(NamedTuple):
 
 class Pixels(NamedTuple):
     """N pixels: light, its standard deviation and weight K x N, vectors K x 3N, the prior slope 2N,
-    and the LEDs that surely do not reach (K x N, and as bits where that counts).
+    and the LEDs that certainly do not reach (K x N, and as bits where that counts).
     """
 
     light: F4
@@ -59,7 +59,7 @@ class Room(NamedTuple):
     chosen: Pixels
     tried: Choice
     where: NDArray[np.int64]
-    """Of each pixel that is chosen, its place in the piece."""
+    """The place in the piece of each chosen pixel."""
     doubtful: NDArray[np.int64]
     sums: F4
     judged: F4
@@ -67,13 +67,13 @@ class Room(NamedTuple):
 
 
 def images_of(light: F4, sigma: F4, lights: F4, height: F4, pixel: float) -> Images:
-    """Gather what loops read of a capture."""
+    """Gather what the loops read of a capture."""
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     return Images(*map(only_read, (light, sigma, lights, height, x, y)))
 
 
 def room_for(leds: int) -> Room:
-    """Room for pieces of rows under so many LEDs."""
+    """Working arrays for pieces of rows under `leds` LEDs."""
 
     def pixels() -> Pixels:
         planes, below = np.zeros((3, leds, PIECE), np.float32), np.zeros((leds, PIECE), np.bool_)

@@ -43,9 +43,9 @@ def _bilinear(plane: F4 | U1, x: np.float32, y: np.float32) -> np.float32:
 def cast(
     first: int, last: int, height: F4, led: F4, asked: U1, top: np.float32, bit: int, out: U1
 ) -> None:
-    """Set a bit on the pixels of some rows whose way to an LED, in px and mm, is blocked.
+    """Set a bit on the pixels of some rows whose ray to an LED, in px and mm, is blocked.
 
-    Only those that are asked; above `top` no ray need be followed.
+    Only pixels that are `asked` are tested; a ray ends above `top`.
     """
     for row in range(first, last):
         for column in range(height.shape[1]):
@@ -78,7 +78,7 @@ def _is_blocked(height: F4, led: F4, top: np.float32, row: int, column: int) -> 
 def march(
     rays: Rays, film: Film, dark: U1, step: np.float32, longest: float, end: F4, edge: F4
 ) -> None:
-    """Enter how far along each ray, in px, the shadow ends and the edge that casts it lies."""
+    """Enter the distances along each ray, in px, of the shadow's end and its casting edge."""
     rows, columns = dark.shape
     for ray in range(rays.row.size):
         x, y, ux, uy = rays.column[ray], rays.row[ray], rays.ux[ray], rays.uy[ray]

@@ -11,7 +11,7 @@ from tactograph.nodes import F4
 TAIL = 4.0
 """The Gaussian is cut off at this many standard deviations."""
 NARROWEST_PX = 0.01
-"""Below this standard deviation its neighbours have no weight in a pixel."""
+"""Below this standard deviation, neighbouring pixels have no weight."""
 
 
 def gaussian(deviation_px: float) -> F4:
@@ -23,7 +23,7 @@ def gaussian(deviation_px: float) -> F4:
 
 
 def smoothed(planes: F4, weights: F4, axis: int) -> F4:
-    """Filter along an axis; beyond the border its values go on."""
+    """Filter along an axis; border values are replicated."""
     radius, size = len(weights) // 2, planes.shape[axis]
     around = [(0, 0)] * planes.ndim
     around[axis] = (radius, radius)

@@ -1,4 +1,4 @@
-"""Read an array between its pixels."""
+"""Interpolate an array between its pixels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ONE = np.float32(1)
 
 
 def bilinear(plane: F4, x: F4, y: F4) -> F4:
-    """Interpolate `plane` (H x W) at the points (x, y) in px; the border goes on for ever."""
+    """Interpolate `plane` (H x W) at the points (x, y) in px; border pixels are replicated."""
     rows, columns = plane.shape
     left = np.clip(np.floor(x), 0, columns - 1).astype(np.int32)
     upper = np.clip(np.floor(y), 0, rows - 1).astype(np.int32)

@@ -1,4 +1,4 @@
-"""What the shape nodes share: the record they return and the grid they fill."""
+"""Common parts of the shape nodes: the record they return and the grid they fill."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ F8 = NDArray[np.float64]
 Side = Annotated[int, Interval(ge=1, le=16384)]
 """Width or height of an image in pixels."""
 MOST_PIXELS = 2**24
-"""Of a simulated image: 17 million."""
+"""Most pixels of a simulated image: 17 million."""
 Length = Annotated[float, Interval(gt=0, le=1e4)]
 """A length in mm, at most 10 m."""
 PixelSide = Annotated[float, Interval(ge=1e-4, le=10)]
@@ -64,19 +64,19 @@ def check_pixels(width_px: int, height_px: int) -> None:
 
 
 def turned(x: F8, y: F8, angle_deg: float) -> tuple[F8, F8]:
-    """Return the coordinates in a frame turned by an angle from x towards y."""
+    """Return the coordinates in a frame rotated by an angle from x towards y."""
     angle = np.deg2rad(angle_deg)
     c, s = np.cos(angle), np.sin(angle)
     return c * x + s * y, c * y - s * x
 
 
 def shape(height: F8, pixel_size_mm: float) -> Shape:
-    """Return the record of a height in mm, nothing below the film at rest."""
+    """Return the record of a height in mm, clipped at the film at rest."""
     top: F4 = np.asarray(np.maximum(height, 0.0), np.float32)
     return Shape(top, float(pixel_size_mm))
 
 
 def stretched(height: F8, rise_mm: float | None) -> F8:
-    """Return heights scaled so that the highest is `rise_mm`; None leaves them alone."""
+    """Return heights scaled so that the highest is `rise_mm`; None keeps them."""
     top = float(height.max(initial=0.0))
     return height if rise_mm is None or top <= 0 else height * (rise_mm / top)

@@ -1,7 +1,7 @@
 """Smooth solids as signed distance functions, and their height seen from above.
 
 A solid maps points to their distance from its surface, negative inside.  Distances may be
-underestimated, never by much overestimated: `relief` walks towards the surface by them.
+underestimated but hardly overestimated, because `relief` walks towards the surface by them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Points(NamedTuple):
 Vector = tuple[float, float, float]
 Solid = Callable[[Points], F8]
 
-# Distances of ellipsoids and tapered tubes are approximate: walk less than they say.
+# Distances of ellipsoids and tapered tubes are approximate, so walk only this share of them.
 CAUTION = 0.8
 WALK_STEPS = 120
 
@@ -44,7 +44,7 @@ def ellipsoid(centre: Vector, radii: Vector) -> Solid:
 
 
 def tube(path: Sequence[Vector], radii: Sequence[float]) -> Solid:
-    """A round tube along a path; its radius runs through those given, evenly spread."""
+    """A round tube along a path; its radius is interpolated between evenly spaced `radii`."""
     thickness = np.interp(
         np.linspace(0.0, 1.0, len(path)), np.linspace(0.0, 1.0, len(radii)), radii
     )
@@ -79,7 +79,7 @@ def union(solids: Sequence[Solid], blend: float = 0.0) -> Solid:
 
 
 def without(solid: Solid, taken: Solid, blend: float) -> Solid:
-    """A solid with another cut out of it, the rim rounded over `blend`."""
+    """A solid with another one cut out of it; the rim is rounded over `blend`."""
 
     def distance(at: Points) -> F8:
         return -_smooth_minimum(-solid(at), taken(at), blend)
@@ -97,7 +97,7 @@ def _smooth_minimum(a: F8, b: F8, blend: float) -> F8:
 
 
 def curve(points: Sequence[Vector], pieces: int) -> list[Vector]:
-    """A Bezier curve through the first and last point, drawn towards those between."""
+    """A Bezier curve through the first and last point, with the others as control points."""
     weights = np.linspace(0.0, 1.0, pieces + 1)[:, None]
     level = [np.broadcast_to(np.asarray(p, float), (pieces + 1, 3)) for p in points]
     while len(level) > 1:
@@ -108,8 +108,8 @@ def curve(points: Sequence[Vector], pieces: int) -> list[Vector]:
 def relief(solid: Solid, x: F8, y: F8, top: float, accuracy: float) -> F8:
     """Return the height of a solid above the plane z = 0, seen along the z axis.
 
-    From above each pixel a point falls by as much as the distance function vouches for,
-    until it is within `accuracy` of the surface or below the plane (sphere tracing).
+    Above each pixel a point moves down by a share of the distance function until it is within
+    `accuracy` of the surface or below the plane (sphere tracing).
 
     Parameters
     ----------

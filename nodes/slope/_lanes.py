@@ -1,8 +1,8 @@
 """Sixteen numbers side by side in compiled loops, as ``lanes.clh`` has them for kernels.
 
-A loop over pixels becomes vectors only if the compiler can tell that no array overlaps another;
-these are vectors of it from the start, on any processor.  numba keeps what it has compiled until
-the file of the kept function changes: after a change here, touch those that import it.
+The compiler vectorises a loop over pixels only if it can tell that no array overlaps another.
+These types are vectors from the start, on any processor.  numba caches a compiled function until
+its own file changes: after a change here, touch the files that import this one.
 """
 
 from __future__ import annotations

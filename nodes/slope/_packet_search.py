@@ -1,10 +1,10 @@
 """The look-up compiled for the host: packets of pixels of similar light search a tree together.
 
 It is the search of ``lut_nearest.cl``, ``table_tree.clh`` and ``sort_by_light.clh``, lane by lane,
-but for two things: it keeps a list of the nearest entries, however many are asked for, and squares
-of distances round as NumPy's, so that the order of entries almost equally near is NumPy's too.
+with two differences: it keeps a list of any number of nearest entries, and squares of distances
+round as in NumPy, so that almost equally near entries have the same order as in NumPy.
 
-Long because numba compiles a kept function anew when its own file has changed, and no other.
+Long because numba recompiles a cached function only when its own file has changed.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from tactograph.nodes.slope.lut_nearest import PIECE, SPARSER
 U2 = NDArray[np.uint16]
 I8 = NDArray[np.int64]
 CAUTION = np.float32(0.99999)
-"""Squares of distances to boxes count a little less, so that rounding hides no entry."""
+"""Factor on squared distances to boxes, below 1 so that rounding hides no entry."""
 MOST_LIGHT = np.float32(1e15)
 BINS = 16
 """The pixels of a piece are sorted into BINS x BINS bins."""
 PADDED = PIECE + LANES
-"""Between the light of a piece under one LED and the next."""
+"""Distance from the light of a piece under one LED to that under the next."""
 ZERO, INFINITE, TINY = np.float32(0), np.float32(np.inf), np.float32(1e-20)
 NONE = np.int32(2**31 - 1)
-"""In the place of an entry's number where fewer were found."""
+"""Stands for an entry's number where fewer entries were found."""
 
 
 class _Table(NamedTuple):
@@ -78,9 +78,9 @@ class _Nearest(NamedTuple):
     squares: F4
     numbers: I4
     leaves: I4
-    """Of the nearest alone."""
+    """Leaves of the nearest entries only."""
     last: int
-    """Where in the list the farthest stand."""
+    """Where in the list the farthest entries are."""
 
 
 @njit
@@ -127,7 +127,7 @@ def _reach(nearest: _Nearest) -> np.float32:
 
 @njit
 def _enter(nearest: _Nearest, square: Floats, number: Ints, leaf: int) -> None:
-    """Put an entry where it belongs in the lists, and what it drives out one place further."""
+    """Insert an entry into the sorted lists, and move farther entries on by one place."""
     closest = square < load(nearest.squares, 0)
     store(choose(closest, splat(np.int32(leaf)), load(nearest.leaves, 0)), nearest.leaves, 0)
     for place in range(0, nearest.last + LANES, LANES):
@@ -135,7 +135,7 @@ def _enter(nearest: _Nearest, square: Floats, number: Ints, leaf: int) -> None:
         before = (square < other) | ((square == other) & (number < its_number))
         store(choose(before, square, other), nearest.squares, place)
         store(choose(before, number, its_number), nearest.numbers, place)
-        # Leaves are filled up with entries that stand elsewhere too.
+        # Leaves are padded with entries that also occur elsewhere.
         again = number == its_number
         square = choose(again, splat(INFINITE), choose(before, other, square))
         number = choose(again, splat(NONE), choose(before, its_number, number))
@@ -157,7 +157,7 @@ def _scan_leaf(nearest: _Nearest, packet: _Packet, table: _Table, leaf: int) -> 
 def _walk_middle(
     nearest: _Nearest, packet: _Packet, table: _Table, middle: int, first: int, second: int
 ) -> None:
-    """Scan the leaves of one middle that may hold a nearer entry, but for two done before."""
+    """Scan the leaves of one middle that may hold a nearer entry, except two already scanned."""
     at = _boxes_of(table, table.groups + table.tops + middle)
     near = _boxes_within(packet, table, at, _reach(nearest))
     while near:
@@ -175,7 +175,7 @@ def _boxes_of(table: _Table, row: int) -> int:
 
 @njit(forceinline=True)
 def _walk(nearest: _Nearest, packet: _Packet, table: _Table, first: int, second: int) -> None:
-    """Scan two leaves that are likely to be near, then what else may be."""
+    """Scan two leaves that are likely to be near, then all others that may hold nearer entries."""
     _scan_leaf(nearest, packet, table, first)
     if second != first:
         _scan_leaf(nearest, packet, table, second)
@@ -223,7 +223,7 @@ def _descend(packet: _Packet, table: _Table) -> int:
 
 @njit
 def _put(packet: _Packet, table: _Table) -> None:
-    """Fill in where the pixels of a packet are along the table's axes, and the box around them."""
+    """Fill in a packet's coordinates along the table's axes, and the box around its pixels."""
     for j in range(table.lights):
         point = splat(-table.centre[j])
         for k in range(table.lights):
@@ -235,7 +235,7 @@ def _put(packet: _Packet, table: _Table) -> None:
 
 @njit
 def _extent(light: F4, at: int, count: int) -> tuple[np.float32, np.float32]:
-    """Lowest light and how much more the highest is, of pixels from `at` on."""
+    """The lowest light, and the range of the light, of pixels from `at` on."""
     low = high = load(light, at)
     for i in range(LANES, count, LANES):
         low, high = less_of(load(light, at + i), low), more_of(load(light, at + i), high)
@@ -244,9 +244,9 @@ def _extent(light: F4, at: int, count: int) -> tuple[np.float32, np.float32]:
 
 @njit
 def _sort_piece(order: I4, bins: I4, light: F4, lights: int, count: int) -> None:
-    """The order of a piece: by bins of light under the two LEDs in which it differs most.
+    """Order a piece by bins of light under the two LEDs where its range is largest.
 
-    The bins are gone through row by row, to and fro.
+    The bins are traversed row by row, in alternating directions.
     """
     row_at = column_at = 0
     row_low = column_low = ZERO
@@ -276,7 +276,7 @@ def _sort_piece(order: I4, bins: I4, light: F4, lights: int, count: int) -> None
 
 @njit
 def _gather(piece: F4, light: F4, pixels: I8, dropped: int) -> None:
-    """The light of a piece, LED by LED, one of them dark; its last pixel fills a packet up."""
+    """Gather the light of a piece, LED by LED, one of them dark; its last pixel pads a packet."""
     for k in range(len(light)):
         for i in range(len(pixels) + LANES):
             value = _tame(light[k, pixels[min(i, len(pixels) - 1)]])
@@ -287,7 +287,7 @@ def _gather(piece: F4, light: F4, pixels: I8, dropped: int) -> None:
 def _search(
     nearest: _Nearest, packet: _Packet, table: _Table, piece: F4, order: I4, start: int
 ) -> None:
-    """Find the entries of LANES pixels of a piece; where the packet before ended is a start."""
+    """Find the entries of LANES pixels of a piece, starting where the previous packet ended."""
     for k in range(table.lights):
         for lane in range(LANES):
             packet.light[LANES * k + lane] = piece[PADDED * k + order[start + lane]]
@@ -363,9 +363,9 @@ def find_cells(
     light, shadow
         K x N, N.
     medians
-        Where cells part, numbered as in a heap from 1.
+        The medians that separate cells, numbered as in a heap from 1.
     levels
-        So many medians are on the way to a cell.
+        Number of medians on the way to a cell.
     cells
         N.
     """
@@ -408,7 +408,7 @@ def search_cells(
     index
         The arrays of `index_lut`, all but the last flat.
     neighbours
-        The mean of so many nearest entries is the slope of a pixel.
+        Number of nearest entries whose mean is the slope of a pixel.
     slope
         2 x N; left as it is where the table needed is empty.
     """

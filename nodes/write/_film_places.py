@@ -1,8 +1,8 @@
-"""Where on the film the points lie that the pixels of a camera see, and an even grid of them.
+"""Where the points that a camera's pixels see lie on the film, and a regular grid of them.
 
-A camera whose pupil is D above the film sees at the place (u, v) of the film at rest a point of
-height z that lies at (u, v) (1 - z / D).  Its lens shows that place elsewhere (`light._lens`).
-Places are in pixels of the ideal image, from the image's middle.
+A camera whose pupil is D above the film sees a point of height z that lies at (u, v) (1 - z / D)
+where it sees the place (u, v) of the film at rest.  Its lens moves that place in the image
+(`light._lens`).  Places are in pixels of the ideal image, from the image's middle.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tactograph.nodes.light._bicubic import between_pixels
 from tactograph.nodes.light._lens import half_diagonal, ideal_places, is_straight, seen_offset
 
 HALVINGS = 10
-"""Of the interval in which the pixel lies that sees a point of the even grid."""
+"""Bisections of the interval that holds the pixel which sees a point of the grid."""
 
 Places = NDArray[Any]
 
@@ -31,7 +31,7 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
     height
         H x W in mm, as seen.
     lens
-        Length 8; None: it bends nothing.
+        Length 8; None: no distortion.
     camera
         1 / D in 1/mm; 0: orthographic.
 
@@ -54,9 +54,9 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
 def on_even_grid(
     height: Height, others: list[F4], lens: Lens | None, camera: float
 ) -> tuple[Height, list[F4]]:
-    """Return the height, and other maps beside it, on the ideal image's grid on the film.
+    """Return the height, and other maps, on the ideal image's grid on the film.
 
-    For each point of the grid the pixel is looked for, along the line to the image's middle,
+    For each point of the grid, a search along the line to the image's middle finds the pixel
     that sees a point above it.  NaN where no pixel does: at the border.
 
     Parameters
@@ -107,7 +107,7 @@ def on_even_grid(
 
 
 def _linear(plane: F4, x: Places, y: Places) -> Places:
-    from scipy.ndimage import map_coordinates  # 0.3 s, which a plain camera needs not wait for
+    from scipy.ndimage import map_coordinates  # takes 0.3 s; not needed without lens and camera
 
     return np.asarray(map_coordinates(plane, (y, x), order=1, mode="nearest"))
 

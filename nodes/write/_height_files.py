@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,22 +12,32 @@ from typing import Literal, NamedTuple
 import cv2
 import numpy as np
 from PIL import Image, PngImagePlugin
-from PIL.TiffImagePlugin import ImageFileDirectory_v2
+from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, Height, Lens
-from tactograph.nodes.capture._image_files import MOST_PIXELS
+from tactograph.nodes.capture._image_files import MOST_PIXELS, read_numbers
 from tactograph.nodes.contact._areal_surface import UM, areal_surface, surfalize
 from tactograph.nodes.write._film_places import film_places
 
 Format = Literal["npy", "tiff", "png", "tmd", "sur", "ply", "stl", "obj"]
 
+LEAST_MM, MOST_MM = 1e-6, 1e3
+"""Pixel sizes that files of 32-bit floats can hold."""
+APART = 0.005
+"""Relative difference of two lengths of a pixel that counts as a contradiction."""
 STEP_MM = 1e-4
 """A level of a 16-bit PNG: 0.1 micrometres."""
 OFFSET_MM = -1.0
 """The height of its level 0; level 65535 is 5.5535 mm."""
+UNKNOWN_LEVEL = 0
+"""The level of unknown film; the PNG's tRNS chunk makes it transparent."""
 PNG_TEXT = "Tactograph height"
 """The PNG's text chunk that holds step and offset."""
+TIFF_TEXT = "height in mm above the untouched film"
+"""The description in the TIFFs written here."""
+PER_CM = 3
+"""A TIFF's number for a resolution in pixels per centimetre."""
 TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
 TMD_COMMENT = b"Height map in mm     \r\n\0"
 """24 bytes: some readers take the comment to be as long as TrueMap's own."""
@@ -48,6 +59,13 @@ element face {faces}
 property list uchar int vertex_indices
 end_header
 """
+
+
+class HeightFile(NamedTuple):
+    """A height map H x W in mm; the side of a pixel in mm, or None if the file does not say it."""
+
+    height: F4
+    pixel: float | None = None
 
 
 class Surface(NamedTuple):
@@ -89,34 +107,56 @@ def write_npy(file: Path, height: Height, pixel: float) -> None:
 def write_tiff(file: Path, height: Height, pixel: float) -> None:
     """One 32-bit float channel in mm, the pixel size as its resolution."""
     tags = ImageFileDirectory_v2()
-    tags[270] = "height in mm above the untouched film"
+    tags[270] = TIFF_TEXT
     tags[282] = tags[283] = 10 / pixel
-    tags[296] = 3  # pixels per centimetre
+    tags[296] = PER_CM
     Image.fromarray(np.asarray(height, np.float32)).save(file, tiffinfo=tags)
 
 
 def write_png(file: Path, height: Height, pixel: float) -> None:
     """16-bit grey: height = offset + level * step, both stated in a text chunk.
 
+    Unknown film, NaN, is transparent: level 0, which stands for no height then.
+
     Raises
     ------
     InputError
         If the height does not fit into 16 bits at this scale.
     """
-    levels = np.rint((height.astype(np.float64) - OFFSET_MM) / STEP_MM)
-    if levels.min() < 0 or levels.max() > 65535:
+    known = np.isfinite(height)
+    levels = np.rint((height[known].astype(np.float64) - OFFSET_MM) / STEP_MM)
+    lowest = 0 if known.all() else UNKNOWN_LEVEL + 1
+    if levels.min() < lowest or levels.max() > 65535:
         raise InputError(
-            f"{file.name}: heights from {height.min():.2f} to {height.max():.2f} mm do not fit "
-            f"into {OFFSET_MM} to {OFFSET_MM + 65535 * STEP_MM:.2f} mm; write tiff or npy instead"
+            f"{file.name}: heights from {height[known].min():.2f} to {height[known].max():.2f} mm "
+            f"do not fit into {OFFSET_MM} to {OFFSET_MM + 65535 * STEP_MM:.2f} mm; write tiff or "
+            "npy instead"
         )
-    text = PngImagePlugin.PngInfo()
+    grey = np.full(height.shape, UNKNOWN_LEVEL, np.uint16)
+    grey[known] = levels
     about = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "pixel_size_mm": pixel}
+    transparent: dict[str, int] = {}
+    if not known.all():
+        about["unknown_level"] = transparent["transparency"] = UNKNOWN_LEVEL
+    text = PngImagePlugin.PngInfo()
     text.add_text(PNG_TEXT, json.dumps(about))
-    Image.fromarray(levels.astype(np.uint16)).save(file, pnginfo=text)
+    Image.fromarray(grey).save(file, pnginfo=text, **transparent)
 
 
 def write_tmd(file: Path, height: Height, pixel: float) -> None:
-    """TrueMap data, version 2.0, as GelSight's tools read it: float32, mm."""
+    """TrueMap data, version 2.0, as GelSight's tools read it: float32, mm.
+
+    Raises
+    ------
+    InputError
+        If the film is unknown (NaN) anywhere, for which the format has no sign.
+    """
+    unknown = np.count_nonzero(np.isnan(height))
+    if unknown:
+        raise InputError(
+            f"{file.name}: the film is unknown (NaN) at {unknown} pixels, which a .tmd file cannot "
+            "hold; write tiff, png, npy, sur or a mesh"
+        )
     rows, columns = height.shape
     sizes = TMD_SIZES.pack(columns, rows, columns * pixel, rows * pixel, 0.0, 0.0)
     file.write_bytes(TMD_MAGIC + TMD_COMMENT + sizes + height.astype("<f4").tobytes())
@@ -128,10 +168,10 @@ def write_sur(file: Path, height: Height, pixel: float) -> None:
     Raises
     ------
     InputError
-        If surfalize is not installed, or all heights are the same: the file's steps share the
-        range of the heights out.
+        If surfalize is not installed, or all heights are the same: the file's steps divide the
+        range of the heights.
     """
-    # Before anything is known of the heights: without the library they do not matter.
+    # First, so that a missing library is reported whatever the heights are.
     surfalize()
     known = height[np.isfinite(height)]
     if not known.size or known.min() == known.max():
@@ -152,7 +192,7 @@ def write_mesh(
     if file.suffix == ".ply":
         _write_ply(file, surface)
         return
-    # It loads longer than a touch takes to compute.
+    # Loading it takes longer than computing a touch.
     import trimesh
 
     trimesh.Trimesh(*surface, process=False).export(file)
@@ -175,31 +215,59 @@ WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
 }
 
 
-def read_tiff(file: Path) -> F4:
+def read_npy(file: Path) -> HeightFile:
+    """A two-dimensional array of numbers, mm."""
+    array = read_numbers(file)
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
+        raise InputError(f"{file}: a height map is one two-dimensional array of numbers")
+    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
+        return HeightFile(np.asarray(array, np.float32))
+
+
+def read_tiff(file: Path) -> HeightFile:
     """A single channel of floats, mm."""
     image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise InputError(f"{file}: cannot be decoded, the file is damaged or no TIFF")
     if image.ndim != 2 or image.dtype.kind != "f":
         raise InputError(f"{file}: a height map is one channel of 32-bit floats in mm")
-    return np.asarray(image, np.float32)
+    return HeightFile(np.asarray(image, np.float32), _tiff_pixel(file))
 
 
-def read_png(file: Path) -> F4:
+def _tiff_pixel(file: Path) -> float | None:
+    """The pixel size of a TIFF written here.
+
+    The resolution that another program writes is often that of a printer.
+    """
+    try:
+        with TiffImageFile(str(file)) as image:
+            tags = image.tag_v2
+            if tags.get(270) != TIFF_TEXT or tags.get(296) != PER_CM:
+                return None
+            return _square(10 / float(tags[282]), 10 / float(tags[283]))
+    except (OSError, SyntaxError, ValueError, KeyError, ZeroDivisionError):
+        return None
+
+
+def read_png(file: Path) -> HeightFile:
     """16-bit grey that states its own scale."""
     try:
         with Image.open(file) as image:
             about = json.loads(image.info[PNG_TEXT])
             levels = np.asarray(image)
         step, offset = float(about["step"]), float(about["offset"])
+        side = float(about.get("pixel_size_mm", math.nan))
     except (KeyError, TypeError):
         raise InputError(f"{file}: states no scale, so its grey levels are no heights") from None
     except (OSError, SyntaxError, ValueError) as error:
         raise InputError(f"{file}: cannot be decoded: {error}") from None
-    return np.asarray(offset + step * levels.astype(np.float64), np.float32)
+    height = np.asarray(offset + step * levels.astype(np.float64), np.float32)
+    if "unknown_level" in about:
+        height[levels == about["unknown_level"]] = np.nan
+    return HeightFile(height, _square(side, side))
 
 
-def read_tmd(file: Path) -> F4:
+def read_tmd(file: Path) -> HeightFile:
     """TrueMap data, version 2.0."""
     content = file.read_bytes()
     comment_end = content.find(b"\0", len(TMD_MAGIC))
@@ -208,14 +276,15 @@ def read_tmd(file: Path) -> F4:
     start = comment_end + 1 + TMD_SIZES.size
     if len(content) < start:
         raise InputError(f"{file}: ends within its header")
-    columns, rows = TMD_SIZES.unpack_from(content, comment_end + 1)[:2]
+    columns, rows, width, length = TMD_SIZES.unpack_from(content, comment_end + 1)[:4]
     if columns < 1 or rows < 1 or len(content) < start + 4 * columns * rows:
         raise InputError(f"{file}: declares {columns} x {rows} heights, but the file is shorter")
     heights = np.frombuffer(content, "<f4", columns * rows, start)
-    return np.asarray(heights.reshape(rows, columns), np.float32)
+    height = np.asarray(heights.reshape(rows, columns), np.float32)
+    return HeightFile(height, _square(width / columns, length / rows))
 
 
-def read_sur(file: Path) -> F4:
+def read_sur(file: Path) -> HeightFile:
     """Digital Surf's format; what was not measured is NaN."""
     load = surfalize().Surface.load
     with file.open("rb") as opened:
@@ -227,17 +296,38 @@ def read_sur(file: Path) -> F4:
         raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
     try:
         surface = load(str(file))
-    # A file that is damaged fails in whichever way its bytes make it fail.
+    # A damaged file can raise any exception.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cannot be read as a .sur file: {reason}") from None
-    return np.asarray(surface.data / UM, np.float32)
+    side = _square(surface.step_x / UM, surface.step_y / UM)
+    return HeightFile(np.asarray(surface.data / UM, np.float32), side)
 
 
-READERS: Mapping[str, Callable[[Path], F4]] = {
+def _square(width: float, length: float) -> float | None:
+    """The side of a square pixel in mm; None if it is none, or no size."""
+    is_size = LEAST_MM <= min(width, length) and max(width, length) <= MOST_MM
+    return width if is_size and math.isclose(width, length, rel_tol=APART) else None
+
+
+READERS: Mapping[str, Callable[[Path], HeightFile]] = {
     ".tiff": read_tiff,
     ".tif": read_tiff,
     ".png": read_png,
     ".tmd": read_tmd,
     ".sur": read_sur,
 }
+"""The formats other than ``.npy``, by suffix."""
+
+
+def read_height_file(file: Path) -> HeightFile:
+    """Read a height map in the format of its suffix; one that is not known is taken for NumPy's.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or no height map.
+    """
+    if not file.is_file():
+        raise InputError(f"{file}: there is no such file")
+    return READERS.get(file.suffix.lower(), read_npy)(file)

@@ -15,8 +15,8 @@ from tactograph.nodes.calibrate._led_colours import LED_COLOURS
 
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
-# Margins of a fixed size and `print_png` take half the time of a layout that measures every
-# text and of `savefig`, which draws twice.
+# Fixed margins and `print_png` take half the time of a layout that measures every text and of
+# `savefig`, which draws twice.
 DPI = 110
 
 
@@ -81,7 +81,7 @@ def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
     axes.imshow(turn, cmap=colours, vmin=-0.5, vmax=colours.N - 0.5, alpha=0.75)
     numbers, areas = np.unique(contact[contact > 0], return_counts=True)
     for number in numbers:
-        # A pixel of the contact itself: the centroid of a ring is not.
+        # The contact's pixel nearest to the centroid: that of a ring lies outside the contact.
         rows, columns = np.nonzero(contact == number)
         nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
         place = (float(columns[nearest]), float(rows[nearest]))

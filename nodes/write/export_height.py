@@ -24,7 +24,7 @@ def export_height(
     folder: Path,
     formats: Annotated[tuple[Format, ...], MinLen(1)] = ("tmd", "stl"),
 ) -> None:
-    """Write ``height.EXT`` into `folder`, or a folder of the touch's name inside, per format.
+    """Write ``height.EXT`` per format into `folder`, or its subfolder of the touch's name.
 
     Parameters
     ----------
@@ -36,10 +36,10 @@ def export_height(
         The capture's name in a stream; empty for a single capture.
     lens, camera
         Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
-        pupil above the film (0: orthographic).  Where they are given, meshes have their points
-        where these lie on the film; images stay what each pixel sees.
+        pupil above the film (0: orthographic).  If they are given, the points of meshes are
+        where they lie on the film; images stay what each pixel sees.
     folder
-        Made if needed.
+        Created if needed.
     formats
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
@@ -51,7 +51,7 @@ def export_height(
     ------
     InputError
         If the folder cannot be written, the height does not fit into a PNG, a library is not
-        installed, or the film rises to the camera; then no file of this touch is.
+        installed, or the film rises to the camera; then no file of this touch is written.
     """
     with whole_files(folder / name if name else folder) as target:
         for extension in formats:

@@ -1,4 +1,4 @@
-"""Read a known height map: the truth, or a calibration object's shape."""
+"""Read a known height map: a result, or a calibration object's shape."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Height
-from tactograph.nodes.capture._image_files import Crop, read_truth
-from tactograph.nodes.write._height_files import READERS
+from tactograph.nodes.capture._image_files import HIGHEST, Crop
+from tactograph.nodes.write._height_files import read_height_file
 
 
 @node
-def read_height(*, file: Path, crop: Crop | None = None) -> Height:
+def read_height(*, file: Path, crop: Crop | None = None, unknown: bool = False) -> Height:
     """Read a height map in mm.
 
     ``.npy``; ``.tiff`` of 32-bit floats; ``.png`` of 16 bits that states its scale, as
@@ -24,15 +24,19 @@ def read_height(*, file: Path, crop: Crop | None = None) -> Height:
     file
         H x W, mm above the film at rest.
     crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are not part of it.
+        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
+    unknown
+        Whether a part of the film may be unknown (NaN), as in a result with ``grid=metric``.
 
     Raises
     ------
     InputError
-        If the file is missing, damaged, or no two-dimensional array of finite numbers, or
-        the crop leaves it.
+        If the file is missing, damaged, or no two-dimensional array of numbers, if it holds
+        infinite heights or nothing but NaN, if it holds NaN without `unknown`, or if the crop
+        exceeds it.
     """
-    height = _read(file)
+    height = read_height_file(file).height
+    _check(height, file, unknown)
     if crop is None:
         return height
     x0, y0, x1, y1 = crop
@@ -43,13 +47,15 @@ def read_height(*, file: Path, crop: Crop | None = None) -> Height:
     return np.ascontiguousarray(height[y0:y1, x0:x1])
 
 
-def _read(file: Path) -> Height:
-    reader = READERS.get(file.suffix.lower())
-    if reader is None:
-        return read_truth(file)
-    if not file.is_file():
-        raise InputError(f"{file}: there is no such file")
-    height = reader(file)
-    if not np.isfinite(height).all():
-        raise InputError(f"{file}: holds NaN or infinite values")
-    return height
+def _check(height: Height, file: Path, unknown: bool) -> None:
+    if not height.size:
+        raise InputError(f"{file}: a height map of shape {height.shape} holds no pixel")
+    is_known = np.isfinite(height)
+    if not unknown and not is_known.all():
+        raise InputError(f"{file}: holds NaN or infinite values; every height must be known here")
+    if np.isinf(height).any():
+        raise InputError(f"{file}: holds infinite values; write NaN where the film is unknown")
+    if not is_known.any():
+        raise InputError(f"{file}: holds no height, only NaN; reconstruct it again")
+    if np.abs(height[is_known]).max() > HIGHEST:
+        raise InputError(f"{file}: holds a height beyond {HIGHEST:g} mm; heights are in mm")

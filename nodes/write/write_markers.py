@@ -1,4 +1,4 @@
-"""Write where the markers of a film have gone, as a table and as arrows."""
+"""Write the shifts of a film's markers, as a table and as arrows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tactograph.nodes.marker.track_markers import Seen, Shifts
 
 HEAD = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
 LEAST_WIDTH = 640
-"""Pixels across of the picture, at least."""
+"""Smallest width of the picture in pixels."""
 
 
 @node
@@ -32,9 +32,9 @@ def write_markers(
 ) -> None:
     """Write ``markers.csv`` and ``markers.png``.
 
-    A row for each marker: its place on the untouched film and by what it has moved, in px and in
-    mm, the latter from the middle of the image; and whether it was seen (1) or its neighbours say
-    where it must be (0).
+    One row per marker: its place on the untouched film and its shift, in px and in mm (places in
+    mm from the middle of the image), and whether it was seen (1) or predicted from its
+    neighbours (0).
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def write_markers(
     name
         The capture's name in a stream; empty for a single capture.
     folder
-        Made if needed.
+        Created if needed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Write a touch: arrays for programs, pictures for people, and where it all comes from."""
+"""Write a touch: arrays for programs, pictures for people, and the provenance."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tactograph.nodes.write._film_places import on_even_grid
 from tactograph.nodes.write._height_files import write_mesh, write_tiff
 
 FEWEST = 3
-"""With so many LEDs a shadow leaves two, and two lights allow two slopes."""
+"""With this many LEDs a shadow leaves two, and two lights allow two slopes."""
 
 
 @node
@@ -51,7 +51,7 @@ def write_result(
     pictures: bool = True,
     provenance: Provenance,
 ) -> None:
-    """Write the result of one touch into `folder`, or a folder of its name inside.
+    """Write the result of one touch into `folder`, or its subfolder of the touch's name.
 
     ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
     y up, z to the camera), ``shadow.png`` (bit k-1 set where LED k does not light the
@@ -69,7 +69,7 @@ def write_result(
     shadow
         H x W, the shadowed LEDs.
     image
-        K x H x W, what was captured; the background of ``shadow_view.png`` and its like.
+        K x H x W, as captured; the background of ``shadow_view.png`` and similar pictures.
     pixel
         mm per px.
     metrics
@@ -84,25 +84,25 @@ def write_result(
         H x W, the probability that the shadow labels are right, where the graph knows it.
     lens, camera
         Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
-        pupil above the film (0: orthographic), where the graph knows them.  The mesh has its
-        points where these lie on the film.
+        pupil above the film (0: orthographic), where the graph knows them.  The mesh's points
+        are where they lie on the film.
     contact
         H x W, the number of the contact at each pixel, where the graph looks for contacts.
     folder
-        Made if needed.
+        Created if needed.
     grid
         "pixel": ``height.npy`` is what each pixel of the camera sees.  "metric": height and
-        error are on an even grid on the film, `pixel` apart, of the image's size and about its
-        middle; NaN at the border where no pixel sees the film.  Labels, contacts and
+        error are on a regular grid on the film with spacing `pixel`, of the image's size and
+        about its middle; NaN at the border where no pixel sees the film.  Labels, contacts and
         confidence stay those of the pixels.
     mesh, pictures
-        Whether to write those too; they take longer than all the rest.
+        Whether to write these, too; they take longer than all the rest.
 
     Raises
     ------
     InputError
         If the folder cannot be written, or the film rises to the camera; then no file of this
-        touch is.
+        touch is written.
     """
     if len(image) == FEWEST and shadow.any():
         share = np.mean(shadow != 0)
@@ -130,7 +130,7 @@ def write_result(
         if mesh:
             write_mesh(target / "height.ply", height, pixel, placed, vergence)
         if pictures:
-            # Matplotlib takes longer to load than a touch to compute.
+            # Loading Matplotlib takes longer than computing a touch.
             from tactograph.nodes.write._result_pictures import (
                 draw_confidence,
                 draw_contact,

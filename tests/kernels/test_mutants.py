@@ -514,6 +514,13 @@ MUTANTS = {
         "tilt not taken back": ("m00 = a - qx * gx + 1.0f", "m00 = 1.0f"),
         "no lens": ("if (is_bent(lens))", "if (0)"),
     },
+    "error_as_seen": {
+        "the pixel to the left alone": ("min(left[l] + right, W - 1)", "min(left[l], W - 1)"),
+        "the row above alone": ("min(top[l] + below, H - 1)", "min(top[l], H - 1)"),
+        "shares swapped": ("down * lower", "(1.0f - down) * lower"),
+        "not between columns": ("across = u - floor(u)", "across = 0.0f * u"),
+        "no lens": ("!is_bent(lens)", "1"),
+    },
     "labels_as_seen": {
         "the pixel to the left": ("right) + 0.5f", "right)"),
         "the frame's row": ("down * W + across", "row * W + across"),

@@ -14,7 +14,7 @@ IDLE = [name for name in builtin_names() if find_node(name).is_idle is not None]
 
 
 def test_a_lens_perspective_and_light_from_film_are_what_nodes_are_idle_without() -> None:
-    seen = ["as_seen", "confidence_as_seen", "labels_as_seen"]
+    seen = ["as_seen", "confidence_as_seen", "error_as_seen", "labels_as_seen"]
     bent = ["undistort", "undo_perspective", "view_slope"]
     assert sorted([*seen, "film_bounce", *bent]) == sorted(IDLE)
 

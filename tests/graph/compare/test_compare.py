@@ -87,6 +87,19 @@ def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(
     assert "mean of 3 captures" in done.out
 
 
+def test_a_terminal_gets_no_escape_codes_as_text(
+    graphs: list[str],
+    captures: list[Path],
+    tmp_path: Path,
+    tactograph: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal makes of rich
+    done = tactograph("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")
+    assert "variant" in done.out
+    assert "\\x1b" not in done.out
+
+
 def test_what_was_finished_is_not_run_again(
     graphs: list[str], captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command
 ) -> None:

@@ -112,6 +112,56 @@ def test_repeats_have_intervals_in_every_table(tmp_path: Path) -> None:
     assert r"2 $\pm$ 2.5" in (tmp_path / "table.tex").read_text()
 
 
+def test_errors_of_both_signs_do_not_cancel_in_the_mean_over_captures() -> None:
+    near, far = (-6.0, 5.0, -4.0), (7.0, 7.0, 7.0)
+    rows = [row("near", c, error=e) for c, e in zip("abc", near, strict=True)]
+    rows += [row("cancels", c, error=e) for c, e in zip("abc", (-9.0, 8.0, 1.0), strict=True)]
+    rows += [row("far", c, error=e, iou=0.5) for c, e in zip("abc", far, strict=True)]
+    means = over_all(make_lines(rows))
+    assert [mean.figures["error"].mean for mean in means] == [5.0, 6.0, 7.0]
+    assert [is_best(mean, "error", means) for mean in means] == [True, False, False]
+    assert {mean.capture for mean in means} == {"mean of 3 captures, signs left out"}
+
+
+def test_the_time_of_a_single_run_is_never_the_best() -> None:
+    def timed(variant: str, ms: float, seed: int) -> Row:
+        return Row(variant, "a", "numpy", "", {}, {"step": ms}, seed=seed)
+
+    single = make_lines([timed("x", 1.0, 1), timed("y", 9.0, 1)])
+    assert not any(is_best(line, "ms", single) for line in single)
+    often = make_lines([timed(v, ms, seed) for v, ms in (("x", 1.0), ("y", 9.0)) for seed in (1, 2)])
+    assert [is_best(line, "ms", often) for line in often] == [True, False]
+
+
+def shown_at(width: int, rows: list[Row]) -> list[str]:
+    said: list[str] = []
+    print_table(rows, said.append, width)
+    return "\n".join(said).splitlines()
+
+
+@pytest.mark.parametrize("width", [200, 60, 40, 10])
+def test_no_number_is_cut_however_narrow_the_terminal_is(width: int) -> None:
+    figures = {f"mean_error_{n}_percent": 0.123456 + n for n in range(5)}
+    rows = [row(v, **figures) for v in ("first_variant", "second_variant")]
+    lines = shown_at(width, rows)
+    numbers = [word for line in lines for word in line.split() if "." in word]
+    assert sorted(numbers) == sorted(2 * [f"{figure:.4g}" for figure in figures.values()] + 2 * ["2"])
+
+
+def test_a_table_too_wide_has_a_column_for_each_run() -> None:
+    figures = {f"mean_error_{n}_percent": 1.0 for n in range(9)}
+    lines = shown_at(60, [row(v, **figures) for v in ("first", "second", "third")])
+    assert lines[1].split() == ["variant", "first", "second", "third"]
+    assert lines[3].split() == ["mean", "error", "0", "percent", "1", "1", "1"]
+    assert max(map(len, lines)) <= 60
+
+
+def test_a_terminal_is_told_what_the_star_means() -> None:
+    rows = [row("x", error=1.0, iou=0.5), row("y", error=2.0, iou=0.4)]
+    assert shown_at(80, rows)[-1] == "* best of its capture: highest iou; else nearest to zero"
+    assert "*" not in "".join(shown_at(80, rows[:1]))
+
+
 def test_the_terminal_shows_failures_once() -> None:
     said: list[str] = []
     rows = [row("x", error=1.0), Row("y", "a", "numpy", "", error="no light", sweep={"n.p": 2})]

@@ -16,12 +16,14 @@ MASK = np.ones((4, 6), np.uint8)
 FLAT = np.full((4, 4, 6), 0.5, np.float32)
 
 
-def told(left: F4, lights: F4 = LIGHTS, noise: float = 0.0) -> list[str]:
+def told(
+    left: F4, lights: F4 = LIGHTS, noise: float = 0.0, flat: F4 = FLAT, **film: float
+) -> list[str]:
     notes: list[str] = []
     variance = np.array([0, noise**2], np.float32)
     with collect_warnings(notes):
         rate_calibration(
-            left, 0.01, SLOPES, MASK, 15 * MASK, lights, left, None, FLAT, variance
+            left, 0.01, SLOPES, MASK, 15 * MASK, lights, left, None, flat, variance, **film
         )  # fmt: skip
     return notes
 
@@ -46,3 +48,29 @@ def test_two_leds_in_one_place_are_named() -> None:
     lights[3] = lights[1]
     (note,) = told(GOOD, lights)
     assert "LEDs 2 and 4" in note
+
+
+def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
+    assert not told(GOOD, reach=10.0, albedo=0.7)
+
+
+def test_leds_at_infinity_are_blamed_on_the_radius() -> None:
+    (note,) = told(GOOD, LIGHTS * np.float32(1e4), reach=10.0, albedo=0.0)
+    assert "LED 1 is found 800 m from the film" in note
+    assert "ball's radius" in note
+
+
+def test_a_film_that_returns_all_light_is_blamed_on_the_radius() -> None:
+    (note,) = told(GOOD, reach=10.0, albedo=0.95)
+    assert "albedo is found as 0.95" in note
+
+
+def test_a_coat_may_reflect_as_no_smooth_function_does() -> None:
+    notes = told(POOR, noise=0.001, refraction=1.5)
+    assert not any("smooth function" in note for note in notes)
+
+
+def test_a_flat_frame_is_asked_for_only_where_there_is_none() -> None:
+    taken = FLAT + np.linspace(0, 0.1, 6, dtype=np.float32)
+    assert "flat=DIR" in told(POOR, noise=0.001)[0]
+    assert "flat=DIR" not in told(POOR, noise=0.001, flat=taken)[0]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.nodes import F4
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.nodes import F4, Height
 from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.height.error_as_seen import error_as_seen
 from tactograph.nodes.light._lens import half_diagonal, ideal_offset, ideal_places, seen_offset
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.light.undistort_dark import undistort_dark
@@ -45,6 +50,7 @@ def test_no_lens_returns_everything_to_the_bit(values: F4, device: OpenCL) -> No
     assert np.array_equal(as_seen(values[1], NONE), values[1])
     assert np.array_equal(labels_as_seen(labels, NONE), labels)
     assert np.array_equal(confidence_as_seen(values[2], NONE), values[2])
+    assert np.array_equal(error_as_seen(values[3], NONE), values[3])
     on_device = device.prepare(undistort, {}, {"K": 4, "H": 9, "W": 21})
     given = {"image": device.upload(values), "lens": device.upload(NONE)}
     found, _ = on_device.launch(given)
@@ -96,6 +102,38 @@ def test_labels_come_from_the_nearest_pixel(lens: F4) -> None:
     want = np.clip(u, 0, COLUMNS - 1)
     assert np.abs(labels_as_seen(column, lens) - want).max() <= 0.5
     assert np.abs(confidence_as_seen(np.float32(column), lens) - want).max() <= 0.5
+
+
+@LENSES
+def test_a_standard_deviation_comes_back_from_a_plane_as_it_is(lens: F4) -> None:
+    x, y = places()
+    u, v = ideal_places(lens, (ROWS, COLUMNS))
+    want = 3 + 0.01 * (u - (COLUMNS - 1) / 2) + 0.02 * (v - (ROWS - 1) / 2)
+    found = error_as_seen(np.float32(3 + 0.01 * x + 0.02 * y), lens)
+    assert np.abs(inner(found - want)).max() < 1e-5
+
+
+@LENSES
+def test_no_standard_deviation_is_negative_and_no_confidence_leaves_0_to_1(lens: F4) -> None:
+    """Beside a step cubic convolution overshoots, on both sides."""
+    x, y = places()
+    step = np.float32((x > 7) & (y < 11))
+    for found in (error_as_seen(step, lens), confidence_as_seen(step, lens)):
+        assert (found.min(), found.max()) == (0, 1)
+    assert as_seen(step, lens).min() < 0
+
+
+def test_no_shipped_graph_interpolates_an_error_or_a_confidence_as_a_height() -> None:
+    heights = {}
+    for name in shipped_names():
+        nodes = read_graph(name).nodes
+        for entry in nodes.values():
+            if entry.op == "as_seen":
+                maker, _, port = entry.inputs["height"].partition(".")
+                made = find_node(nodes[maker].op)
+                heights[name] = made.outputs[port or made.name].port.low
+    assert {"precise", "reconstruct"} <= heights.keys()
+    assert set(heights.values()) == {get_args(Height)[1].low}  # neither is ever below zero
 
 
 @settings(max_examples=50, deadline=None)

@@ -1,0 +1,63 @@
+"""The side of a pixel of a stored height map: given, or as its file or its result states it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Interval
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import PixelSize
+from tactograph.nodes.write._height_files import APART, LEAST_MM, MOST_MM, read_height_file
+
+
+@node
+def read_pixel_size(
+    *, height: Path, mm: Annotated[float, Interval(ge=LEAST_MM, le=MOST_MM)] | None = None
+) -> PixelSize:
+    """Return the pixel size of a height map in mm.
+
+    ``.sur``, ``.tmd``, and the ``.tiff`` and ``.png`` that Tactograph writes state it
+    themselves.  For the others, the ``result.json`` in the same folder states it.
+
+    Parameters
+    ----------
+    height
+        The file of the height map.
+    mm
+        mm per px.  It takes precedence; a file that contradicts it raises a warning.
+
+    Raises
+    ------
+    InputError
+        If neither says it, or the file is missing or damaged.
+    """
+    result = height.parent / "result.json"
+    stated, where = read_height_file(height).pixel, height
+    if stated is None:
+        stated, where = _size_in(result), result
+    if mm is None:
+        if stated is None:
+            raise InputError(
+                f"{height}: states no pixel size, nor does {result}; give pixel_size_mm=..."
+            )
+        return stated
+    if stated is not None and not math.isclose(mm, stated, rel_tol=APART):
+        warn(
+            f"{where}: says {stated:.6g} mm per px, but pixel_size_mm={mm:.6g} is given and used; "
+            "leave it out to use the file's"
+        )
+    return mm
+
+
+def _size_in(result: Path) -> float | None:
+    """What a result says; None if it is no result, or one of before results said it."""
+    try:
+        size = json.loads(result.read_text(encoding="utf-8"))["pixel_size_mm"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    is_size = isinstance(size, int | float) and LEAST_MM <= size <= MOST_MM
+    return float(size) if is_size else None
