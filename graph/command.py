@@ -23,6 +23,7 @@ COMMANDS = (
     "resolve",
     "explain",
     "draw",
+    "graphs",
     "nodes",
     "new-node",
     "devices",

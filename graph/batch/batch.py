@@ -51,7 +51,7 @@ def open_batch(
         captures.
     """
     place = store_place(out, job)
-    wanted = [capture for capture in captures if not _lies_in(capture, place, job.folders)]
+    wanted = [capture for capture in captures if not lies_in(capture, place, job.folders)]
     if not wanted:
         raise InputError(f"--over: nothing is there but what lies in --out {out}")
     store = open_store(place)
@@ -69,11 +69,23 @@ def open_batch(
     elif chunk and chunk != store.chunk:
         raise InputError(f"{place}: was made with --chunk {store.chunk}; leave --chunk out")
     there = set(store.captures)
-    store.append([capture for capture in wanted if capture not in there])
+    added = [capture for capture in wanted if capture not in there]
+    _refuse_outside(added, store.job, out)
+    store.append(added)
     return store
 
 
-def _lies_in(capture: str, place: str, folders: str | None) -> bool:
+def _refuse_outside(captures: Sequence[str], job: Job, out: str) -> None:
+    """Refuse captures whose results would have no place among those of the first ones."""
+    for capture in captures:
+        if job.below and not capture.startswith(f"{job.below.rstrip('/')}/"):
+            raise InputError(
+                f"{capture}: the captures of {out} lie below {job.below}, and so do the folders of "
+                "their results; give another --out"
+            )
+
+
+def lies_in(capture: str, place: str, folders: str | None) -> bool:
     """Whether a match is what this batch itself writes: its store or its table."""
     table = f"{folders}/captures.csv" if folders else f"{place.removesuffix('.zarr')}.csv"
     return capture == table or f"{capture}/".startswith(f"{place.rstrip('/')}/")
@@ -97,14 +109,14 @@ def reopen_damaged(store: Store) -> int:
         damaged.update(
             number
             for number, (capture, status) in enumerate(done)
-            if status == DONE and not _has_results(store.job.folders, capture)
+            if status == DONE and not _has_results(store.job, capture)
         )
     store.reopen(sorted(damaged))
     return len(damaged)
 
 
-def _has_results(folders: str, capture: str) -> bool:
-    folder = Path(folders) / folder_name(capture)
+def _has_results(job: Job, capture: str) -> bool:
+    folder = Path(job.folders or "") / folder_name(capture, job.below)
     return folder.is_dir() and any(folder.iterdir())
 
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 import fsspec
+from fsspec.core import has_magic
 
 from tactograph.graph.errors import InputError
+from tactograph.graph.files.captures_in import captures_in
 from tactograph.graph.files.content_hash import content_hash
 
 
@@ -22,8 +27,22 @@ def absolute(place: str) -> str:
     return place if is_url(place) else str(Path(place).absolute())
 
 
-def find_captures(patterns: Sequence[str]) -> list[str]:
-    """Return every place that a pattern matches, once, in order of name.
+class Found(NamedTuple):
+    """The captures of a batch, the folder that all its patterns begin in, and what was passed over.
+
+    `below` is "" where the patterns have no folder in common.
+    """
+
+    captures: list[str]
+    below: str
+    passed_over: list[str]
+
+
+def find_captures(patterns: Sequence[str]) -> Found:
+    """Find every place that a pattern matches, once, in order of name.
+
+    A folder that holds folders and no file stands for those.  Files that lie beside matching
+    folders are passed over: no batch has captures of both kinds.
 
     Parameters
     ----------
@@ -36,26 +55,65 @@ def find_captures(patterns: Sequence[str]) -> list[str]:
         If a pattern matches nothing, or its file system is not known.
     """
     found: dict[str, None] = {}
-    for pattern in patterns:
-        if not pattern.strip():
-            raise InputError("--over is empty; give a pattern such as 'recordings/*'")
-        matches = _matches(pattern)
+    passed_over: dict[str, None] = {}
+    spread = [each for pattern in patterns for each in _spread(pattern)]
+    for pattern in spread:
+        matches, files = _matches(pattern)
         if not matches:
             raise InputError(f"--over {pattern}: nothing is there")
         found.update(dict.fromkeys(matches))
-    return list(found)
+        passed_over.update(dict.fromkeys(files))
+    return Found(list(found), _common_start(spread), list(passed_over))
 
 
-def _matches(pattern: str) -> list[str]:
+def _spread(pattern: str) -> list[str]:
+    """The pattern itself, or, for a folder of captures, one that matches what it holds."""
+    if not pattern.strip():
+        raise InputError("--over is empty; give a pattern such as 'recordings/*'")
+    folder = Path(pattern)
+    if is_url(pattern) or not folder.is_dir() or captures_in(folder) == [folder]:
+        return [pattern]
+    return [f"{pattern.rstrip('/')}/*"]
+
+
+def _common_start(patterns: Sequence[str]) -> str:
+    """The folder that all patterns begin in, as far as they say one without ``*``.
+
+    It does not depend on what is there now, so that captures may be added.
+    """
+    starts = []
+    for pattern in patterns:
+        scheme, mark, path = absolute(pattern).rpartition("://")
+        parts = os.path.normpath(path).split("/")[:-1]
+        plain = next((n for n, part in enumerate(parts) if has_magic(part)), len(parts))
+        starts.append([scheme + mark, *parts[:plain]])
+    common = [parts[0] for parts in takewhile(_are_alike, zip(*starts, strict=False))]
+    return common[0] + "/".join(common[1:]) if len(common) > 1 else ""
+
+
+def _are_alike(parts: tuple[str, ...]) -> bool:
+    return len({*parts}) == 1
+
+
+def _matches(pattern: str) -> tuple[list[str], list[str]]:
+    """What a pattern matches: captures, and files that are none, each in order of name."""
     try:
         system, path = fsspec.core.url_to_fs(absolute(pattern))
-        matches = system.glob(path.rstrip("/"))
+        matches = system.glob(path.rstrip("/"), detail=True)
     except (ValueError, ImportError, OSError) as error:
         raise InputError(f"--over {pattern}: {error}") from None
     if not path.rstrip("/").rpartition("/")[2].startswith("."):
         # What a killed writer left is no capture.
-        matches = [m for m in matches if not str(m).rpartition("/")[2].startswith(".")]
-    return sorted(system.unstrip_protocol(m) if is_url(pattern) else str(m) for m in matches)
+        matches = {m: about for m, about in matches.items() if not _is_hidden(str(m))}
+    files = {m for m, about in matches.items() if about["type"] == "file"}
+    if len(files) == len(matches):
+        files = set()
+    named = {m: system.unstrip_protocol(m) if is_url(pattern) else str(m) for m in matches}
+    return sorted(named[m] for m in named if m not in files), sorted(named[m] for m in files)
+
+
+def _is_hidden(place: str) -> bool:
+    return place.rpartition("/")[2].startswith(".")
 
 
 def content_of(place: str) -> str:

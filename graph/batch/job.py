@@ -21,7 +21,8 @@ class Job:
 
     `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
     capture; `inputs` what the files hold that all captures share; `folders` where results go
-    as folders, None if maps go into the store.
+    as folders, None if maps go into the store; `below` the folder whose folders they mirror,
+    "" for the root.
     """
 
     graph: str
@@ -35,6 +36,7 @@ class Job:
     device: str | None = None
     strict: bool = False
     folders: str | None = None
+    below: str = ""
 
 
 def identity_of(job: Job, origin: Origin) -> dict[str, Any]:
@@ -53,6 +55,7 @@ def make_job(
     backend: str | None = None,
     device: str | None = None,
     strict: bool = False,
+    below: str = "",
 ) -> Job:
     """Say what is to be done with every capture.
 
@@ -65,6 +68,8 @@ def make_job(
         The graph's parameter that takes a capture.
     maps
         The outputs to keep; None for all that are an H x W map.
+    below
+        The folder that the captures lie below: result folders have its layout.
 
     Raises
     ------
@@ -110,6 +115,7 @@ def make_job(
         device=device,
         strict=strict,
         folders=folders,
+        below="" if folders is None else below,
     )
 
 

@@ -196,10 +196,15 @@ def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
             folder = kept.enter_context(at_hand(place))
             aims = {job.param: folder}
             if job.folders is not None:
-                aims["out"] = str(Path(job.folders) / folder_name(place))
+                aims["out"] = str(Path(job.folders) / folder_name(place, job.below))
             stream = pipeline.begin(**aims)
-            if stream is not None:
-                stream.read_ahead()
+            if stream is not None and stream.read_ahead(2) > 1:
+                # Before any is computed, or written.
+                stream.close()
+                raise InputError(
+                    f"{place}: holds several captures; let --over match each of them, as in "
+                    f"--over '{place}/*'"
+                )
         except (TactographError, MemoryError) as error:
             return _Ready(place, ExitStack(), {}, None, error)
         return _Ready(place, kept.pop_all(), aims, stream, None)
@@ -238,17 +243,15 @@ def _run(pipeline: Pipeline, ready: _Ready) -> Result:
         raise ready.error
     pipeline.aim(**ready.aims)
     results = list(pipeline.items(stream=ready.stream))
-    if len(results) != 1:
-        raise InputError(
-            f"{ready.place}: holds {len(results)} captures; let --over match each of them, "
-            f"as in --over '{ready.place}/*'"
-        )
+    if not results:
+        raise InputError(f"{ready.place}: holds no capture")
     return results[0]
 
 
-def folder_name(place: str) -> str:
-    """Where a capture's results go below the batch's folder: its path without the root."""
-    return place.partition("://")[2] or place.lstrip("/")
+def folder_name(place: str, below: str) -> str:
+    """Where a capture's results go below the batch's folder: its path without what is common."""
+    inside = place.removeprefix(below) if below else place.partition("://")[2] or place
+    return inside.lstrip("/")
 
 
 def _type_of(result: Result, name: str) -> MapType:

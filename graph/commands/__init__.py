@@ -23,6 +23,18 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
+class _Graph(click.ParamType):
+    """A graph file, or the name of a pipeline that ships."""
+
+    name = "graph"
+
+    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return "Name one that ships, of 'tactograph graphs', or a file of your own."
+
+
+graph_argument = click.argument("graph", type=_Graph())
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """What the options of a command that plans a graph were set to."""

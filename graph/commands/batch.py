@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options, say
+from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -26,11 +26,11 @@ EVERY = 10.0
 
 
 @click.command("batch", short_help="Run a graph over many captures, into one store.")
-@click.argument("graph")
+@graph_argument
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
-    help="Captures, such as 'recordings/**/capture_*' (quoted), or URLs.",
+    help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",
 )  # fmt: skip
 @click.option(
     "--out", required=True, metavar="PLACE",
@@ -66,12 +66,15 @@ def command(
 ) -> None:
     """Run GRAPH over every capture that a pattern matches.
 
+    In a folder of results these lie as the captures do below the folder in which the patterns
+    begin.
+
     Stopped anywhere, the same command goes on where it was.  A capture that fails is written
     down with its reason; exit code 1 says that there are some.
     """
     from tactograph.graph.batch.captures import find_captures
 
-    captures = find_captures(over)
+    captures, below, passed_over = find_captures(over)
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
         # Whatever takes long is imported here while the processes import and open, not before.
@@ -90,10 +93,12 @@ def command(
             backend=options.backend,
             device=options.device,
             strict=options.strict,
+            below=below,
         )
         place = store_place(out, job)
         who = cluster or _here(workers, read, job, len(captures), place, closing)
         from tactograph.graph.batch.batch import (
+            lies_in,
             open_batch,
             open_chunks,
             reopen_damaged,
@@ -103,6 +108,9 @@ def command(
         from tactograph.graph.run.result_origin import find_origin
 
         origin = find_origin(read, backend=options.backend, device=options.device)
+        files = [file for file in passed_over if not lies_in(file, place, job.folders)]
+        if files:
+            say(f"passed over, as it is no folder: {_a_few(files)}", err=True)
         closing.enter_context(alone_in(place))
         store = open_batch(out, job, origin, captures, who, chunk)
         damaged = reopen_damaged(store)
@@ -117,6 +125,11 @@ def command(
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
         raise SystemExit(1)
+
+
+def _a_few(places: Sequence[str]) -> str:
+    more = f" and {len(places) - 3} more" if len(places) > 3 else ""
+    return ", ".join(places[:3]) + more
 
 
 def _cluster(
@@ -216,7 +229,9 @@ def _conclude(store: Store, out: str) -> int:
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
     for capture, entry in failures[:10]:
-        say(f"failed: {capture}: {entry.reason}", err=True)
+        # Most reasons begin with the place.
+        told = entry.reason if capture in entry.reason else f"{capture}: {entry.reason}"
+        say(f"failed: {told}", err=True)
     if len(failures) > 10:
         say(f"failed: {len(failures) - 10} more, see the table", err=True)
     if not is_url(out):

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options, say
+from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
 @click.command("bench", short_help="Time a graph on every back end and device.")
-@click.argument("graph")
+@graph_argument
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
 @run_options
 @click.option(

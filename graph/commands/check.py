@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import say
+from tactograph.graph.commands import graph_argument, say
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @click.command("check", short_help="Verify a graph without running it.")
-@click.argument("graph")
+@graph_argument
 @click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""

@@ -94,6 +94,7 @@ def _read_study(
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
+    from tactograph.graph.files.captures_in import captures_in
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.run.typed_values import read_words
 
@@ -101,10 +102,12 @@ def _read_study(
     if missing:
         raise InputError(f"--over {missing[0]}: there is no such folder")
     folders = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
-    captures = [capture for folder in folders for capture in _captures(folder)]
+    captures = [capture for folder in folders for capture in captures_in(folder)]
     names = [w for w in words if "=" not in w and not Path(w).is_dir()]
     if not names:
-        raise InputError("compare needs at least one graph to run")
+        raise InputError(
+            "compare needs at least one graph; 'tactograph graphs' lists those that ship"
+        )
     wanted: list[str | None] = list(backends.split(",")) if backends else [None]
     for backend in wanted:
         if backend not in (*BACKENDS, None):
@@ -121,12 +124,6 @@ def _read_study(
         seed=seed,
         repeats=repeats,
     )
-
-
-def _captures(folder: Path) -> list[Path]:
-    """The folder itself, or, where it holds folders and no file, those in order of name."""
-    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    return inside if inside and all(path.is_dir() for path in inside) else [folder]
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:

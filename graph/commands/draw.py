@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options, say
+from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
 
 
 @click.command("draw", short_help="Draw a graph as DOT, Mermaid or SVG.")
-@click.argument("graph")
+@graph_argument
 @click.option(
     "--out", type=click.Path(dir_okay=False, path_type=Path),
     help="File .dot, .mmd or .svg; without it DOT is printed.",

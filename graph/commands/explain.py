@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options, say
+from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
 
 
 @click.command("explain", short_help="Say where each node would run, and why.")
-@click.argument("graph")
+@graph_argument
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
 @click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
 @run_options

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import click
 
-from tactograph.graph.commands import say
+from tactograph.graph.commands import graph_argument, say
 
 
 @click.command("resolve", short_help="Print the flat graph behind a variant.")
-@click.argument("graph")
+@graph_argument
 @click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
 def command(graph: str, settings: tuple[str, ...]) -> None:
     """Print GRAPH with 'extends' and 'patch' worked in: a graph file by itself."""

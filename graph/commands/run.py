@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, run_options, say
+from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @click.command("run", short_help="Run a graph.")
-@click.argument("graph")
+@graph_argument
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
 @run_options
 @click.option(
@@ -238,7 +238,14 @@ def _summary(number: int, result: Result) -> str:
     shown = {**_ranges(result), **_in_rows(figures), **words}
     width = max(map(len, shown), default=0)
     lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
-    return "\n".join([f"{number}: {times or 'done'}", *lines])
+    head = " ".join(filter(None, [str(number), _name_of(result)]))
+    return "\n".join([f"{head}: {times or 'done'}", *lines])
+
+
+def _name_of(result: Result) -> str:
+    """What the stream's source calls the item, if it puts out a name."""
+    found = (made for value, made in result.item.items() if value.port == "name")
+    return next((name for name in found if isinstance(name, str)), "")
 
 
 def _ranges(result: Result) -> dict[str, str]:

@@ -8,11 +8,11 @@ import socket
 
 import click
 
-from tactograph.graph.commands import say
+from tactograph.graph.commands import graph_argument, say
 
 
 @click.command("tune", short_help="Change a graph in the browser, and see what it gives.")
-@click.argument("graph")
+@graph_argument
 @click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
 @click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
 @click.option(

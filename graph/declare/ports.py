@@ -20,6 +20,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 Dim = str | int
+IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
+"""What the sizes of a stack of images count, in words for messages."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -106,6 +106,8 @@ class Graph:
     """Which nodes came of which group; a change may speak of either."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that no package brings, by name; see `load`."""
+    gone: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
+    """Nodes that a change took out, with its place."""
 
     def where(self, key: str) -> str:
         """``file:line:column: path`` of a key such as ``outputs.height``."""
@@ -168,8 +170,39 @@ class Graph:
             )
         return self.nodes[node_id]
 
+    def check_node(self, node_id: str, where: str) -> None:
+        """Refuse what is read at `where` if there is no such node.
+
+        A node that a change took out is told at the change: its reader was right before.
+        """
+        if node_id in self.nodes:
+            return
+        if node_id in self.gone:
+            raise GraphError(
+                f"{self.gone[node_id]}: takes out '{node_id}', but {where} reads it; change that "
+                "too, or keep the node"
+            )
+        raise GraphError(
+            f"{where}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
+        )
+
+    def stands(self, node_id: str, where: str) -> str:
+        """Say where a node stands, in brackets, if its file is another than that of `where`.
+
+        Then a change may have put it before a reader that it does not suit.
+        """
+        place = self.nodes[node_id].places.get("")
+        elsewhere = place is not None and not where.startswith(f"{place.file}:")
+        return f" ('{node_id}' stands at {place})" if elsewhere else ""
+
     def with_entry(self, node_id: str, entry: Entry) -> Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
+
+    def without(self, node_ids: Iterable[str], place: Place) -> Graph:
+        """The graph without nodes that the change at `place` takes out."""
+        out = dict.fromkeys(node_ids, place)
+        nodes = {n: entry for n, entry in self.nodes.items() if n not in out}
+        return replace(self, nodes=nodes, gone={**self.gone, **out})
 
 
 @dataclass(frozen=True)

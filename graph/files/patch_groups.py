@@ -115,7 +115,7 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
     if "group" in change:
         return put_use(graph, target, change, places)
     inputs = graph.uses[target].inputs
-    graph = _without_use(graph, target, keep_readers=verb == "replace")
+    graph = _without_use(graph, target, place, keep_readers=verb == "replace")
     if verb == "remove":
         return graph
     flat = flat_change(graph, {"inputs": inputs, **change}, places, "")
@@ -178,7 +178,7 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     if target in graph.uses:
         taken = graph.groups[change["group"]].inputs if change["group"] in graph.groups else {}
         inputs = {n: reads for n, reads in graph.uses[target].inputs.items() if n in taken}
-        graph = _without_use(graph, target, keep_readers=True)
+        graph = _without_use(graph, target, places[""], keep_readers=True)
     elif target in graph.nodes:
         inputs = graph.nodes[target].inputs
         graph = VERBS["remove"](graph, target, change, places)
@@ -194,7 +194,7 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     return with_references(graph, flat)
 
 
-def _without_use(graph: Graph, path: str, *, keep_readers: bool) -> Graph:
+def _without_use(graph: Graph, path: str, place: Place, *, keep_readers: bool) -> Graph:
     """The graph without the nodes of a use.
 
     With `keep_readers` those who read one of its outputs read ``path.output``, whatever makes
@@ -206,8 +206,7 @@ def _without_use(graph: Graph, path: str, *, keep_readers: bool) -> Graph:
     }
     gone = f"{path}."
     graph = replace(
-        graph,
-        nodes={name: entry for name, entry in graph.nodes.items() if not name.startswith(gone)},
+        graph.without([name for name in graph.nodes if name.startswith(gone)], place),
         uses={n: u for n, u in graph.uses.items() if n != path and not n.startswith(gone)},
     )
     return with_references(graph, lambda reference: swapped.get(reference, reference))

@@ -89,8 +89,7 @@ def _why_unread(graph: Graph, reference: str) -> str:
 
 
 def _remove(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    nodes = {node_id: entry for node_id, entry in graph.nodes.items() if node_id != target}
-    return replace(graph, nodes=nodes)
+    return graph.without([target], places[""])
 
 
 def _backend(graph: Graph, target: str, change: Change, places: Places) -> Graph:

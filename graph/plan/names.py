@@ -152,13 +152,13 @@ def _record(
     name: str, reference: str, graph: Graph, found: Mapping[str, Node], node: Node, where: str
 ) -> dict[str, Value]:
     source, port = split_reference(reference, graph.nodes)
-    _known_node(source, graph, where)
+    graph.check_node(source, where)
     record = node.input_records[name]
     fields = record_ports(record)
     if port is not None or not set(fields) <= found[source].outputs.keys():
         raise GraphError(
             f"{where}: '{name}' takes a node that gives all of a {record.__name__} "
-            f"({', '.join(fields)}); '{reference}' is not one"
+            f"({', '.join(fields)}); '{reference}' is not one{graph.stands(source, where)}"
         )
     return {f"{name}.{field}": Value(source, field) for field in fields}
 
@@ -170,11 +170,6 @@ def _output(
     # A program may ask for an output of a group's use, which the flat graph calls otherwise.
     flat = flat_reference(graph, graph.outputs[name], "", where)
     return _resolve(str(flat), graph, found, passed, where)
-
-
-def _known_node(name: str, graph: Graph, where: str) -> None:
-    if name not in graph.nodes:
-        raise GraphError(f"{where}: there is no node '{name}'{did_you_mean(name, graph.nodes)}")
 
 
 def _resolve(
@@ -196,19 +191,22 @@ def _resolve(
 def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) -> Value:
     """The output that a reference speaks of."""
     source, port = split_reference(reference, graph.nodes)
-    _known_node(source, graph, where)
-    outputs = found[source].outputs
+    graph.check_node(source, where)
+    outputs, stands = found[source].outputs, graph.stands(source, where)
     if not outputs:
-        raise GraphError(f"{where}: node '{source}' only writes; nothing can be read from it")
+        raise GraphError(
+            f"{where}: node '{source}' only writes; nothing can be read from it{stands}"
+        )
     if port is None and len(outputs) > 1:
         raise GraphError(
             f"{where}: node '{source}' has several outputs; say which: "
-            f"{', '.join(f'{source}.{o}' for o in outputs)}"
+            f"{', '.join(f'{source}.{o}' for o in outputs)}{stands}"
         )
     if port is not None and port not in outputs:
         raise GraphError(
             f"{where}: node '{source}' makes no '{port}'"
             + (did_you_mean(port, outputs) or f"; it makes {', '.join(outputs)}")
+            + stands
         )
     return Value(source, port or next(iter(outputs)))
 

@@ -21,9 +21,10 @@ def check(draft: Draft) -> None:
             offered = draft.tasks[value.node].node.outputs[value.port]
             clash = _clash(wanted, offered)
             if clash:
+                where = task.entry.where(f"in.{name}")
                 raise GraphError(
-                    f"{task.entry.where(f'in.{name}')}: '{name}' of {task.node.name} wants "
-                    f"{wanted}, but {value} is {offered}: {clash}"
+                    f"{where}: '{name}' of {task.node.name} wants {wanted}, but {value} is "
+                    f"{offered}: {clash}{draft.graph.stands(value.node, where)}"
                 )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from tactograph.graph.declare.node import SizeLimit
-from tactograph.graph.declare.ports import Dim
+from tactograph.graph.declare.ports import IMAGE_SIZES, Dim
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.plan.draft import Draft, Task, Value
 
@@ -97,10 +97,11 @@ class SizeClasses:
             If a size clashes with one that is known, naming both ports, or is one that a
             node does not accept, with that node's reason.
         """
-        for dim, size in zip(task.node.outputs[port].dims, shape, strict=True):
+        dims = task.node.outputs[port].dims
+        for dim, size in zip(dims, shape, strict=True):
             if isinstance(dim, str):
                 bound = Bound(size, f"{task.id}.{port}")
-                self._bind_one(known, self.root[task.id, dim], dim, bound)
+                self._bind_one(known, self.root[task.id, dim], dim, bound, dims)
 
     def derive(self, known: Known, task: Task) -> None:
         """Enter the sizes that follow from others, by a node's own parameters, into `known`.
@@ -116,7 +117,9 @@ class SizeClasses:
                 bound = Bound(parts.size(sizes, task.settings), f"{task.id} ({parts})")
                 self._bind_one(known, self.root[task.id, symbol], symbol, bound)
 
-    def _bind_one(self, known: Known, root: Symbol, dim: str, bound: Bound) -> None:
+    def _bind_one(
+        self, known: Known, root: Symbol, dim: str, bound: Bound, dims: tuple[Dim, ...] = ()
+    ) -> None:
         other = known.get(root)
         if other is not None and other.size == bound.size:
             return
@@ -124,7 +127,7 @@ class SizeClasses:
         if other is not None and other.size != bound.size:
             raise InputError(
                 f"the size {dim} is {bound.size} in {bound.by} but {other.size} in {other.by}; "
-                "they have to be the same"
+                f"they have to be the same{_in_words(dim, dims, bound.size, other.size)}"
             )
         for who, limit in self.limits.get(root, ()):
             if limit.refuses(bound.size):
@@ -140,6 +143,13 @@ class SizeClasses:
             if bound is not None:
                 sizes[symbol] = bound.size
         return sizes
+
+
+def _in_words(dim: str, dims: tuple[Dim, ...], one: int, other: int) -> str:
+    """Two sizes that clash, by what they count, where `dims` are those of images."""
+    if dims[-2:] != ("H", "W") or dim not in IMAGE_SIZES:
+        return ""
+    return f": {one} and {other} {IMAGE_SIZES[dim]}; do both come from one sensor?"
 
 
 def unify(draft: Draft) -> SizeClasses:

@@ -24,18 +24,24 @@ class SourceStream:
         self._source = source
         self._notes: list[str] = []
         self._error: Exception | None = None
-        self._ahead: list[Any] = []
+        self._ahead: list[tuple[Any, float]] = []
         self.milliseconds = 0.0
         with Blaming(source):
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
-    def read_ahead(self) -> None:
-        """Read the first item now; its warnings, or why it cannot be read, wait with it."""
+    def read_ahead(self, count: int = 1) -> int:
+        """Read the first items now; their warnings, or why one cannot be read, wait with them.
+
+        Returns
+        -------
+        How many there are, `count` at most.
+        """
         try:
             with collect_warnings(self._notes):
-                self._ahead = [self._read()]
+                self._ahead += ((self._read(), self.milliseconds) for _ in range(count))
         except Exception as error:
             self._error = error
+        return sum(item is not None for item, _ in self._ahead)
 
     def next(self) -> Any:
         """The next item, None behind the last.
@@ -51,7 +57,10 @@ class SourceStream:
         for note in self._notes:
             warn(note)
         self._notes = []
-        return self._ahead.pop() if self._ahead else self._read()
+        if not self._ahead:
+            return self._read()
+        item, self.milliseconds = self._ahead.pop(0)
+        return item
 
     def close(self) -> None:
         """End the stream before its end."""

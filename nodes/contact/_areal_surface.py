@@ -28,7 +28,7 @@ def surfalize() -> Any:
     except ImportError:
         raise InputError(
             "surface texture and .sur files need surfalize, which is not installed; "
-            "pip install tactograph[metrology]"
+            "pip install 'tactograph[metrology]'"
         ) from None
 
 

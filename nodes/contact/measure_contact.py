@@ -34,7 +34,8 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
         ``contacts``, their number, and for each contact, as ``contact_area_mm2/c1``,
         ``contact_area_mm2/c2`` ...:
 
-        ``contact_area_mm2``, seen from above; ``contact_depth_mm``, the greatest;
+        ``contact_area_mm2``, of the film that stands out, seen from above: not only where the
+        object touches, see ``docs/contact.md``; ``contact_depth_mm``, the greatest;
         ``contact_mean_depth_mm``; ``contact_volume_mm3``, between film and film at rest;
         ``contact_x_px``, ``contact_y_px``, the area's centroid, (0, 0) in the middle of the
         first pixel; ``contact_x_mm``, ``contact_y_mm``, the same from the centre of the

@@ -61,7 +61,7 @@ def surface_texture(
     Raises
     ------
     InputError
-        If surfalize is not installed (``pip install tactograph[metrology]``).
+        If surfalize is not installed (``pip install 'tactograph[metrology]'``).
     """
     known = np.isfinite(height)
     if contact is None:

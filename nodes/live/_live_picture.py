@@ -27,7 +27,8 @@ TITLE_PX = 26
 TEXT_PX = 14
 GROUND = (24, 24, 28)
 INK = (225, 225, 225)
-SEVERAL = "#ffffff"
+SEVERAL = "#3a3a3a"
+"""Pixels that several LEDs do not reach, in all pictures; untouched film is near white."""
 UNKNOWN = (70, 70, 70)
 ALPHA = 0.75
 DIM = 0.6
@@ -150,7 +151,7 @@ def _labelled(shadow: Labels, grey: Picture, lights: Lights) -> Picture:
 
 @lru_cache
 def _label_colours(lights: Lights) -> Picture:
-    """A colour for each of the 256 labels: the LED's own, or white for several."""
+    """A colour for each of the 256 labels: the LED's own, or a dark one for several."""
     found = [SEVERAL] * LABELS
     for k, (_, colour) in enumerate(NAMES[lights]):
         found[1 << k] = colour
@@ -214,7 +215,7 @@ def _legend(
         right -= round(pen.textlength(text, font=_font()))
         _write(pen, right, y, text)
         right -= 16
-        pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour)
+        pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour, outline=INK)
         right -= 10
 
 

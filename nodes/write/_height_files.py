@@ -7,7 +7,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -135,7 +135,7 @@ def write_png(file: Path, height: Height, pixel: float) -> None:
     grey = np.full(height.shape, UNKNOWN_LEVEL, np.uint16)
     grey[known] = levels
     about = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "pixel_size_mm": pixel}
-    transparent: dict[str, int] = {}
+    transparent: dict[str, Any] = {}
     if not known.all():
         about["unknown_level"] = transparent["transparency"] = UNKNOWN_LEVEL
     text = PngImagePlugin.PngInfo()
@@ -305,8 +305,8 @@ def read_sur(file: Path) -> HeightFile:
 
 
 def _square(width: float, length: float) -> float | None:
-    """The side of a square pixel in mm; None if it is none, or no size."""
-    is_size = LEAST_MM <= min(width, length) and max(width, length) <= MOST_MM
+    """The side of a pixel in mm; None if it is not square, or no size."""
+    is_size = min(width, length) >= LEAST_MM and max(width, length) <= MOST_MM
     return width if is_size and math.isclose(width, length, rel_tol=APART) else None
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from tactograph.nodes import F4, Confidence, Contacts, Height, HeightError, Labels, Light
 from tactograph.nodes.calibrate._led_colours import LED_COLOURS
+from tactograph.nodes.live._live_picture import SEVERAL
 
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""
@@ -27,18 +28,18 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
     figure = Figure(figsize=(10, 4), dpi=DPI)
     figure.subplots_adjust(left=0.06, right=0.985, bottom=0.13, top=0.91, wspace=0.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
-    extent = (0, columns * pixel, rows * pixel, 0)
-    picture = left.imshow(height, cmap="viridis", extent=extent)
-    left.axhline((top + 0.5) * pixel, color="white", linewidth=0.7, linestyle="--")
+    y = (top - (rows - 1) / 2) * pixel
+    picture = left.imshow(height, cmap="viridis", extent=_extent(height, pixel))
+    left.axhline(y, color="white", linewidth=0.7, linestyle="--")
     left.set(xlabel="x / mm", ylabel="y / mm", title="height above the film at rest")
     figure.colorbar(picture, ax=left, label="mm")
-    across = (np.arange(columns) + 0.5) * pixel
+    across = (np.arange(columns) - (columns - 1) / 2) * pixel
     right.plot(across, height[top], linewidth=1)
     if error is not None:
         half = BAND * error[top]
         right.fill_between(across, height[top] - half, height[top] + half, alpha=0.35, label="90 %")
         right.legend(loc="upper right")
-    right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {top * pixel:.2f} mm")
+    right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {y:.2f} mm")
     right.grid(alpha=0.3)
     FigureCanvasAgg(figure).print_png(file)
 
@@ -54,13 +55,17 @@ def draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
 
 
 def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, file: Path) -> None:
-    rows, columns = plane.shape
     figure, axes = _one_plane()
-    extent = (0, columns * pixel, rows * pixel, 0)
-    picture = axes.imshow(plane, cmap=colours, extent=extent)
+    picture = axes.imshow(plane, cmap=colours, extent=_extent(plane, pixel))
     axes.set(xlabel="x / mm", ylabel="y / mm", title=title)
     figure.colorbar(picture, ax=axes, label=unit)
     FigureCanvasAgg(figure).print_png(file)
+
+
+def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
+    """The image's borders in mm from its middle: left, right, bottom, top; y runs down."""
+    half = plane.shape[1] * pixel / 2, plane.shape[0] * pixel / 2
+    return -half[0], half[0], half[1], -half[1]
 
 
 def draw_shadow(shadow: Labels, image: Light, file: Path) -> None:
@@ -96,11 +101,11 @@ def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
 
 
 def _draw_leds(bits: Labels, image: Light, what: str, file: Path) -> None:
-    """A colour per LED whose bit is set, white for several."""
+    """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
     count = image.shape[0]
     numbers = _label_numbers(bits, count)
     figure, axes = _over(image)
-    colours = ListedColormap([*LED_COLOURS[:count], "#ffffff"])
+    colours = ListedColormap([*LED_COLOURS[:count], SEVERAL])
     norm = BoundaryNorm(np.arange(0.5, count + 2), colours.N)
     drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
     bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))

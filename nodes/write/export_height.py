@@ -43,14 +43,16 @@ def export_height(
     formats
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
-        Digital Surf's, as MountainsMap and Gwyddion read it (``pip install
-        tactograph[metrology]``).  "ply", "stl" and "obj": a mesh in mm, right-handed: x right,
-        y up, z to the camera.
+        Digital Surf's, as MountainsMap and Gwyddion read it
+        (``pip install 'tactograph[metrology]'``).  "ply", "stl" and "obj": a mesh in mm,
+        right-handed: x right, y up, z to the camera.  Unknown film (NaN) is NaN in "npy" and
+        "tiff", transparent in "png", not measured in "sur" and left out of meshes; "tmd" cannot
+        hold it.
 
     Raises
     ------
     InputError
-        If the folder cannot be written, the height does not fit into a PNG, a library is not
+        If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
     with whole_files(folder / name if name else folder) as target:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from tactograph.graph import Provenance, node, warn
+from tactograph.graph.errors import WriteError
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.nodes import (
     Confidence,
@@ -28,6 +29,13 @@ from tactograph.nodes.write._height_files import write_mesh, write_tiff
 
 FEWEST = 3
 """With this many LEDs a shadow leaves two, and two lights allow two slopes."""
+RESULT = "result.json"
+SOMETIMES = (
+    *("height.ply", "height.png", "shadow_view.png", "error.npy", "error.png"),
+    *("confidence.npy", "confidence.png", "highlight.png", "highlight_view.png"),
+    *("contact.png", "contact_view.png"),
+)
+"""Files that one result has and another lacks."""
 
 
 @node
@@ -61,6 +69,9 @@ def write_result(
     ``contact.png`` (8 bit, the contact's number, 0: none).  ``shadow.png``, ``highlight.png``
     and ``contact.png`` hold numbers and look black; beside each is a picture of them for
     people, ``shadow_view.png`` and so on.
+
+    ``result.json`` names these files.  Those that an earlier ``result.json`` in the folder names,
+    and that this result lacks, are removed.
 
     Parameters
     ----------
@@ -115,7 +126,9 @@ def write_result(
         height, known = on_even_grid(height, [] if error is None else [error], lens, vergence)
         error = known[0] if known else None
         placed, vergence = None, 0.0
-    with whole_files(folder / name if name else folder) as target:
+    place = folder / name if name else folder
+    earlier = _files_of(place / RESULT)
+    with whole_files(place) as target:
         np.save(target / "height.npy", height)
         write_tiff(target / "height.tiff", height, pixel)
         cv2.imwrite(str(target / "shadow.png"), shadow)
@@ -150,7 +163,35 @@ def write_result(
                 draw_highlight(highlight, image, target / "highlight_view.png")
             if contact is not None:
                 draw_contact(contact, image, target / "contact_view.png")
-        text = json.dumps(
-            {**provenance.as_dict(), "capture": name, "grid": grid, "metrics": metrics}, indent=1
-        )
-        (target / "result.json").write_text(text + "\n")
+        files = sorted([*(file.name for file in target.iterdir()), RESULT])
+        about = {
+            **provenance.as_dict(),
+            "capture": name,
+            "grid": grid,
+            "pixel_size_mm": float(pixel),
+            "files": files,
+            "metrics": metrics,
+        }
+        (target / RESULT).write_text(json.dumps(about, indent=1) + "\n")
+    _remove(place, earlier - set(files))
+
+
+def _files_of(result: Path) -> set[str]:
+    """The files of an earlier result that this one may lack; none if there is no such result."""
+    try:
+        named = json.loads(result.read_text(encoding="utf-8"))["files"]
+        return {name for name in SOMETIMES if name in named}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
+
+
+def _remove(folder: Path, names: set[str]) -> None:
+    """Remove files once the new result is in place: what fails before leaves the earlier one."""
+    try:
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise WriteError(
+            f"{folder / name}: is of an earlier result and cannot be removed: {reason}"
+        ) from None

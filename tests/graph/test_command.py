@@ -173,8 +173,8 @@ def test_each_item_of_a_stream_is_told_with_its_figures(
     toys: list[str], tactograph: Command, write: Write
 ) -> None:
     done = tactograph("run", write(STREAM), "count=4", "--backend", "numpy")
-    heads = [line[:2] for line in done.out.splitlines() if not line.startswith(" ")]
-    assert heads == ["1:", "2:", "3:", "4:"]
+    heads = [line.partition(":")[0] for line in done.out.splitlines() if line[0] != " "]
+    assert heads == ["1 touch1", "2 touch2", "3 touch3", "4 touch4"], "number and name"
     assert re.search(r"^  mean +4$", done.out, re.MULTILINE)
 
 
@@ -490,6 +490,22 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
         "`image` is passed on",
     ):
         assert words in page
+
+
+def test_graphs_lists_every_graph_that_ships_with_its_title(tactograph: Command) -> None:
+    lines = tactograph("graphs").out.splitlines()
+    assert [line.split()[0] for line in lines] == shipped_names()
+    assert any(re.fullmatch(rf"paper +{read_graph('paper').title}", line) for line in lines)
+    assert all(len(line.split()) > 1 for line in lines), "each has a title"
+
+
+@pytest.mark.parametrize("name", ["run", "check", "compare"])
+def test_without_a_graph_a_command_says_where_those_that_ship_are_listed(
+    tactograph: Command, name: str
+) -> None:
+    done = tactograph(name)
+    assert done.code == 2
+    assert "'tactograph graphs'" in done.err
 
 
 def test_devices_lists_every_device_with_its_verdict(tactograph: Command) -> None:

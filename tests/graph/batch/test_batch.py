@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import multiprocessing
 import os
 import re
@@ -30,7 +31,7 @@ from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.batch import worker
 from tactograph.graph.batch.batch import Workers, open_batch, open_chunks, run_batch
-from tactograph.graph.batch.captures import find_captures
+from tactograph.graph.batch.captures import _common_start, find_captures
 from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.entry import DONE, FAILED, PENDING, Entry
 from tactograph.graph.batch.job import identity_of, make_job
@@ -57,6 +58,7 @@ nodes:
   lit:    {op: label_lit, in: {light: frames.image}, with: {black: $level}}
 outputs: {lit: lit}
 """
+SAVING = "  save: {op: filed, in: {image: frames.image}, with: {folder: $out}}\noutputs:"
 
 
 def make_capture(folder: Path, seed: int, size: tuple[int, int] = (6, 7)) -> Path:
@@ -111,7 +113,7 @@ def begin(
     """A store for captures of which none is done."""
     read = read_graph(graph)
     job, origin = make_job(read, {}, out=out), find_origin(read)
-    return open_batch(out, job, origin, find_captures([over]), workers or Serial(), chunk)
+    return open_batch(out, job, origin, find_captures([over]).captures, workers or Serial(), chunk)
 
 
 def test_every_capture_is_in_the_store_as_if_it_were_alone(
@@ -258,6 +260,7 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(
     code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
     assert code == 1
     assert "capture_02/led2.png: not an image" in err
+    assert err.count(str(captures[2])) == 1, "its place is told once"
     store = opened(tmp_path / "out.zarr")
     assert list(store.statuses) == [DONE, DONE, FAILED, DONE, DONE, DONE, DONE]
     with (tmp_path / "out.csv").open() as table:
@@ -350,7 +353,64 @@ def test_a_folder_of_captures_is_no_capture(
 ) -> None:
     code, err = batch(tactograph, graph, str(tmp_path / "da*"), tmp_path / "out.zarr")
     assert code == 2
-    assert "holds 7 captures; let --over match each of them" in err
+    assert "holds several captures; let --over match each of them" in err
+
+
+def test_nothing_is_written_of_a_folder_that_holds_several_captures(
+    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+) -> None:
+    graph = write(LIT.replace("outputs:", SAVING), "lit.yaml")
+    code, err = batch(tactograph, graph, str(tmp_path / "da*"), tmp_path / "folders")
+    assert (code, "failed: " in err) == (1, True)
+    assert not [*tmp_path.glob("folders/**/image.npy")]
+
+
+def test_a_folder_of_captures_stands_for_those(
+    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path
+) -> None:
+    assert batch(tactograph, graph, str(tmp_path / "day"), tmp_path / "out.zarr") == (0, "")
+    assert opened(tmp_path / "out.zarr").captures == list(map(str, captures))
+
+
+def test_a_folder_with_a_file_is_a_capture(captures: list[Path]) -> None:
+    assert find_captures([str(captures[0])]).captures == [str(captures[0])]
+
+
+def test_files_beside_captures_are_passed_over_and_named(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    (tmp_path / "day" / "grid.png").write_bytes(b"")
+    (tmp_path / "day" / "linked").symlink_to(captures[0])
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    assert code == 0
+    assert err == f"passed over, as it is no folder: {tmp_path / 'day' / 'grid.png'}\n"
+    linked = str(tmp_path / "day" / "linked")
+    assert opened(tmp_path / "out.zarr").captures == [*map(str, captures), linked]
+
+
+def test_files_alone_are_captures(tmp_path: Path) -> None:
+    for name in ("a.npy", "b.npy"):
+        (tmp_path / name).touch()
+    found = find_captures([str(tmp_path / "*")])
+    assert [Path(each).name for each in found.captures] == ["a.npy", "b.npy"]
+    assert not found.passed_over
+
+
+@pytest.mark.parametrize(
+    ("patterns", "below"),
+    [
+        (["/a/day1/*"], "/a/day1"),
+        (["/a/**/capture_*"], "/a"),
+        (["/a/day1/x", "/a/day1/y"], "/a/day1"),
+        (["/a/day1/*", "/a/day12/*"], "/a"),
+        (["/a/../b/*"], "/b"),
+        (["/*"], ""),
+        (["s3://lab/day1/*"], "s3://lab/day1"),
+        (["s3://lab/day1/*", "/a/*"], ""),
+    ],
+)
+def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], below: str) -> None:
+    assert _common_start(patterns) == below
 
 
 @pytest.mark.parametrize(
@@ -453,13 +513,42 @@ def test_results_may_go_into_folders(
     captures: list[Path],
     tmp_path: Path,
 ) -> None:
-    saving = "  save: {op: filed, in: {image: frames.image}, with: {folder: $out}}\noutputs:"
-    graph = write(LIT.replace("outputs:", saving), "lit.yaml")
+    graph = write(LIT.replace("outputs:", SAVING), "lit.yaml")
     assert batch(tactograph, graph, over, tmp_path / "folders") == (0, "")
     for capture in captures:
-        folder = tmp_path / "folders" / str(capture).lstrip("/")
+        folder = tmp_path / "folders" / capture.name
         np.testing.assert_array_equal(np.load(folder / "image.npy").shape, (3, 6, 7))
     assert (tmp_path / "folders" / "captures.csv").is_file()
+
+
+def test_folders_of_results_lie_where_the_first_batch_put_them(
+    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+) -> None:
+    graph, out = write(LIT.replace("outputs:", SAVING), "lit.yaml"), tmp_path / "folders"
+    assert batch(tactograph, graph, str(tmp_path / "**" / "capture_00"), out) == (0, "")
+    assert batch(tactograph, graph, str(tmp_path / "day" / "*"), out) == (0, "")
+    assert {f.parent.name for f in (out / "day").glob("*/image.npy")} == {c.name for c in captures}
+    elsewhere = make_capture(tmp_path.parent / f"{tmp_path.name}_other" / "capture_00", 1)
+    code, err = batch(tactograph, graph, str(elsewhere), out)
+    assert (code, f"lie below {tmp_path}" in err) == (2, True)
+    assert len(opened(out / "batch.zarr")) == 7
+
+
+def test_a_batch_of_an_earlier_version_goes_on_in_folders_of_whole_paths(
+    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+) -> None:
+    graph, out = write(LIT.replace("outputs:", SAVING), "lit.yaml"), tmp_path / "folders"
+    assert batch(tactograph, graph, str(captures[0]), out) == (0, "")
+    about = out / "batch.zarr" / "zarr.json"
+    document = json.loads(about.read_text())
+    del document["attributes"]["tactograph"]["job"]["below"]
+    document["attributes"]["tactograph"]["stamp"] = "earlier"  # this process knows the other
+    about.write_text(json.dumps(document))
+    whole = out / str(captures[0]).lstrip("/")
+    whole.parent.mkdir(parents=True)
+    (out / captures[0].name).rename(whole)
+    assert batch(tactograph, graph, str(tmp_path / "day" / "*"), out) == (0, "")
+    assert {f.parent.name for f in whole.parent.glob("*/image.npy")} == {c.name for c in captures}
 
 
 def test_folders_need_a_graph_that_writes(
@@ -743,10 +832,9 @@ def test_results_that_were_removed_are_made_again(
     captures: list[Path],
     tmp_path: Path,
 ) -> None:
-    saving = "  save: {op: filed, in: {image: frames.image}, with: {folder: $out}}\noutputs:"
-    graph, place = write(LIT.replace("outputs:", saving), "saving.yaml"), tmp_path / "out"
+    graph, place = write(LIT.replace("outputs:", SAVING), "saving.yaml"), tmp_path / "out"
     batch(tactograph, graph, over, place)
-    removed = place / str(captures[2]).lstrip("/")
+    removed = place / captures[2].name
     shutil.rmtree(removed)
     code, err = batch(tactograph, graph, over, place)
     assert (code, "1 finished capture damaged" in err) == (0, True)

@@ -129,7 +129,8 @@ def test_the_time_of_a_single_run_is_never_the_best() -> None:
 
     single = make_lines([timed("x", 1.0, 1), timed("y", 9.0, 1)])
     assert not any(is_best(line, "ms", single) for line in single)
-    often = make_lines([timed(v, ms, seed) for v, ms in (("x", 1.0), ("y", 9.0)) for seed in (1, 2)])
+    runs = [(v, ms, seed) for v, ms in (("x", 1.0), ("y", 9.0)) for seed in (1, 2)]
+    often = make_lines([timed(*run) for run in runs])
     assert [is_best(line, "ms", often) for line in often] == [True, False]
 
 
@@ -145,7 +146,7 @@ def test_no_number_is_cut_however_narrow_the_terminal_is(width: int) -> None:
     rows = [row(v, **figures) for v in ("first_variant", "second_variant")]
     lines = shown_at(width, rows)
     numbers = [word for line in lines for word in line.split() if "." in word]
-    assert sorted(numbers) == sorted(2 * [f"{figure:.4g}" for figure in figures.values()] + 2 * ["2"])
+    assert sorted(numbers) == sorted(2 * [f"{figure:.4g}" for figure in figures.values()])
 
 
 def test_a_table_too_wide_has_a_column_for_each_run() -> None:

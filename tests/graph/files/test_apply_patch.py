@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tactograph.graph import GraphError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.plan.make_plan import make_plan
 from tests.graph.conftest import SLOPES, Write
 
 
@@ -171,3 +174,46 @@ def test_an_output_knows_the_file_that_states_it(write: Write) -> None:
     )
     assert "variant.yaml:3:11: outputs.other" in graph.where("outputs.other")
     assert "base.yaml" in graph.where("outputs.height")
+
+
+def plan_refusal(write: Write, *changes: str) -> str:
+    graph = patched(write, *changes)
+    with pytest.raises(GraphError) as caught:
+        make_plan(graph, graph.placeholders, device=None)
+    return str(caught.value)
+
+
+def test_a_node_that_is_still_read_is_told_at_the_change_that_takes_it_out(write: Write) -> None:
+    said = plan_refusal(write, "{backend: slope, to: numpy}", "{remove: height}")
+    assert re.match(r"\S*variant.yaml:5:5: patch\[1\]: takes out 'height', but ", said)
+    assert re.search(r"base.yaml:9:\d+: nodes.slope.in.height reads it; change that too", said)
+
+
+def test_an_output_that_a_removed_node_made_is_told_at_the_change_too(write: Write) -> None:
+    said = plan_refusal(write, "{remove: again}")
+    assert re.match(r"\S*variant.yaml:4:5: patch\[0\]: takes out 'again', but ", said)
+    assert "outputs.height reads it" in said
+
+
+def test_a_removed_node_that_is_put_in_again_is_there(write: Write) -> None:
+    graph = patched(
+        write,
+        "{remove: again}",
+        "{insert: again, op: rest_at_border, in: {height: height}}",
+    )
+    make_plan(graph, graph.placeholders, device=None)
+
+
+@pytest.mark.parametrize(
+    ("change", "wrong"),
+    [
+        ("{replace: height, op: pixel_size, in: {}, with: {mm: 0.1}}", "a number is not an array"),
+        ("{replace: slope, op: rest_at_border, in: {height: height}}", "makes no 'slope'"),
+    ],
+)
+def test_a_reader_that_a_replaced_node_does_not_suit_is_told_with_the_change(
+    write: Write, change: str, wrong: str
+) -> None:
+    said = plan_refusal(write, change)
+    assert wrong in said
+    assert re.search(r"stands at \S*variant.yaml:4:5: patch\[0\]\)$", said)

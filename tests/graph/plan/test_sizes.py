@@ -71,6 +71,20 @@ def test_a_size_that_clashes_in_the_data_names_both_ports(toys: list[str], write
         plan.sizes.bind(known, plan.tasks["frames"], "image", (3, 7, 5))
 
 
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [((6, 4, 5), "6 and 3 lights"), ((3, 7, 5), "7 and 4 rows"), ((3, 4, 9), "9 and 5 columns")],
+)
+def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
+    toys: list[str], write: Write, shape: tuple[int, int, int], words: str
+) -> None:
+    plan = planned(write(STREAM))
+    known: dict[Symbol, Bound] = {}
+    plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
+    with pytest.raises(InputError, match=rf"the same: {words}.*; do both come from one sensor\?$"):
+        plan.sizes.bind(known, plan.tasks["frames"], "image", shape)
+
+
 def test_a_size_that_a_node_does_not_take_is_refused_with_its_reason() -> None:
     plan = planned("paper")
     with pytest.raises(InputError, match=r"shadow: K = 3: the shadow test needs 4 to 8 LEDs"):

@@ -91,5 +91,5 @@ def test_too_few_points_have_no_figures_and_a_warning(size: tuple[int, int]) -> 
 
 def test_without_surfalize_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "surfalize", None)
-    with pytest.raises(InputError, match=r"pip install tactograph\[metrology\]"):
+    with pytest.raises(InputError, match=r"pip install 'tactograph\[metrology\]'"):
         surface_texture(WAVES, PIXEL_MM)

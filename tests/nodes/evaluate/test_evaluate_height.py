@@ -29,6 +29,16 @@ def test_errors_are_in_pixels_and_the_share_is_of_the_objects_area() -> None:
     assert found["over_10_percent"] == pytest.approx(100 * 10 / 200)
 
 
+def test_the_same_errors_are_in_micrometres_whatever_the_pixel() -> None:
+    height = TRUTH.copy()
+    height[0, :10] = 0.5
+    for pixel in (0.1, 0.02):
+        found = evaluate_height(height, pixel, TRUTH)
+        assert found["max_error_um"] == pytest.approx(500)
+        assert found["rmse_um"] == pytest.approx(500 * np.sqrt(10 / TRUTH.size))
+        assert found["rmse_um"] == pytest.approx(1000 * pixel * found["rmse_px"])
+
+
 def test_a_tenth_of_the_objects_height_is_the_limit() -> None:
     assert evaluate_height(TRUTH + np.float32(0.19), 0.1, TRUTH)["over_10_percent"] == 0
     assert evaluate_height(TRUTH + np.float32(0.21), 0.1, TRUTH)["over_10_percent"] == 1000

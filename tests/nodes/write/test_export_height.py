@@ -24,9 +24,7 @@ from tactograph.nodes.write._height_files import (
     MESHES,
     PNG_TEXT,
     WRITERS,
-    read_sur,
     read_tmd,
-    write_sur,
     write_tmd,
 )
 from tactograph.nodes.write.export_height import export_height
@@ -39,6 +37,13 @@ def slope() -> F4:
     """A ramp with a step: nothing in it is symmetric."""
     y, x = np.mgrid[:24, :32]
     return np.asarray(0.01 * x + 0.02 * y + 0.5 * ((x > 20) & (y < 8)), np.float32)
+
+
+def partly_known() -> F4:
+    """The ramp, of which one corner was not seen."""
+    height = slope()
+    height[:3, :5] = np.nan
+    return height
 
 
 @pytest.fixture
@@ -93,13 +98,74 @@ def test_a_sur_is_read_by_a_surface_metrology_package_in_micrometres(exported: P
     assert (exported / "height.sur").read_bytes()[:512].count(b"\xb5m ") == 6
 
 
-def test_what_is_not_known_stays_unknown_in_a_sur(tmp_path: Path) -> None:
-    height = slope()
-    height[:3, :5] = np.nan
-    write_sur(tmp_path / "height.sur", height, PIXEL)
-    np.testing.assert_allclose(read_sur(tmp_path / "height.sur"), height, atol=1e-7)
-    with pytest.raises(InputError, match="holds NaN"):
-        read_height(file=tmp_path / "height.sur")
+@pytest.mark.parametrize("suffix", ["npy", "tiff", "png", "sur"])
+def test_unknown_film_stays_unknown(tmp_path: Path, suffix: str) -> None:
+    export_height(partly_known(), PIXEL, folder=tmp_path, formats=(suffix,))
+    file = tmp_path / f"height.{suffix}"
+    np.testing.assert_allclose(read_height(file=file, unknown=True), partly_known(), atol=5.1e-5)
+    with pytest.raises(InputError, match="every height must be known"):
+        read_height(file=file)
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
+def test_a_mesh_leaves_unknown_film_out(tmp_path: Path, suffix: str) -> None:
+    export_height(partly_known(), PIXEL, folder=tmp_path, formats=(suffix,))
+    mesh = trimesh.load_mesh(tmp_path / f"height.{suffix}")
+    assert len(mesh.faces) == 2 * (23 * 31 - 3 * 5) + 1  # a triangle across the corner
+    assert np.isfinite(mesh.vertices).all()
+
+
+def test_a_png_shows_unknown_film_as_transparent(tmp_path: Path) -> None:
+    export_height(partly_known(), PIXEL, folder=tmp_path, formats=("png",))
+    with Image.open(tmp_path / "height.png") as image:
+        clear = np.asarray(image) == image.info["transparency"]
+    np.testing.assert_array_equal(clear, np.isnan(partly_known()))
+    whole = slope() - slope().min() - 1
+    export_height(whole, PIXEL, folder=tmp_path, formats=("png",))
+    with Image.open(tmp_path / "height.png") as image:
+        assert "transparency" not in image.info
+    np.testing.assert_allclose(read_height(file=tmp_path / "height.png"), whole, atol=5.1e-5)
+
+
+def test_a_png_has_no_height_at_the_level_of_unknown_film(tmp_path: Path) -> None:
+    lowest = partly_known() - np.nanmin(partly_known()) - 1
+    with pytest.raises(InputError, match="do not fit"):
+        export_height(lowest, PIXEL, folder=tmp_path, formats=("png",))
+
+
+def test_a_tmd_cannot_hold_unknown_film_and_says_which_format_can(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"height\.tmd: .* at 15 pixels, .*; write tiff") as told:
+        export_height(partly_known(), PIXEL, folder=tmp_path, formats=("npy", "tmd"))
+    assert "\n" not in str(told.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", ["npy", "tiff"])
+@pytest.mark.parametrize(
+    ("wrong", "told"), [(np.inf, "infinite values"), (np.nan, "no height, only NaN")]
+)
+def test_infinite_heights_and_nothing_known_are_refused(
+    tmp_path: Path, suffix: str, wrong: float, told: str
+) -> None:
+    height = np.full((6, 7), wrong, np.float32)
+    WRITERS[suffix](tmp_path / f"height.{suffix}", height, PIXEL)
+    with pytest.raises(InputError, match=told):
+        read_height(file=tmp_path / f"height.{suffix}", unknown=True)
+
+
+@pytest.mark.parametrize("graph", ["export", "texture"])
+def test_export_and_texture_take_a_height_that_is_unknown_in_parts(
+    tmp_path: Path, graph: str
+) -> None:
+    np.save(tmp_path / "height.npy", partly_known())
+    more = {"out": str(tmp_path / "out"), "formats": "stl,png"} if graph == "export" else {}
+    given = {"height": str(tmp_path / "height.npy"), "pixel_size_mm": PIXEL, **more}
+    (found,) = open_pipeline(read_graph(graph), given, sinks=bool(more)).items()
+    if graph == "texture":
+        known = 24 * 32 - 15
+        assert found["texture"]["texture_area_mm2"] == pytest.approx(known * PIXEL**2)
+    else:
+        assert sorted(file.suffix for file in (tmp_path / "out").iterdir()) == [".png", ".stl"]
 
 
 def test_a_sur_cannot_hold_a_height_map_that_is_level(tmp_path: Path) -> None:
@@ -112,7 +178,7 @@ def test_without_surfalize_a_sur_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "surfalize", None)
-    with pytest.raises(InputError, match=r"pip install tactograph\[metrology\]"):
+    with pytest.raises(InputError, match=r"pip install 'tactograph\[metrology\]'"):
         export_height(slope(), PIXEL, folder=tmp_path, formats=("sur",))
 
 
@@ -163,7 +229,7 @@ def test_any_height_map_survives_a_tmd(
 ) -> None:
     file = tmp_path_factory.mktemp("tmd") / "height.tmd"
     write_tmd(file, height, PIXEL)
-    np.testing.assert_array_equal(read_tmd(file), height)
+    np.testing.assert_array_equal(read_tmd(file).height, height)
 
 
 def test_a_damaged_tmd_is_refused_wherever_it_ends(exported: Path) -> None:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-from tactograph.graph import Provenance
+from tactograph.graph import InputError, Provenance
+from tactograph.graph.compare import pictures
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.live import _live_picture
+from tactograph.nodes.write._result_pictures import draw_shadow
 from tactograph.nodes.write.write_result import write_result
 
 SHAPE = (8, 10)
@@ -83,6 +89,96 @@ def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> N
         views = [tmp_path / name / f"{what}_view.png" for name in ("free", "touched")]
         free, touched = (colours_of(cv2.imread(str(view))) for view in views)
         assert len(touched - free) >= 2, what
+
+
+def result(folder: Path, **more: object) -> set[str]:
+    """Write the result of a film with a dent in its corner; the files that are there then."""
+    height = np.zeros(SHAPE, np.float32)
+    height[1, 8] = 1.0
+    write_result(
+        height, np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32), 0.1, {}, "",
+        folder=folder, provenance=MADE, **{"mesh": False, "pictures": False, **more},
+    )  # fmt: skip
+    return {file.name for file in folder.iterdir()}
+
+
+def full() -> dict[str, object]:
+    """All that a result may hold."""
+    plane, labels = np.ones(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
+    maps = {"error": 0.01 * plane, "confidence": plane, "highlight": labels, "contact": labels}
+    return maps | {"mesh": True, "pictures": True}
+
+
+def test_a_result_states_its_pixel_size_and_names_its_files(tmp_path: Path) -> None:
+    there = result(tmp_path, **full())
+    told = json.loads((tmp_path / "result.json").read_text())
+    assert told["pixel_size_mm"] == 0.1
+    assert set(told["files"]) == there
+
+
+def test_what_an_earlier_result_had_and_this_one_lacks_does_not_stay(tmp_path: Path) -> None:
+    result(tmp_path / "again", **full())
+    assert result(tmp_path / "again") == result(tmp_path / "new")
+
+
+def test_files_that_are_not_of_an_earlier_result_stay(tmp_path: Path) -> None:
+    """A mesh that another node writes, what a user adds, and what a damaged result names."""
+    result(tmp_path)
+    for name in ("height.ply", "error.npy", "notes.txt"):
+        (tmp_path / name).write_text("mine")
+    (tmp_path.parent / "outside.txt").write_text("mine")
+    told = json.loads((tmp_path / "result.json").read_text())
+    told["files"] += ["notes.txt", "../outside.txt"]
+    (tmp_path / "result.json").write_text(json.dumps(told))
+    assert {"height.ply", "error.npy", "notes.txt"} <= result(tmp_path)
+    assert (tmp_path.parent / "outside.txt").exists()
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"files": 3}'])
+def test_a_result_that_names_no_files_costs_none(tmp_path: Path, text: str) -> None:
+    (tmp_path / "result.json").write_text(text)
+    (tmp_path / "error.npy").write_text("mine")
+    assert "error.npy" in result(tmp_path)
+
+
+def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> None:
+    there = result(tmp_path, **full())
+    with pytest.raises(InputError, match="camera"):
+        result(tmp_path, camera=2.0, mesh=True)
+    assert {file.name for file in tmp_path.iterdir()} == there
+
+
+def test_pictures_count_mm_from_the_middle_as_contacts_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: dict[str, Figure] = {}
+    monkeypatch.setattr(
+        FigureCanvasAgg, "print_png", lambda self, file: drawn.update({file.stem: self.figure})
+    )
+    result(tmp_path, **full())
+    for name in ("height", "error", "confidence"):
+        borders = drawn[name].axes[0].images[0].get_extent()
+        assert borders == pytest.approx((-0.5, 0.5, 0.4, -0.4)), name
+    plane, section = drawn["height"].axes[:2]
+    dent = (8 - 4.5) * 0.1, (1 - 3.5) * 0.1
+    line = section.lines[0]
+    assert line.get_xdata()[line.get_ydata().argmax()] == pytest.approx(dent[0])
+    assert plane.lines[0].get_ydata() == pytest.approx([dent[1]] * 2)
+    assert f"y = {dent[1]:.2f} mm" in section.get_title()
+
+
+def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
+    assert pictures.SEVERAL == _live_picture.SEVERAL
+    shades = []
+    for name, bits in (("one", 0b1), ("several", 0b11)):
+        draw_shadow(
+            np.full(SHAPE, bits, np.uint8), np.ones((4, *SHAPE), np.float32),
+            tmp_path / f"{name}.png",
+        )  # fmt: skip
+        picture = cv2.imread(str(tmp_path / f"{name}.png"))
+        assert picture is not None
+        shades.append(float(picture[200:300, 200:300].mean()))
+    assert shades[1] < 128 < shades[0]
 
 
 def colours_of(picture: np.ndarray) -> set[int]:
