@@ -158,7 +158,7 @@ def _warn_of_scale(lights: LightPositions, reach: float, albedo: float) -> None:
     farthest = int(np.argmax(distance))
     if distance[farthest] > FAR * 2 * reach:
         warn(
-            f"LED {farthest + 1} is found {distance[farthest] / 1000:.3g} m from the film, more "
+            f"LED {farthest + 1} is found {distance[farthest] / 1000:,.1f} m from the film, more "
             f"than {FAR:.0f} widths of the image: check the ball's radius, the pixel size and the "
             "order of the images"
         )

@@ -67,8 +67,10 @@ def _departure(press: F4, circles: F4, number: int, names: list[str]) -> float:
     level = float(levels[led])
     if abs(level) > ALIKE:
         more = "brighter" if level > 0 else "darker"
+        # A single press has no name.
+        where = f"{names[number]}: under" if names[number] else "under"
         warn(
-            f"{names[number]}: under LED {led + 1} the film beside the ball is {abs(level):.0%} "
-            f"{more} than the flat frame: take both with the same exposure, gain and LED currents"
+            f"{where} LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than the "
+            "flat frame: take both with the same exposure, gain and LED currents"
         )
     return level

@@ -56,7 +56,7 @@ def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
 
 def test_leds_at_infinity_are_blamed_on_the_radius() -> None:
     (note,) = told(GOOD, LIGHTS * np.float32(1e4), reach=10.0, albedo=0.0)
-    assert "LED 1 is found 800 m from the film" in note
+    assert "LED 1 is found 800.0 m from the film" in note
     assert "ball's radius" in note
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +10,7 @@ from hypothesis import strategies as st
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tactograph.nodes import F4, Height
+from tactograph.nodes import F4
 from tactograph.nodes.height.as_seen import as_seen
 from tactograph.nodes.height.error_as_seen import error_as_seen
 from tactograph.nodes.light._lens import half_diagonal, ideal_offset, ideal_places, seen_offset
@@ -123,17 +121,15 @@ def test_no_standard_deviation_is_negative_and_no_confidence_leaves_0_to_1(lens:
     assert as_seen(step, lens).min() < 0
 
 
-def test_no_shipped_graph_interpolates_an_error_or_a_confidence_as_a_height() -> None:
-    heights = {}
-    for name in shipped_names():
-        nodes = read_graph(name).nodes
-        for entry in nodes.values():
-            if entry.op == "as_seen":
-                maker, _, port = entry.inputs["height"].partition(".")
-                made = find_node(nodes[maker].op)
-                heights[name] = made.outputs[port or made.name].port.low
-    assert {"precise", "reconstruct"} <= heights.keys()
-    assert set(heights.values()) == {get_args(Height)[1].low}  # neither is ever below zero
+@pytest.mark.parametrize("name", shipped_names())
+def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -> None:
+    """Heights alone may be below zero."""
+    nodes = read_graph(name).nodes
+    for entry in nodes.values():
+        if entry.op == "as_seen":
+            maker, _, port = entry.inputs["height"].partition(".")
+            made = find_node(nodes[maker].op)
+            assert made.outputs[port or made.name].port.low < 0, entry.inputs
 
 
 @settings(max_examples=50, deadline=None)
