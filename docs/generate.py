@@ -9,7 +9,7 @@ from tactograph.graph.declare.node_page import describe, node_page
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.draw import to_mermaid
-from tactograph.graph.run.open_pipeline import open_pipeline, placeholders
+from tactograph.graph.run.open_pipeline import open_pipeline
 
 
 def write_nodes() -> None:
@@ -31,7 +31,7 @@ def write_pipelines() -> None:
     for name in shipped_names():
         graph = read_graph(name)
         lines += [f"## {name}", "", f"{graph.title}.", "", *_params(graph), ""]
-        plan = open_pipeline(graph, placeholders(graph), backend="numpy").plan
+        plan = open_pipeline(graph, graph.placeholders, backend="numpy").plan
         lines += ["```mermaid", to_mermaid(plan).rstrip(), "```", ""]
     with mkdocs_gen_files.open("pipelines.md", "w") as page:
         page.write("\n".join(lines))

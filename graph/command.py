@@ -6,11 +6,13 @@ import importlib
 import os
 import sys
 import warnings
+from contextlib import suppress
+from traceback import walk_tb
 from typing import Any, TextIO
 
 import click
 
-from tactograph.graph.errors import TactographError, printable
+from tactograph.graph.errors import TactographError, WriteError, message_of, printable
 from tactograph.graph.run.collect_seldom import collect_seldom
 
 COMMANDS = (
@@ -38,6 +40,9 @@ STOPPED = (
     "'compare' and 'batch' go on where they were"
 )
 
+READER_GONE = 141
+"""What a shell calls the end of a program by SIGPIPE."""
+
 
 class _Lazy(click.Group):
     """Loads a command's module only when it is needed, so that --help stays quick."""
@@ -52,6 +57,17 @@ class _Lazy(click.Group):
         command: click.Command = module.command
         return command
 
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            # Click would end with exit code 1 and without a word.
+            raise _BrokenPipe from error
+
+
+class _BrokenPipe(Exception):  # noqa: N818  (not always an error)
+    """Caused by a pipe without a reader: standard output, or another."""
+
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="tactograph", prog_name="tactograph")
@@ -65,7 +81,10 @@ def run_command(words: list[str]) -> None:
 
 
 def main() -> None:
-    """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else."""
+    """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else.
+
+    Where nobody reads what is printed any more, it ends like other programs, with 141.
+    """
     collect_seldom()
     warnings.showwarning = _show_warning
     try:
@@ -79,14 +98,15 @@ def main() -> None:
     except TactographError as error:
         click.echo(f"tactograph: {_one_line(error)}", err=True)
         code = error.exit_code
-    except BrokenPipeError:
-        # The reader of a pipe such as `| head` has gone; nothing is left to say.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
     except MemoryError:
         click.echo("tactograph: out of memory", err=True)
         code = 1
-    except Exception as error:
+    except SystemExit:
+        raise
+    except BaseException as error:
+        error = error.__cause__ if isinstance(error, _BrokenPipe) and error.__cause__ else error
+        if isinstance(error, OSError) and _is_of_printing(error):
+            sys.exit(_end_unheard(error))
         if os.environ.get("TACTOGRAPH_TRACEBACK"):
             raise
         click.echo(
@@ -96,6 +116,25 @@ def main() -> None:
         )
         code = 1
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _is_of_printing(error: OSError) -> bool:
+    """Whether it was raised where something is printed."""
+    modules = [frame.f_globals["__name__"] for frame, _ in walk_tb(error.__traceback__)]
+    return modules[-1].partition(".")[0] in ("click", "rich")
+
+
+def _end_unheard(error: OSError) -> int:
+    """Print nothing from now on, say why if anybody may want to know, and return the exit code."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):  # the reader, such as `| head`, has gone
+        os.dup2(nowhere, sys.stderr.fileno())
+        return READER_GONE
+    with suppress(OSError):
+        reason = error.strerror or error
+        click.echo(f"tactograph: what it prints cannot be written: {reason}", err=True)
+    return WriteError.exit_code
 
 
 def _show_warning(
@@ -109,8 +148,8 @@ def _show_warning(
     click.echo(f"warning: {printable(' '.join(str(message).split()))}", err=True)
 
 
-def _one_line(error: Exception) -> str:
-    return printable(" ".join(str(error).split()))
+def _one_line(error: BaseException) -> str:
+    return printable(" ".join(message_of(error).split()))
 
 
 if __name__ == "__main__":

@@ -41,6 +41,14 @@ class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
     """A sink raises it when it wants no further item: this one counts, and the stream ends."""
 
 
+def message_of(error: BaseException) -> str:
+    """What an exception says; one of somebody else's may fail even at that."""
+    try:
+        return str(error)
+    except Exception as second:
+        return f"its message cannot be read ({type(second).__name__})"
+
+
 def printable(text: str) -> str:
     """Text without what a terminal obeys: control characters become ``\\x1b`` and the like."""
     return "".join(c if c in "\n\t" or not _is_control(c) else f"\\x{ord(c):02x}" for c in text)

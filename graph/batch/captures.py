@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -28,7 +27,7 @@ def absolute(place: str) -> str:
 
 
 class Found(NamedTuple):
-    """The captures of a batch, the folder that all its patterns begin in, and what was passed over.
+    """The captures of a batch, the folder that all patterns begin in, and what was passed over.
 
     `below` is "" where the patterns have no folder in common.
     """
@@ -81,18 +80,24 @@ def _common_start(patterns: Sequence[str]) -> str:
 
     It does not depend on what is there now, so that captures may be added.
     """
-    starts = []
-    for pattern in patterns:
-        scheme, mark, path = absolute(pattern).rpartition("://")
-        parts = os.path.normpath(path).split("/")[:-1]
-        plain = next((n for n, part in enumerate(parts) if has_magic(part)), len(parts))
-        starts.append([scheme + mark, *parts[:plain]])
-    common = [parts[0] for parts in takewhile(_are_alike, zip(*starts, strict=False))]
-    return common[0] + "/".join(common[1:]) if len(common) > 1 else ""
+    paths = [_parts(pattern) for pattern in patterns]
+    common = [parts[0] for parts in takewhile(_are_alike, zip(*paths, strict=False))]
+    # From such a folder results would not lie below the others.
+    if len(common) < 2 or any(".." in parts[len(common) :] for parts in paths):
+        return ""
+    return common[0] + "/".join(common[1:])
+
+
+def _parts(pattern: str) -> list[str]:
+    """The scheme and the folders that a pattern speaks of, as `_matches` spells what it finds."""
+    system, path = fsspec.core.url_to_fs(absolute(pattern))
+    place = str(system.unstrip_protocol(path) if is_url(pattern) else path)
+    scheme, mark, path = place.rstrip("/").rpartition("://")
+    return [scheme + mark, *path.split("/")[:-1]]
 
 
 def _are_alike(parts: tuple[str, ...]) -> bool:
-    return len({*parts}) == 1
+    return len({*parts}) == 1 and not has_magic(parts[0])
 
 
 def _matches(pattern: str) -> tuple[list[str], list[str]]:

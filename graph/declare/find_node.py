@@ -19,7 +19,7 @@ from pathlib import Path
 
 import tactograph.nodes
 from tactograph.graph.declare.node import Node
-from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_mean
+from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_mean, message_of
 
 GROUP = "tactograph.nodes"
 
@@ -91,9 +91,12 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
     point = points[0]
     try:
         found = point.load()
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit, too: it would end the command as if it was done
         raise NodeError(
-            f"node '{name}' of package {_package(point)} cannot be loaded: {error}"
+            f"node '{name}' of package {_package(point)} cannot be loaded: "
+            f"{message_of(error) or type(error).__name__}"
         ) from error
     node = _checked(found, name)
     node.package = _package(point)

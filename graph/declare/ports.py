@@ -98,10 +98,23 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     return ports
 
 
-def record_values(record: type, made: Iterable[Any]) -> tuple[Any, ...]:
-    """The values of a record in the order of its ports."""
+def record_values(record: type, made: Any) -> tuple[Any, ...]:
+    """The values of a record in the order of its ports.
+
+    Raises
+    ------
+    TypeError
+        If what was made is no such record.
+    """
+    fields = _fields(record)
+    if not isinstance(made, tuple) or len(made) != len(fields):
+        size = f" of {len(made)}" if isinstance(made, tuple) else ""
+        raise TypeError(
+            f"{record.__name__}({', '.join(fields)}) is declared, but a "
+            f"{type(made).__name__}{size} was made"
+        )
     values: list[Any] = []
-    for annotation, value in zip(_fields(record).values(), made, strict=True):
+    for annotation, value in zip(fields.values(), made, strict=True):
         values += record_values(annotation, value) if is_record(annotation) else [value]
     return tuple(values)
 

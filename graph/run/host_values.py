@@ -115,7 +115,9 @@ class HostValues:
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:
         """Take over what a node made, or a caller in its place; return the arrays' shapes."""
         shapes: Shapes = {}
-        for value, result in zip(step.writes, task.node.results(made), strict=True):
+        with Blaming(task):
+            results = task.node.results(made)
+        for value, result in zip(step.writes, results, strict=True):
             port = task.node.outputs[value.port]
             if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
                 if not (task.id in self._whole and is_whole(result)):

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from tactograph.graph.errors import DeviceError, EndOfStream, NodeError, TactographError
+from tactograph.graph.errors import (
+    DeviceError,
+    EndOfStream,
+    NodeError,
+    TactographError,
+    message_of,
+)
 from tactograph.graph.plan.draft import Task
+
+_MEANT = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
 
 
 class Blaming:
     """Turn an unexpected exception of a node into one line that names the node.
+
+    A node that calls ``sys.exit`` would else end the run as if all were well.
 
     `device_error` is what the device's library raises, where the node runs on a device.
     """
@@ -21,9 +31,10 @@ class Blaming:
         pass
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, Exception) and not isinstance(error, (TactographError, EndOfStream)):
+        if error is not None and not isinstance(error, _MEANT):
             task = self._task
             kind_of = DeviceError if isinstance(error, self._device_error) else NodeError
             raise kind_of(
-                f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: {error}"
+                f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: "
+                f"{message_of(error)}"
             ) from error

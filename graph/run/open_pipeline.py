@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -145,7 +146,8 @@ def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
     if not isinstance(out, str | Path):
         return
     for name, place in places.items():
-        if isinstance(place, str | Path) and Path(place).resolve() == Path(out).resolve():
+        # Not Path.resolve, which fails at links that run in a circle; what reads them says so.
+        if isinstance(place, str | Path) and os.path.realpath(place) == os.path.realpath(out):
             raise InputError(f"out={out}: is what {name}={place} reads; give another place")
 
 

@@ -66,7 +66,8 @@ class SourceStream:
         """End the stream before its end."""
         close = getattr(self._iterator, "close", None)
         if close is not None:
-            close()
+            with Blaming(self._source):
+                close()
 
     def _read(self) -> Any:
         start = time.perf_counter()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -42,16 +42,24 @@ class Stored(NamedTuple):
     high: float = np.inf
 
 
+def _fits(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """The check of a kind whose arrays fit together whatever they hold."""
+
+
 class FileKind(NamedTuple):
     """A kind of calibration: its name, version, the command that makes it, and its arrays.
 
-    Every kind holds a `pixel_size`, and all but a camera's a `flat`.
+    Every kind holds a `pixel_size`, and all but a camera's a `flat`.  `made_from` is what to
+    check if a calibration fails.  `check` raises a `ValueError` if the arrays, each of them as
+    declared, cannot be of one sensor.
     """
 
     name: str
     format: int
     maker: str
     arrays: Mapping[str, Stored]
+    made_from: str
+    check: Callable[[Mapping[str, NDArray[Any]]], None] = _fits
 
 
 def _npz(file: Path) -> Path:
@@ -79,7 +87,7 @@ def write_arrays(
     Raises
     ------
     InputError
-        If the file cannot be written.
+        If `read_arrays` would refuse the file, or it cannot be written; then none is written.
     """
     head = {
         "format": kind.format,
@@ -87,9 +95,14 @@ def write_arrays(
         "units": {name: stored.unit for name, stored in kind.arrays.items()},
         **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
     }
-    typed: dict[str, Any] = {
-        name: stored.dtype(arrays[name]) for name, stored in kind.arrays.items()
-    }
+    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
+        typed = {n: np.asarray(arrays[n], stored.dtype) for n, stored in kind.arrays.items()}
+    try:
+        _check_arrays(kind, typed)
+    except ValueError as error:
+        raise InputError(
+            f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
+        ) from None
     with whole_file(file) as target:
         np.savez_compressed(target, about=np.array(json.dumps(head)), **typed)
 
@@ -103,29 +116,38 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     ------
     InputError
         If the file is missing, damaged, of another kind or version, or holds a pickle; if an
-        array is missing, misshapen, not finite or out of range; if the film is dark under an
-        LED.
+        array is missing, empty, misshapen, not finite or out of range; if the film is dark under
+        an LED; if the arrays cannot be of one sensor.
     """
     arrays = _load(file, kind)
     _check_head(file, kind, arrays)
-    sizes: dict[str, int] = {}
     kept = {n: stored for n, stored in kind.arrays.items() if stored.required or n in arrays}
-    for name, stored in kept.items():
-        _check_array(file, kind, name, arrays.get(name), stored, sizes)
-    found = {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
-    for k, plane in enumerate(arrays["flat"] if "flat" in kept else (), start=1):
-        if float(np.percentile(plane, 99)) < DARKEST:
-            raise InputError(f"{file}: 'flat' is dark under LED {k}; calibrate again")
-    return found
+    try:
+        _check_arrays(kind._replace(arrays=kept), arrays)
+    except ValueError as error:
+        raise InputError(f"{file}: {error}; calibrate again") from None
+    return {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
 
 
 def read_quality(file: Path) -> dict[str, float]:
     """Return the quality figures stored with a calibration; empty if there are none.
 
     `read_arrays` must have read the file before.
+
+    Raises
+    ------
+    InputError
+        If they are not numbers by name.
     """
-    quality = json.loads(str(load_arrays(file)["about"])).get("quality", {})
+    quality = _head(load_arrays(file)).get("quality", {})
+    if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
+        raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
     return {name: float(value) for name, value in quality.items()}
+
+
+def _is_number(value: object) -> bool:
+    # An integer may have more digits than a float can hold.
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63)
 
 
 def is_of_kind(file: Path, kind: FileKind) -> bool:
@@ -136,11 +158,7 @@ def is_of_kind(file: Path, kind: FileKind) -> bool:
     InputError
         If there is no such file, or it holds no arrays.
     """
-    try:
-        name = json.loads(str(_load(file, kind)["about"]))["kind"]
-    except (KeyError, ValueError, TypeError):
-        return False
-    return bool(name == f"tactograph {kind.name}")
+    return bool(_head(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
 
 
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
@@ -153,18 +171,28 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         raise InputError(f"{file}: the calibration is refused: {why}") from None
 
 
-def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
+def _head(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """What a file says of itself; empty if that cannot be read."""
     try:
         head = json.loads(str(arrays["about"]))
-        name, version = head["kind"], head["format"]
-    except (KeyError, ValueError, TypeError):
-        raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one") from None
+    except (KeyError, ValueError, RecursionError):
+        return {}
+    return head if isinstance(head, dict) else {}
+
+
+def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
+    head = _head(arrays)
+    name, version = head.get("kind"), head.get("format")
+    if not isinstance(name, str):
+        raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if name != f"tactograph {kind.name}":
-        found = str(name).removeprefix("tactograph ")
+        found = name.removeprefix("tactograph ")
         users = f"; a {found} is for {USERS[found]}" if found in USERS else ""
         raise InputError(
             f"{file}: is a {found}, not a {kind.name}; '{kind.maker}' makes one{users}"
         )
+    if not isinstance(version, int):
+        raise InputError(f"{file}: 'format' is not a whole number; calibrate again")
     if version != kind.format:
         raise InputError(
             f"{file}: {kind.name} format {version}, but this version reads {kind.format}; "
@@ -172,37 +200,40 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
         )
 
 
-def _check_array(
-    file: Path,
-    kind: FileKind,
-    name: str,
-    array: NDArray[Any] | None,
-    stored: Stored,
-    sizes: dict[str, int],
-) -> None:
-    """Refuse an array that is not as declared; `sizes` collects the letters' sizes."""
-    if array is None:
-        raise InputError(
-            f"{file}: the calibration is incomplete: '{name}' is missing; "
-            f"'{kind.maker}' makes a whole one"
-        )
+def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raise a `ValueError` that says which array of `kind` is not as declared, and why."""
+    sizes: dict[str, int] = {}
+    for name, stored in kind.arrays.items():
+        if name not in arrays:
+            raise ValueError(f"'{name}' is missing")
+        _check_array(name, arrays[name], stored, sizes)
+    for k, plane in enumerate(arrays["flat"] if "flat" in kind.arrays else (), start=1):
+        if float(np.percentile(plane, 99)) < DARKEST:
+            raise ValueError(f"'flat' is dark under LED {k}")
+    kind.check(arrays)
+
+
+def _check_array(name: str, array: NDArray[Any], stored: Stored, sizes: dict[str, int]) -> None:
+    """Check one array; `sizes` collects the letters' sizes."""
     axes = stored.axes.split()
     if array.dtype != stored.dtype or array.ndim != len(axes):
-        raise InputError(
-            f"{file}: '{name}' is {array.dtype} of shape {array.shape}, not "
-            f"{np.dtype(stored.dtype)} of {len(axes)} axes; calibrate again"
+        raise ValueError(
+            f"'{name}' is {array.dtype} of shape {array.shape}, not "
+            f"{np.dtype(stored.dtype)} of {len(axes)} axes"
         )
+    if not array.size:
+        raise ValueError(f"'{name}' is empty, of shape {array.shape}")
     wanted = tuple(
         int(axis) if axis.isdigit() else sizes.setdefault(axis, size)
         for axis, size in zip(axes, array.shape, strict=True)
     )
     if array.shape != wanted:
-        raise InputError(f"{file}: '{name}' has shape {array.shape}, not {wanted}; calibrate again")
+        raise ValueError(f"'{name}' has shape {array.shape}, not {wanted}")
     if not np.isfinite(array).all():
-        raise InputError(f"{file}: '{name}' holds NaN or infinite values; calibrate again")
+        raise ValueError(f"'{name}' holds NaN or infinite values")
     outside = array[(array < stored.low) | (array > stored.high)]
     if outside.size:
-        raise InputError(
-            f"{file}: '{name}' holds {outside[0]:g}, which no sensor has "
-            f"({stored.low:g} to {stored.high:g}); calibrate again"
+        raise ValueError(
+            f"'{name}' holds {outside[0]:g}, which no sensor has "
+            f"({stored.low:g} to {stored.high:g})"
         )

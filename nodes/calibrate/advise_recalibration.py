@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import Port, node
+from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 
 REFERENCES = "film_heldout_deg", "heldout_normal_deg"
@@ -15,6 +15,8 @@ WORSE = 1.5
 """Error, relative to the full calibration's, above which another full calibration is due, ..."""
 GOOD = 0.5
 """... if it also exceeds this many degrees."""
+WRONG = 3.0
+"""Degrees above which the check press itself is doubted, if `WORSE` holds, too."""
 THICKER = 1.0
 """Change of the gel's thickness in mm above which LED light takes another path to the film."""
 UNEVEN = 0.2
@@ -60,7 +62,7 @@ def advise_recalibration(
     Recalibration
         All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and
         ``dent_slope``, the largest height and slope of a dent, 0 if there is none;
-        ``full_calibration_due``, 0 or 1.
+        ``full_calibration_due``, 0 or 1.  A warning says if the check press cannot be right.
     """
     height, slope = _dent(dent, pixel)
     full = next((before[name] for name in REFERENCES if name in before), None)
@@ -90,7 +92,13 @@ def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) 
     error = refitted.get("check_deg/held_out")
     most = GOOD if full is None else max(WORSE * full, GOOD)
     if error is not None and error > most:
-        found.append(f"normals of the check press are off by {error:.2f} degrees")
+        off = f"normals of the check press are off by {error:.2f} degrees"
+        found.append(off)
+        if error > WRONG:
+            warn(
+                f"{off}, so the new calibration is wrong: check the order of the press's images, "
+                "ball_radius_mm, and that film and ball are clean, and recalibrate"
+            )
     if abs(refitted.get("thicker_mm", 0.0)) > THICKER:
         found.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
     uneven = strength / np.median(strength)

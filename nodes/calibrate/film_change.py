@@ -9,8 +9,9 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, SizeLimit, node
+from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, PixelSize
+from tactograph.nodes.calibrate._led_order import other_order
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.light.film_drift import terms
@@ -92,7 +93,13 @@ def film_change(
     FilmChange
         Strengths K; ambient light; shift (x, y) in px; albedo H x W; dent H x W in mm,
         positive where the film has risen, median 0.
+
+    Raises
+    ------
+    InputError
+        If the images come in another order than the LEDs did then.
     """
+    _check_order(then, now, pixel)
     rows, columns = then.shape[1:]
     factor = int(np.sqrt(rows * columns / MOST_PIXELS)) + 1
     if factor > 1:
@@ -118,6 +125,19 @@ def film_change(
         (factor * (moved + shift)).astype(np.float32),
         (albedo - np.median(albedo)).astype(np.float32),
         np.asarray(dent - np.median(dent), np.float32),
+    )
+
+
+def _check_order(then: F4, now: F4, pixel: float) -> None:
+    """Refuse images of other LEDs: any change that they show is none of the film."""
+    order = other_order(then, now, pixel)
+    if order is None:
+        return
+    moved = [f"image {k} has the light of LED {led}" for k, led in enumerate(order, 1) if k != led]
+    raise InputError(
+        f"the untouched film's images are in another order than the calibration's: "
+        f"{', '.join(moved)}; check the cables and file names (of a colour image lights=), and "
+        "that the camera is not turned"
     )
 
 

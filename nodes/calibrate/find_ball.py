@@ -37,6 +37,8 @@ CONTACT_TRIALS = tuple(np.linspace(0.85, 1.15, 16))
 """Contact radii tried before the last descent, relative to that of the search."""
 FOLD_KNOTS = (1.0, 1.07, 1.15, 1.25, 1.4, 1.6)
 """Radii, in contact radii, between which the film around the contact is interpolated."""
+SMALLEST = 1.0
+"""Smallest radius of a contact in px."""
 RIDGE = 1e-9
 """Ridge relative to the trace; keeps the normal equations solvable where pixels are few."""
 
@@ -103,7 +105,8 @@ def find_ball(
     ------
     InputError
         If no circle reaches a goodness of 0.45, unless centre and contact are both given; if
-        the given contact is larger than the ball; if the contact does not fit the image.
+        the given contact is larger than the ball; if the contact is smaller than a pixel, lies
+        beside the image or does not fit it.
     """
     radius = radius_mm / pixel
     if contact_px is not None and contact_px > radius:
@@ -114,6 +117,7 @@ def find_ball(
     _check_size(light, radius, radius_mm, contact_px)
     if center_px is not None and contact_px is not None:
         circle = Circle(*center_px, contact_px)
+        _check_place(light, circle)
         return _ball(circle, _goodness(light, circle, radius))
     seed = search_ball(light, radius, center_px, contact_px)
     circle = _refine(light, seed, radius, center_px, contact_px)
@@ -129,7 +133,12 @@ def find_ball(
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
-    """Refuse a ball whose smallest possible contact is far larger than the image."""
+    """Refuse a contact below a pixel, and one that must be far larger than the image."""
+    if contact is not None and contact < SMALLEST:
+        raise InputError(
+            f"ball_contact_px={contact:g}: a contact of less than {SMALLEST:g} px shows no ball; "
+            "give its radius in px, or leave it out and it is searched for"
+        )
     smallest = contact if contact is not None else radius * min(CONTACT_SHARES)
     diagonal = float(np.hypot(*light.shape[1:]))
     if smallest > LARGEST * diagonal:
@@ -137,6 +146,19 @@ def _check_size(light: F4, radius: float, radius_mm: float, contact: float | Non
             f"radius_mm={radius_mm:g}: the ball's contact of {smallest:.3g} px does not fit the "
             f"image of {light.shape[2]} x {light.shape[1]} px; check ball_radius_mm, "
             "ball_contact_px and the pixel size"
+        )
+
+
+def _check_place(light: F4, circle: Circle) -> None:
+    """Refuse a contact that lies beside the image."""
+    rows, columns = light.shape[1:]
+    beyond = [
+        max(-at, at - (size - 1), 0.0) for at, size in ((circle.x, columns), (circle.y, rows))
+    ]
+    if np.hypot(*beyond) > circle.radius:
+        raise InputError(
+            f"ball_center_px={circle.x:g},{circle.y:g}: a contact of {circle.radius:g} px there "
+            f"lies beside the image of {columns} x {rows} px; correct ball_center_px"
         )
 
 
@@ -241,6 +263,8 @@ def _goodness(light: F4, circle: Circle, radius: float) -> float:
     samples = _sample(reduced, small, JUDGED[2])
     u, v = (samples.x - small.x) / small.radius, (samples.y - small.y) / small.radius
     ball, smooth, window = bases(u, v, radius / circle.radius, JUDGED)
+    if not window.any():  # of a contact that the reduced image does not resolve
+        return 0.0
     samples = samples._replace(lit=samples.lit * window)
     share = share_of(_left(samples, ball), _left(samples, smooth), window.sum() * len(light))
     return float(np.clip(share, 0, 1))

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import EVERYTHING, InputError, Port, Wanted, node, warn
+from tactograph.graph import EVERYTHING, Port, Wanted, node, warn
 from tactograph.nodes import (
     F4,
     Dark,
@@ -29,9 +29,6 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, NO_MISFIT
 from tactograph.nodes.light._film import matt_film
-
-NEAREST = 1e-3
-"""Height in mm of the lowest LED that a sensor can have."""
 
 
 class Calibration(NamedTuple):
@@ -71,11 +68,10 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     ------
     InputError
         If the file is missing, damaged, of another version or holds a pickle; if an array is
-        missing, misshapen, not finite or outside the range of any sensor.
+        missing, empty, misshapen, not finite or outside the range of any sensor; if an LED is
+        not above the film, or no slope follows from the LEDs' light.
     """
     found = read_arrays(file, CALIBRATION)
-    if (found["lights"][:, 2] < NEAREST).any():
-        raise InputError(f"{file}: 'lights' holds an LED that is not above the film")
     if "others" not in found:
         found["others"] = np.repeat(found["lights"][None], 8, axis=0)
         if "others" in wanted:

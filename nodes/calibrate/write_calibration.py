@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import (
@@ -26,6 +28,22 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
+
+NEAREST = 1e-3
+"""Height in mm of the lowest LED that a sensor can have."""
+APART = 1e-3
+"""Smallest singular value of the directions to the LEDs; at 0 some slope changes no light."""
+
+
+def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse LEDs from whose light no slope follows."""
+    lights = arrays["lights"].astype(np.float64)
+    if (lights[:, 2] < NEAREST).any():
+        raise ValueError("'lights' holds an LED that is not above the film")
+    away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    if np.linalg.svd(away, compute_uv=False)[-1] < APART:
+        raise ValueError("'lights' holds LEDs that are all in one place or one line")
+
 
 CALIBRATION = FileKind(
     "calibration",
@@ -136,6 +154,8 @@ CALIBRATION = FileKind(
             high=10,
         ),
     },
+    made_from="the images, and the ball's place and radius",
+    check=_check_lights,
 )
 
 NO_MISFIT = np.array([0, 1, 0, 0, 0], np.float32)
@@ -196,7 +216,8 @@ def write_calibration(
     Raises
     ------
     InputError
-        If the file's name does not end in ``.npz`` or it cannot be written.
+        If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
+        cannot be written.
     """
     arrays = {
         "flat": flat,

@@ -20,11 +20,20 @@ CAMERA = FileKind(
             "8",
             "k1, k2, cx, cy of the radial distortion (L2), a, b, gx, gy of the tilt (L1); places "
             "from the image's middle in halves of its diagonal; zeros: none",
+            low=-10,
+            high=10,
         ),
-        "pixel_size": Stored("", "mm/px on the film at rest, of the ideal image"),
-        "residual": Stored("", "px, root mean square distance of the marks from the fit"),
-        "size": Stored("2", "px, columns and rows of the images that it holds for", np.int32),
+        "pixel_size": Stored(
+            "", "mm/px on the film at rest, of the ideal image", low=1e-6, high=1e3
+        ),
+        "residual": Stored(
+            "", "px, root mean square distance of the marks from the fit", low=0, high=1e4
+        ),
+        "size": Stored(
+            "2", "px, columns and rows of the images that it holds for", np.int32, low=1, high=1e5
+        ),
     },
+    made_from="the image of the grid and its pitch",
 )
 
 
@@ -55,7 +64,8 @@ def write_camera(
     Raises
     ------
     InputError
-        If the file's name does not end in ``.npz`` or it cannot be written.
+        If the lens cannot be of a camera, the file's name does not end in ``.npz``, or it cannot
+        be written.
     """
     rows, columns = image.shape
     arrays = {"lens": lens, "pixel_size": pixel, "residual": residual, "size": (columns, rows)}

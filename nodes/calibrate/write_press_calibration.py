@@ -24,6 +24,7 @@ PRESS_CALIBRATION = FileKind(
             high=1e6,
         ),
     },
+    made_from="the images, and the ball's place and radius",
 )
 
 
@@ -56,7 +57,8 @@ def write_press_calibration(
     Raises
     ------
     InputError
-        If the file's name does not end in ``.npz`` or it cannot be written.
+        If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
+        cannot be written.
     """
     write_arrays(
         file,

@@ -24,6 +24,8 @@ FEWEST_COUNTS = 4
 HIGHEST = 1e4
 """Largest absolute value of a height map in mm."""
 ORIENTATION = 0x0112
+PHOTOMETRIC = 0x0106
+"""TIFF tag that is 0 where white is 0."""
 Crop = tuple[int, int, int, int]
 Leds = tuple[Annotated[int, Interval(ge=1)], ...]
 Lights = Literal["leds", "bgr", "rgb"]
@@ -34,7 +36,7 @@ def read_image(file: Path) -> NDArray[Any]:
 
     The pixels are taken as stored in the file.  A truncated or foreign file is refused, never
     partly read.  So is a file whose pixels are ambiguous: with an orientation tag, several pages
-    or frames, or transparency.
+    or frames, or transparency, and a TIFF in which 0 is white.
 
     Raises
     ------
@@ -84,6 +86,11 @@ def _check_plain(image: Image.Image, file: Path) -> None:
             f"{file}: its orientation tag ({turned}) asks to turn or mirror it; "
             "save the pixels as the camera saw them, without the tag"
         )
+    if image.format == "TIFF" and image.getexif().get(PHOTOMETRIC) == 0:
+        raise InputError(
+            f"{file}: its photometric tag says that 0 is white, as in a negative; "
+            "save it with black as 0"
+        )
     if image.format == "JPEG":
         warn(f"{file.parent}: JPEG compression costs accuracy; record PNG or TIFF")
 
@@ -96,6 +103,18 @@ def _without_alpha(image: NDArray[Any], file: Path) -> NDArray[Any]:
     if (image[..., -1] != full).any():
         raise InputError(f"{file}: is transparent in places; save it without an alpha channel")
     return np.ascontiguousarray(image[..., :-1])
+
+
+def write_image(file: Path, image: NDArray[Any]) -> None:
+    """Write H x W, or H x W x 3 in the order blue, green, red; the suffix says how.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; `whole_files` makes it a `WriteError`.
+    """
+    # `cv2.imwrite` tells of a full disk by what it returns, and keeps the reason to itself.
+    file.write_bytes(cv2.imencode(file.suffix, image)[1].tobytes())
 
 
 def read_truth(file: Path) -> NDArray[np.float32]:

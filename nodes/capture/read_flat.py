@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.calibrate._calibration_file import DARKEST
 from tactograph.nodes.capture._image_files import (
     Crop,
     Leds,
@@ -67,7 +68,8 @@ def read_flat(
     Raises
     ------
     InputError
-        If the folder or image cannot be read, or differs in size from `image`.
+        If the folder or image cannot be read, or differs in size from `image`; if an LED gives
+        the film no more light than the dark image has.
     """
     height, width = image.shape[1:]
     if black is None:
@@ -84,7 +86,14 @@ def read_flat(
         warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
         return Flat(np.ones_like(image), black)
     stack = _mean(folder, image, lights, leds, files, crop)
-    return Flat(np.stack([_smoothed(plane - black, smooth_px) for plane in stack]), black)
+    flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
+    for k, plane in enumerate(flat, start=1):
+        if float(np.percentile(plane, 99)) < DARKEST:
+            raise InputError(
+                f"{folder}: under LED {k} the film is no brighter than {dark or 'the dark image'}; "
+                "dark= is one image with all LEDs off"
+            )
+    return Flat(flat, black)
 
 
 def _mean(

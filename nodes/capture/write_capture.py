@@ -6,13 +6,13 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-import cv2
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
+from tactograph.nodes.capture._image_files import write_image
 
 
 @node
@@ -51,9 +51,9 @@ def write_capture(
     dtype, full = (np.uint8, 255) if bits <= 8 else (np.uint16, 65535)
     with whole_files(folder) as target:
         for k, plane in enumerate(image, start=1):
-            cv2.imwrite(str(target / f"led{k}.png"), np.rint(plane * full).astype(dtype))
+            write_image(target / f"led{k}.png", np.rint(plane * full).astype(dtype))
         np.save(target / "truth_height_mm.npy", height)
         np.save(target / "truth_slope.npy", slope)
-        cv2.imwrite(str(target / "truth_shadow.png"), labels)
+        write_image(target / "truth_shadow.png", labels)
         scene = {"pixel_size_mm": pixel, "lights_mm": lights.astype(float).tolist()}
         (target / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")

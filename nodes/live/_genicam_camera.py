@@ -352,7 +352,7 @@ def _harvesters() -> Any:
     except ImportError:
         raise InputError(
             "GenICam cameras need harvesters, which is not installed; "
-            "pip install tactograph[genicam]"
+            "pip install 'tactograph[genicam]'"
         ) from None
 
 

@@ -47,7 +47,7 @@ def linuxpy() -> Any:
         return importlib.import_module("linuxpy.video.device")
     except ImportError:
         raise InputError(
-            "library=linuxpy needs linuxpy, which is not installed; pip install tactograph[linux]"
+            "library=linuxpy needs linuxpy, which is not installed; pip install 'tactograph[linux]'"
         ) from None
 
 

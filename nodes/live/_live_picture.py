@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from tactograph.nodes import F4, U1, Height, Labels, Light
-from tactograph.nodes.calibrate._led_colours import LED_COLOURS
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.marker._arrows import draw_arrows
+from tactograph.nodes.write._led_colours import LED_COLOURS, SEVERAL
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -27,8 +27,6 @@ TITLE_PX = 26
 TEXT_PX = 14
 GROUND = (24, 24, 28)
 INK = (225, 225, 225)
-SEVERAL = "#3a3a3a"
-"""Pixels that several LEDs do not reach, in all pictures; untouched film is near white."""
 UNKNOWN = (70, 70, 70)
 ALPHA = 0.75
 DIM = 0.6

@@ -9,7 +9,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
-import cv2
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from scipy.ndimage import gaussian_filter
@@ -22,6 +21,7 @@ from tactograph.nodes.calibrate.find_presses import FEWEST, Circles
 from tactograph.nodes.calibrate.fit_reflectance_map import degree_for
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.rate_presses import advise, presses_per_cell, rim_slope
+from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
@@ -191,4 +191,4 @@ def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresse
 
 def _save(file: Path, picture: Plane) -> None:
     with whole_file(file) as target:
-        cv2.imwrite(str(target), picture)
+        write_image(target, picture)

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import cv2
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from tactograph.graph import InputError, node
 from tactograph.graph.files.whole_files import whole_file, whole_files
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.calibrate.find_ball import Ball, find_ball
+from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.capture._sheet import SheetLight
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
 from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
@@ -162,9 +162,9 @@ def _save_film(folder: Path, image: Light, dark: Dark) -> None:
     """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
     with whole_files(folder / "untouched") as target:
         for k, plane in enumerate(image, start=1):
-            cv2.imwrite(str(target / f"led{k}.png"), _levels(plane))
+            write_image(target / f"led{k}.png", _levels(plane))
     with whole_file(folder / "dark.png") as file:
-        cv2.imwrite(str(file), _levels(dark))
+        write_image(file, _levels(dark))
 
 
 def _levels(plane: F4) -> NDArray[np.uint16]:
@@ -175,6 +175,6 @@ def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> N
     """Save a capture for `read_balls`: the raw frames, and the properties of the ball."""
     with whole_files(folder) as target:
         for led, data in frames.items():
-            cv2.imwrite(str(target / f"led{led}.png"), data)
+            write_image(target / f"led{led}.png", data)
         # JSON is YAML, too.
         (target / "capture.yaml").write_text(about.model_dump_json(exclude_none=True) + "\n")

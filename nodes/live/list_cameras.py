@@ -20,8 +20,8 @@ def list_cameras() -> None:
     """Print device, name and serial number of every camera, its formats, sizes and rates.
 
     ``camera=serial:...`` selects a camera regardless of its port.  Formats, sizes and rates need
-    linuxpy (``pip install tactograph[linux]``).  Industrial cameras, as ``genicam:...``, need
-    harvesters (``pip install tactograph[genicam]``) and their maker's GenTL producer in
+    linuxpy (``pip install 'tactograph[linux]'``).  Industrial cameras, as ``genicam:...``, need
+    harvesters (``pip install 'tactograph[genicam]'``) and their maker's GenTL producer in
     GENICAM_GENTL64_PATH.
 
     Raises

@@ -70,7 +70,7 @@ def read_camera(
         order of its colours.  Start from a copy of ``nodes/live/sensors/gelsight_mini.yaml``.
     library
         "opencv" opens the camera.  "linuxpy" (Linux only) adds the kernel's time and number of
-        each frame, and all bits of grey frames (``pip install tactograph[linux]``).
+        each frame, and all bits of grey frames (``pip install 'tactograph[linux]'``).
     port
         The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
         software controller.  ``none``: the LEDs flash by themselves, and the image alone

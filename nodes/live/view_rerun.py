@@ -68,7 +68,7 @@ def view_rerun(
     The surface is in mm, x right, -y up, z towards the camera.  Beside it are the height as an
     image with readable values, a section through the highest point with its 90 % band, the
     LEDs' images, the shadow labels, and over time the milliseconds of every node, the latency
-    and the metrics.  Needs ``pip install tactograph[rerun]``.
+    and the metrics.  Needs ``pip install 'tactograph[rerun]'``.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def rerun() -> Any:
         return importlib.import_module("rerun")
     except ImportError:
         raise InputError(
-            "view_rerun needs the Rerun SDK, which is not installed; pip install tactograph[rerun]"
+            "view_rerun needs the Rerun SDK; pip install 'tactograph[rerun]'"
         ) from None
 
 

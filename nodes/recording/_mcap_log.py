@@ -66,7 +66,7 @@ def need_mcap() -> None:
         import mcap_ros2.writer  # noqa: F401
     except ImportError:
         raise InputError(
-            "MCAP files need two libraries that are not installed; pip install tactograph[mcap]"
+            "MCAP files need two libraries that are not installed; pip install 'tactograph[mcap]'"
         ) from None
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.graph.files.whole_files import whole_files
 from tactograph.nodes import Light, PixelSize
+from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.marker._arrows import draw_arrows
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
@@ -68,4 +69,4 @@ def write_markers(
     with whole_files(folder / name if name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
         np.savetxt(target / "markers.csv", table, formats, ",", header=HEAD, comments="")
-        cv2.imwrite(str(target / "markers.png"), picture[..., ::-1])
+        write_image(target / "markers.png", picture[..., ::-1])

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from tactograph.graph import Provenance, node, warn
@@ -24,6 +23,7 @@ from tactograph.nodes import (
     PixelSize,
     Vergence,
 )
+from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.write._film_places import on_even_grid
 from tactograph.nodes.write._height_files import write_mesh, write_tiff
 
@@ -131,13 +131,13 @@ def write_result(
     with whole_files(place) as target:
         np.save(target / "height.npy", height)
         write_tiff(target / "height.tiff", height, pixel)
-        cv2.imwrite(str(target / "shadow.png"), shadow)
+        write_image(target / "shadow.png", shadow)
         if error is not None:
             np.save(target / "error.npy", error)
         if highlight is not None:
-            cv2.imwrite(str(target / "highlight.png"), highlight)
+            write_image(target / "highlight.png", highlight)
         if contact is not None:
-            cv2.imwrite(str(target / "contact.png"), contact)
+            write_image(target / "contact.png", contact)
         if confidence is not None:
             np.save(target / "confidence.npy", confidence)
         if mesh:

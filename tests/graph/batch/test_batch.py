@@ -403,10 +403,12 @@ def test_files_alone_are_captures(tmp_path: Path) -> None:
         (["/a/**/capture_*"], "/a"),
         (["/a/day1/x", "/a/day1/y"], "/a/day1"),
         (["/a/day1/*", "/a/day12/*"], "/a"),
-        (["/a/../b/*"], "/b"),
+        (["/a/**/b/capture_*", "/a/**/b/*"], "/a"),
+        (["/a/../b/*", "/a/../b/c/*"], "/a/../b"),
+        (["/a/../b/*", "/a/c/*"], ""),
         (["/*"], ""),
-        (["s3://lab/day1/*"], "s3://lab/day1"),
-        (["s3://lab/day1/*", "/a/*"], ""),
+        (["memory://lab/day1/*"], "memory:///lab/day1"),
+        (["memory://lab/day1/*", "/a/*"], ""),
     ],
 )
 def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], below: str) -> None:
@@ -532,6 +534,19 @@ def test_folders_of_results_lie_where_the_first_batch_put_them(
     code, err = batch(tactograph, graph, str(elsewhere), out)
     assert (code, f"lie below {tmp_path}" in err) == (2, True)
     assert len(opened(out / "batch.zarr")) == 7
+
+
+@pytest.mark.parametrize("over", ["memory://lab_2/*", "day/../day/*", "day/"])
+def test_folders_of_results_are_called_as_the_captures_however_these_are_reached(
+    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, over: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    for capture in captures:
+        fsspec.filesystem("memory").put(str(capture), f"/lab_2/{capture.name}", recursive=True)
+    graph, out = write(LIT.replace("outputs:", SAVING), "lit.yaml"), tmp_path / "folders"
+    assert batch(tactograph, graph, over, out) == (0, "")
+    assert {f.parent for f in out.glob("**/image.npy")} == {out / c.name for c in captures}
 
 
 def test_a_batch_of_an_earlier_version_goes_on_in_folders_of_whole_paths(

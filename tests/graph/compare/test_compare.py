@@ -94,7 +94,9 @@ def test_a_terminal_gets_no_escape_codes_as_text(
     tactograph: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal makes of rich
+    # What makes rich take any output for a terminal's.
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
     done = tactograph("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")
     assert "variant" in done.out
     assert "\\x1b" not in done.out

@@ -15,6 +15,7 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
 from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, write_calibration
+from tactograph.nodes.calibrate.write_camera import CAMERA
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.light._film import matt_film
 
@@ -66,9 +67,9 @@ def file(tmp_path: Path) -> Path:
     return target
 
 
-def write(target: Path) -> None:
+def write(target: Path, film: Film = FILM) -> None:
     quality = {"entries": 50.0}
-    write_calibration(*ARRAYS, FILM, NOISE, LENS, quality, file=target, provenance=MADE)
+    write_calibration(*ARRAYS, film, NOISE, LENS, quality, file=target, provenance=MADE)
 
 
 def change(file: Path, **arrays) -> None:
@@ -147,7 +148,7 @@ def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
 
 
 def test_every_array_of_a_calibration_has_a_range() -> None:
-    for kind in (CALIBRATION, PRESS_CALIBRATION):
+    for kind in (CALIBRATION, PRESS_CALIBRATION, CAMERA):
         for name, stored in kind.arrays.items():
             limits = np.isfinite([stored.low, stored.high]).all()
             assert limits or np.dtype(stored.dtype).kind != "f", name
@@ -173,6 +174,13 @@ def test_units_and_version_are_inside(file: Path) -> None:
     assert about["quality"] == {"entries": 50.0}
 
 
+def say(file: Path, **about) -> None:
+    """Change what the file says of itself."""
+    with np.load(file) as archive:
+        said = json.loads(str(archive["about"]))
+    change(file, about=np.array(json.dumps(said | about)))
+
+
 SPOIL = {
     "there is no such calibration": lambda f: f.unlink(),
     "damaged": lambda f: f.write_bytes(f.read_bytes()[:500]),
@@ -193,6 +201,21 @@ SPOIL = {
     "'lens' has shape": lambda f: change(f, lens=random(7)),
     "'noise' has shape": lambda f: change(f, noise=random(3)),
     "holds 0, which no sensor has": lambda f: change(f, pixel_size=np.float32(0)),
+    "'flat' is empty": lambda f: change(f, flat=random(4, 0, 8)),
+    "'lut_light' is empty": lambda f: change(
+        f, lut_light=random(0, 4), lut_slope=random(0, 2), lut_lit=np.zeros(0, np.uint8)
+    ),
+    "all in one place": lambda f: change(f, lights=np.float32([[1, 2, 30]] * 4)),
+    "or one line": lambda f: change(f, lights=np.float32([[k, 2, 30] for k in range(4)])),
+    "'format' is not a whole number": lambda f: say(f, format="1"),
+    "not a calibration;": lambda f: change(f, about=np.array("[" * 100_000)),
+    "not a calibration; ": lambda f: say(f, kind=None),
+    "'quality' is not a list of figures": lambda f: say(f, quality=None),
+    "'quality' is not a list of figures;": lambda f: say(f, quality=[1.0]),
+    "'quality' is not a list of figures; ": lambda f: say(f, quality="good"),
+    "'quality' is not a list of figures; c": lambda f: say(f, quality={"entries": "many"}),
+    "'quality' is not a list of figures; ca": lambda f: say(f, quality={"entries": None}),
+    "'quality' is not a list of figures; cal": lambda f: say(f, quality={"entries": 10**400}),
 }
 
 
@@ -203,6 +226,22 @@ def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> N
         read_calibration(file=file)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("film", "why"),
+    [
+        (FILM._replace(lights=np.full((4, 3), 1e39)), "'lights' holds NaN or infinite values"),
+        (FILM._replace(lights=-random(4, 3)), "'lights' holds an LED that is not above the film"),
+        (FILM._replace(gain=30.0), "'gain' holds 30, which no sensor has"),
+    ],
+)
+def test_what_would_not_be_read_is_not_written(tmp_path: Path, film: Film, why: str) -> None:
+    with pytest.raises(InputError) as caught:
+        write(tmp_path / "cal.npz", film)
+    assert f"not written: {why}" in str(caught.value)
+    assert str(caught.value).endswith("; check the images, and the ball's place and radius")
+    assert not list(tmp_path.iterdir())
 
 
 BALL = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07}

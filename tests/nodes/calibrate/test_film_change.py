@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from tactograph.graph import InputError
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate._led_order import other_order
 from tactograph.nodes.calibrate.film_change import FilmChange, film_change
 from tactograph.nodes.calibrate.film_tilt import film_tilt
 from tactograph.nodes.calibrate.judge_film import Verdicts, judge_film
@@ -86,6 +88,24 @@ def test_a_dent_has_its_height() -> None:
     light = dented(0.03)
     assert wrong(light) == {"film"}
     assert changed(light).dent.max() == pytest.approx(0.03, rel=0.3)
+
+
+@pytest.mark.parametrize("order", [[1, 2, 3, 0], [1, 0, 2, 3], [0, 3, 2, 1]])
+@pytest.mark.parametrize("new_film", [True, False])
+def test_images_in_another_order_are_refused(order: list[int], new_film: bool) -> None:
+    gel = Gel(seed=9, thicker=0.3, albedo=0.5) if new_film else GEL
+    with pytest.raises(InputError) as caught:
+        film_change(THEN, at_rest(gel.seen())[order], TILT, PIXEL_MM, new_film=new_film)
+    said = str(caught.value)
+    for image, led in enumerate(order, start=1):
+        assert (f"image {image} has the light of LED {led + 1}" in said) == (image != led + 1)
+
+
+def test_noise_is_not_another_order() -> None:
+    rng = np.random.default_rng(0)
+    then, now = 0.5 + rng.normal(0, 0.01, (2, 4, 60, 80)).astype(np.float32)
+    assert other_order(then, now, PIXEL_MM) is None
+    assert other_order(0 * then + 1, now, PIXEL_MM) is None
 
 
 def test_a_touch_is_no_untouched_film() -> None:

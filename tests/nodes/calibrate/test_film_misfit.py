@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, cast
 
 import numpy as np
@@ -72,6 +73,15 @@ def test_presses_that_agree_on_the_albedo_leave_it_open_all_the_same() -> None:
     film = part.fitted.film._replace(albedo=0.6)
     parts = [part._replace(fitted=part.fitted._replace(film=film))] * 2
     assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(LEAST_DOUBT, rel=1e-3)
+
+
+def test_another_place_of_an_led_stays_above_the_film() -> None:
+    down, none = NOWHERE_ELSE.copy(), np.zeros(len(LIGHTS))
+    down[:, 0, 2] = -2 * LEDS[0, 2]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = misfit([held(0.01, diffuse=none)], down, PIXEL, 0.0)
+    assert np.isfinite(found).all()
 
 
 def test_where_chance_hides_how_wide_errors_are_they_may_be_as_wide_as_any() -> None:

@@ -104,6 +104,27 @@ def test_empty_film_is_refused_and_the_way_out_is_named(level):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("center", "contact", "why"),
+    [
+        ((1e9, -1e9), 10.0, "ball_center_px=1e.09,-1e.09: .* beside the image of"),
+        ((-12.0, 5.0), 10.0, "beside the image"),
+        ((70.0, 55.0), 1e-9, "ball_contact_px=1e-09: a contact of less than 1 px"),
+        (None, 0.5, "less than 1 px"),
+    ],
+)
+def test_a_circle_that_shows_no_ball_is_refused(center, contact, why):
+    with pytest.raises(InputError, match=why):
+        light = pressed((70, 55), 27, 40)
+        find_ball(light, PIXEL, radius_mm=4.0, center_px=center, contact_px=contact)
+
+
+def test_a_contact_that_a_large_image_hardly_shows_has_no_goodness():
+    light = np.ones((4, 60, 4000), np.float32)
+    found = find_ball(light, PIXEL, radius_mm=4.0, center_px=(2006.0, 30.0), contact_px=1.0)
+    assert found.goodness == 0
+
+
 def test_contact_larger_than_the_ball_is_refused():
     with pytest.raises(InputError, match=r"contact_px=41 is larger than the ball.*40\.0 px"):
         find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=4.0, contact_px=41.0)

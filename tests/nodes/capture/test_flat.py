@@ -64,6 +64,12 @@ def test_a_flat_frame_of_another_size_is_refused(tmp_path: Path) -> None:
         read_flat(UNEVEN, folder=folder)
 
 
+def test_a_dark_image_with_an_led_on_is_refused(tmp_path: Path) -> None:
+    folder = write(tmp_path / "flat", UNEVEN)
+    with pytest.raises(InputError, match=r"under LED 2 the film is no brighter than .*led2\.png"):
+        read_flat(UNEVEN, folder=folder, dark=folder / "led2.png")
+
+
 def test_uneven_light_is_estimated_beside_a_touch() -> None:
     slope = np.zeros((2, 60, 80), np.float32)
     slope[0, 20:40, 30:40], slope[0, 20:40, 40:50] = 0.5, -0.5

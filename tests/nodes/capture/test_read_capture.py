@@ -283,6 +283,16 @@ def test_several_pages_or_frames_are_refused(tmp_path: Path, suffix: str) -> Non
         read_one(tmp_path)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_tiff_in_which_0_is_white_is_refused(tmp_path: Path, dtype: type) -> None:
+    write(tmp_path)
+    (tmp_path / "led2.png").unlink()
+    image = Image.fromarray(IMAGES[1].astype(dtype))
+    image.save(tmp_path / "led2.tiff", tiffinfo={262: 0})
+    with pytest.raises(InputError, match=r"led2\.tiff: .* 0 is white"):
+        read_one(tmp_path)
+
+
 def test_transparency_is_refused_and_an_opaque_alpha_channel_read(tmp_path: Path) -> None:
     write(tmp_path)
     image = Image.fromarray(IMAGES[1]).convert("LA")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.compare import pictures
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.live import _live_picture
+from tactograph.nodes.write import _led_colours
 from tactograph.nodes.write._result_pictures import draw_shadow
 from tactograph.nodes.write.write_result import write_result
 
@@ -168,7 +168,7 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
 
 
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
-    assert pictures.SEVERAL == _live_picture.SEVERAL
+    assert pictures.SEVERAL == _led_colours.SEVERAL
     shades = []
     for name, bits in (("one", 0b1), ("several", 0b11)):
         draw_shadow(

@@ -1,0 +1,51 @@
+"""A capture is written whole, or an error says why it is not."""
+
+from __future__ import annotations
+
+import errno
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph import nodes
+from tactograph.graph.errors import WriteError
+from tactograph.nodes.capture._image_files import read_image, write_image
+from tactograph.nodes.capture.write_capture import write_capture
+
+LIGHT, LEVEL = np.full((4, 6, 8), 0.5, np.float32), np.zeros((6, 8), np.float32)
+
+
+def write(folder: Path) -> None:
+    write_capture(
+        LIGHT, LEVEL, np.zeros((2, 6, 8), np.float32), LEVEL.astype(np.uint8), np.ones((4, 3)), 0.1,
+        folder=folder,
+    )  # fmt: skip
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    image = np.random.default_rng(0).integers(0, 65535, (6, 8, 3)).astype(np.uint16)
+    write_image(tmp_path / "a.png", image)
+    assert np.array_equal(read_image(tmp_path / "a.png"), image)
+
+
+def test_a_disk_that_fills_up_leaves_no_capture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(file: Path, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    # So does OpenCV: it says False.
+    monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
+    with pytest.raises(WriteError, match="cannot be written: No space left on device"):
+        write(tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_no_node_writes_an_image_unheard() -> None:
+    """`cv2.imwrite` says by what it returns whether it wrote."""
+    files = Path(nodes.__path__[0]).rglob("*.py")
+    assert not [f.name for f in files if re.search(r"cv2\.imwrite\(", f.read_text("utf-8"))]
