@@ -12,9 +12,10 @@ from typing import NamedTuple
 import fsspec
 from fsspec.core import has_magic
 
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.files.captures_in import captures_in
 from tactograph.graph.files.content_hash import content_hash
+from tactograph.graph.files.text_names import refuse_other_names
 
 
 def is_url(place: str) -> bool:
@@ -51,7 +52,7 @@ def find_captures(patterns: Sequence[str]) -> Found:
     Raises
     ------
     InputError
-        If a pattern matches nothing, or its file system is not known.
+        If a pattern matches nothing, its file system is not known, or a name is not UTF-8.
     """
     found: dict[str, None] = {}
     passed_over: dict[str, None] = {}
@@ -62,6 +63,8 @@ def find_captures(patterns: Sequence[str]) -> Found:
             raise InputError(f"--over {pattern}: nothing is there")
         found.update(dict.fromkeys(matches))
         passed_over.update(dict.fromkeys(files))
+    for capture in found:
+        refuse_other_names(capture)
     return Found(list(found), _common_start(spread), list(passed_over))
 
 
@@ -102,11 +105,9 @@ def _are_alike(parts: tuple[str, ...]) -> bool:
 
 def _matches(pattern: str) -> tuple[list[str], list[str]]:
     """What a pattern matches: captures, and files that are none, each in order of name."""
-    try:
+    with _reaching(f"--over {pattern}"):
         system, path = fsspec.core.url_to_fs(absolute(pattern))
         matches = system.glob(path.rstrip("/"), detail=True)
-    except (ValueError, ImportError, OSError) as error:
-        raise InputError(f"--over {pattern}: {error}") from None
     if not path.rstrip("/").rpartition("/")[2].startswith("."):
         # What a killed writer left is no capture.
         matches = {m: about for m, about in matches.items() if not _is_hidden(str(m))}
@@ -121,6 +122,17 @@ def _is_hidden(place: str) -> bool:
     return place.rpartition("/")[2].startswith(".")
 
 
+@contextmanager
+def _reaching(place: str) -> Iterator[None]:
+    """Say in one line why a place cannot be reached: file systems raise errors of their own."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise InputError(f"{place}: {message_of(error) or type(error).__name__}") from None
+
+
 def content_of(place: str) -> str:
     """What tells one content of a file or folder from another: a hash, or what the store says.
 
@@ -131,11 +143,9 @@ def content_of(place: str) -> str:
     """
     if not is_url(place):
         return content_hash(Path(place))
-    try:
+    with _reaching(place):
         system, path = fsspec.core.url_to_fs(place)
         return str(system.checksum(path))
-    except (ValueError, ImportError, OSError) as error:
-        raise InputError(f"{place}: {error}") from None
 
 
 def kept_at_hand(place: str) -> str:
@@ -148,10 +158,8 @@ def kept_at_hand(place: str) -> str:
     """
     if not is_url(place):
         return place
-    try:
+    with _reaching(place):
         return str(fsspec.open_local(f"simplecache::{place}"))
-    except (ValueError, ImportError, OSError) as error:
-        raise InputError(f"{place}: {error}") from None
 
 
 @contextmanager
@@ -168,9 +176,7 @@ def at_hand(place: str) -> Iterator[str]:
         return
     with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
         target = Path(folder) / place.rstrip("/").rpartition("/")[2]
-        try:
+        with _reaching(place):
             system, path = fsspec.core.url_to_fs(place)
             system.get(path, str(target), recursive=True)
-        except (ValueError, ImportError, OSError) as error:
-            raise InputError(f"{place}: {error}") from None
         yield str(target)

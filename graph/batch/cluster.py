@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import platform
@@ -16,7 +17,7 @@ from typing import Any
 
 from tactograph.graph.batch.open_job import graph_of
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk, store_of
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.run.result_origin import find_origin
 
 DEATHS = 3
@@ -55,9 +56,7 @@ class Cluster:
         tell: Callable[[str], None] = print,
     ) -> None:
         self._tell = tell
-        if file is not None:
-            _check_scheduler_file(file)
-        self._where = {"address": address} if address else {"scheduler_file": file}
+        self._address, self._file = address, file
         self.name = f"Dask at {address or file}"
         self._client = self._connect()
 
@@ -154,10 +153,25 @@ class Cluster:
             raise InputError("a cluster needs Dask: pip install 'tactograph[dask]'") from None
         # One line reports an error, no traceback; importing sets a level of its own.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        address = _address_in(self._file) if self._file is not None else self._address
         try:
-            return Client(**self._where, timeout=ANSWER, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
-            raise InputError(f"{self.name}: no scheduler answers: {error}") from None
+            asyncio.run(_greet(str(address)))
+            return Client(address, timeout=ANSWER, set_as_default=False)
+        except Exception as error:  # whatever another program's answer is taken for
+            reason = message_of(error) or f"nothing came within {ANSWER:.0f} s"
+            raise InputError(
+                f"{self.name}: no scheduler answers: {reason}; is it running there?"
+            ) from None
+
+
+async def _greet(address: str) -> None:
+    """Have a scheduler answer in time; a client would wait for ever for another program."""
+    from distributed.core import rpc
+    from distributed.security import Security
+
+    security = Security().get_connection_args("client")
+    async with asyncio.timeout(ANSWER), rpc(address, connection_args=security) as scheduler:
+        await scheduler.identity()
 
 
 def do_chunk_elsewhere(chunk: Chunk) -> Tally:
@@ -190,8 +204,8 @@ def _check_origin(out: str, stamp: str) -> None:
             )
 
 
-def _check_scheduler_file(file: str) -> None:
-    """Refuse what Dask would wait for or fail on, with the reason."""
+def _address_in(file: str) -> str:
+    """The address in a scheduler file; what Dask would wait for or fail on is refused."""
     try:
         about = json.loads(Path(file).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -200,3 +214,5 @@ def _check_scheduler_file(file: str) -> None:
         raise InputError(f"--scheduler-file {file}: cannot be read: {error}") from None
     if not isinstance(about, dict) or not isinstance(about.get("address"), str):
         raise InputError(f"--scheduler-file {file}: names no address; 'dask scheduler' writes it")
+    address: str = about["address"]
+    return address

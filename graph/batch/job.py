@@ -10,6 +10,7 @@ from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
+from tactograph.graph.files.text_names import refuse_other_names
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.result_origin import Origin, named_files
@@ -74,7 +75,7 @@ def make_job(
     Raises
     ------
     InputError
-        If the graph lacks the parameter or a map.
+        If the graph lacks the parameter or a map, or `out` cannot be.
     """
     if param not in graph.params:
         raise InputError(
@@ -88,6 +89,7 @@ def make_job(
             raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
     if not out.strip():
         raise InputError("--out is empty; give NAME.zarr, or a folder")
+    refuse_other_names(out)
     folders = None if out.rstrip("/").endswith(".zarr") else absolute(out)
     if folders is not None and (is_url(folders) or "out" not in graph.params):
         raise InputError(

@@ -40,6 +40,8 @@ MOST_PIXELS = 2**25
 PIECE = 2**21
 """Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
 _WORDS = ("capture", "reason", "figures", "warnings")
+_UNREACHABLE = (OSError, ValueError, ImportError, TypeError)
+"""What is raised where a store should be; TypeError by file systems that need more than a URL."""
 
 
 class Store:
@@ -84,7 +86,7 @@ class Store:
         """Refuse a store that lacks an array, or speaks of more than a batch can have."""
         count = len(self)
         for name in ("status", "milliseconds", *_WORDS):
-            if self._array(name).shape != (count,):
+            if len(shape := self._array(name).shape) != 1 or shape[0] < count:
                 raise self._damage(f"'{name}' is not of length {count}")
         for name in self._by_capture():
             array = self._array(name)
@@ -106,10 +108,14 @@ class Store:
 
     @property
     def captures(self) -> list[str]:
+        """Their places; if one is lost, nothing else tells whose results are whose."""
         try:
-            return [str(word) for word in np.asarray(self._array("capture")[:])]
+            found = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
         except _undecodable() as error:
             raise self._damage(f"'capture' cannot be read: {error}") from None
+        if lost := found.count(""):
+            raise self._damage(f"'capture' lacks {lost} of {len(found)} names")
+        return found
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
@@ -182,12 +188,14 @@ class Store:
     def append(self, captures: Sequence[str]) -> None:
         """Add captures, all pending, behind those that are there."""
         start, stop = len(self), len(self) + len(captures)
+        others = [name for name in self._by_capture() if name not in ("capture", "status")]
         with self._refusing():
-            for name in self._by_capture():
+            # As many count as have a status: stopped before that, nothing was added.
+            for name in ("capture", *others, "status"):
                 array = self._array(name)
                 array.resize((stop, *array.shape[1:]))
-            if captures:
-                self._array("capture")[start:stop] = np.array(captures, object)
+                if name == "capture" and captures:
+                    array[start:stop] = np.array(captures, object)
 
     def add_maps(self, types: Mapping[str, MapType]) -> None:
         """Make the arrays for the maps, once their types are known."""
@@ -280,6 +288,7 @@ class Store:
 
     def read_all(self, here: slice = slice(None)) -> list[Entry]:
         """What came of the captures, without their maps."""
+        here = slice(*here.indices(len(self)))
         columns = [
             self._read(name, here)
             for name in ("status", "reason", "figures", "warnings", "milliseconds")
@@ -366,7 +375,7 @@ def create_store(
             "origin": asdict(origin),
         }
         group.attrs["tactograph"] = json.loads(json.dumps(about))
-    except (OSError, ValueError, ImportError) as error:
+    except _UNREACHABLE as error:
         raise InputError(f"{place}: cannot be made: {error}") from None
     return Store(group)
 
@@ -383,7 +392,7 @@ def open_store(place: str) -> Store | None:
         return Store(zarr.open_group(_at(place), mode="r+"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, ImportError) as error:
+    except _UNREACHABLE as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
 
 

@@ -22,6 +22,10 @@ from tactograph.graph.files.flat_graph import (
 )
 from tactograph.graph.files.strict_yaml import Place
 
+MOST_NODES = 10_000
+DEEPEST = 50
+"""Far more nodes and uses, and groups in one another, than anybody needs."""
+
 
 def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:
     """The graph with further nodes, each use of a group taken apart into the group's nodes.
@@ -35,8 +39,10 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") 
     ------
     GraphError
         If a use names no group, gives what the group does not take or leaves out what it
-        needs, a group uses itself, or a reference in a group names nothing there.
+        needs, a group uses itself, a reference in a group names nothing there, or there are too
+        many nodes, or groups in one another.
     """
+    _count(graph, nodes, len(graph.nodes), {}, 1)
     added = _uses(graph, nodes, scope, ())
     graph = replace(graph, uses={**graph.uses, **{path: use for path, (use, _) in added.items()}})
     for path, (use, around) in added.items():  # the use around another comes first
@@ -157,6 +163,32 @@ def refuse_idle(name: str, group: Group) -> None:
             raise GraphError(f"{where}: output '{output}' has the name of another node")
 
 
+def _count(
+    graph: Graph, nodes: Mapping[str, Entry | Use], total: int, known: dict[str, int], depth: int
+) -> int:
+    """How many nodes and uses there will be, of which `total` are there; `known` is of groups.
+
+    A few groups that use one another come to more than any memory holds.  Groups that are not
+    there, use themselves or lie too deep are refused later, where they are met in this order.
+    """
+    total += len(nodes)
+    for use in nodes.values():
+        if isinstance(use, Entry) or use.group not in graph.groups or depth > DEEPEST:
+            continue
+        if use.group not in known:
+            known[use.group] = 0
+            body = graph.groups[use.group].body
+            inside = {**body.nodes, **body.uses}
+            known[use.group] = _count(graph, inside, 0, known, depth + 1)
+        total += known[use.group]
+        if total > MOST_NODES:
+            raise GraphError(
+                f"{use.where('group')}: with '{use.group}' there are more than {MOST_NODES} nodes "
+                "and uses of groups; use them less often"
+            )
+    return total
+
+
 def _uses(
     graph: Graph, nodes: Mapping[str, Entry | Use], scope: str, chain: tuple[str, ...]
 ) -> dict[str, tuple[Use, str]]:
@@ -175,6 +207,8 @@ def _uses(
         if use.group in chain:
             loop = " -> ".join((*chain, use.group))
             raise GraphError(f"{use.where('group')}: a group cannot use itself: {loop}")
+        if len(chain) >= DEEPEST:
+            raise GraphError(f"{use.where('group')}: more than {DEEPEST} groups lie in one another")
         group = graph.groups[use.group]
         _check_given(use, "in", "input", use.inputs, group.inputs)
         _check_given(use, "with", "param", use.settings, group.body.params)

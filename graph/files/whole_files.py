@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tactograph.graph.errors import InputError, WriteError
+from tactograph.graph.files.text_names import refuse_other_names
 
 
 @contextmanager
@@ -20,7 +20,11 @@ def whole_file(path: Path) -> Iterator[Path]:
     ------
     WriteError
         If `path` cannot be written.
+    InputError
+        If its name is not UTF-8, or the block could not read a file from elsewhere.
     """
+    refuse_other_names(path)
+    _refuse_special(path)
     with whole_files(path.parent) as folder:
         yield folder / path.name
 
@@ -34,8 +38,9 @@ def whole_files(folder: Path) -> Iterator[Path]:
     WriteError
         If `folder` cannot be made or written.
     InputError
-        If the block could not read a file from elsewhere.
+        If its name is not UTF-8, or the block could not read a file from elsewhere.
     """
+    refuse_other_names(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         stage = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
@@ -45,8 +50,7 @@ def whole_files(folder: Path) -> Iterator[Path]:
         yield stage
         files = sorted(stage.iterdir())
         for file in files:
-            if (folder / file.name).is_dir():
-                raise IsADirectoryError(errno.EISDIR, f"{file.name} is a folder")
+            _refuse_special(folder / file.name)
         for file in files:
             file.replace(folder / file.name)
     except OSError as error:
@@ -55,6 +59,15 @@ def whole_files(folder: Path) -> Iterator[Path]:
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+
+
+def _refuse_special(path: Path) -> None:
+    """Refuse to put a file in the place of a folder, a device or a pipe."""
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "a device or a pipe"
+        raise WriteError(
+            f"{path.parent}: cannot be written: {path.name} is {kind}; give another place"
+        )
 
 
 def _is_elsewhere(error: OSError, folder: Path) -> bool:

@@ -122,8 +122,7 @@ def read_capture(
         image whose pixels are not plain, see `read_image`.
     """
     layout = Layout(lights or "leds", leds, files, None, crop)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder")
+    _check_folder(folder)
     if _is_capture(folder, layout, lights):
         yield _read(folder, layout, lights, "", whole)
         return
@@ -150,8 +149,7 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     InputError
         As `read_capture`.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder")
+    _check_folder(folder)
     layout = _with_capture_file(folder, layout)
     if layout.lights == "leds":
         files = _led_files(folder, layout)
@@ -168,6 +166,13 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
         check_exposed(stack, files, layout.bits)
         return stack
     return normalised(stack, files, layout.bits)
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.is_file():
+        raise InputError(f"{folder}: is a file; give the folder that holds the images")
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder")
 
 
 def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole: Whole) -> Capture:

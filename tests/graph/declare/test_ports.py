@@ -93,6 +93,12 @@ def test_a_record_in_a_record_is_as_if_its_fields_stood_there() -> None:
     assert make_record(Outer, record_values(Outer, made)) == made
 
 
+@pytest.mark.parametrize("made", [("x",), ("x", 1.0, 2.0, 3.0), {"a": 1, "b": 2}, None, "ab"])
+def test_what_is_no_record_is_told(made: Any) -> None:
+    with pytest.raises(TypeError, match=rf"Outer\(.*\) is declared, but a {type(made).__name__}"):
+        record_values(Outer, made)
+
+
 def test_a_record_with_two_ports_of_one_name_is_refused() -> None:
     class Twice(NamedTuple):
         low: float

@@ -316,6 +316,31 @@ def test_a_group_cannot_use_itself() -> None:
         read_graph(graph)
 
 
+def nested(depth: int, times: int) -> dict[str, Any]:
+    """A graph of groups in one another, each of which uses the one before so many times."""
+    inputs = {"light": {}}
+    twice = {"op": "doubled", "in": {"image": "light"}}
+    groups: dict[str, Any] = {"g1": {"inputs": inputs, "nodes": {"twice": twice}}}
+    for n in range(2, depth + 1):
+        use = {"group": f"g{n - 1}", "in": {"light": "light"}}
+        groups[f"g{n}"] = {"inputs": inputs, "nodes": {f"u{k}": use for k in range(times)}}
+    use = {"group": f"g{depth}", "in": {"light": "frames"}}
+    return {"format": 1, "groups": groups, "nodes": {"frames": {"op": "touches"}, "use": use}}
+
+
+@pytest.mark.parametrize("depth", [14, 60, 300])
+def test_a_small_file_does_not_become_a_graph_without_end(depth: int) -> None:
+    message = r"groups.g\d+.nodes.u1.group: with 'g\d+' there are more than 10000 nodes and uses"
+    with pytest.raises(GraphError, match=message):
+        read_graph(nested(depth, times=2))
+
+
+def test_groups_lie_in_one_another_as_deep_as_anybody_needs_but_not_deeper() -> None:
+    assert len(read_graph(nested(50, times=1)).nodes) == 2
+    with pytest.raises(GraphError, match=r"groups.g950.nodes.u0.group: more than 50 groups lie in"):
+        read_graph(nested(1000, times=1))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "place", "used_by", "message"),
     [

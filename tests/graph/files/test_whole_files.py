@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import tempfile
 from pathlib import Path
 
@@ -96,6 +97,30 @@ def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"z\.txt is a folder"):
         write_two(tmp_path)
     assert [f.name for f in tmp_path.iterdir()] == ["z.txt"]
+
+
+def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
+    """As root would take that of /dev/null."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="pipe is a device or a pipe"), whole_file(pipe):
+        pytest.fail("the block must not run")
+    with (
+        pytest.raises(InputError, match="pipe is a device or a pipe; give another place"),
+        whole_files(tmp_path) as stage,
+    ):
+        (stage / "pipe").write_text("x")
+    assert pipe.is_fifo()
+    assert [*tmp_path.iterdir()] == [pipe]
+
+
+def test_a_name_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    """OpenCV ends the whole process at one."""
+    name = tmp_path / os.fsdecode(b"bad\xff")
+    for writing in (whole_files(name), whole_file(name), whole_file(name / "x")):
+        with pytest.raises(InputError, match=r"bad.udcff.*: the name is not UTF-8; rename it"):
+            writing.__enter__()
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:

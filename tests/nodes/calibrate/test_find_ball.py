@@ -114,14 +114,14 @@ def test_empty_film_is_refused_and_the_way_out_is_named(level):
     ],
 )
 def test_a_circle_that_shows_no_ball_is_refused(center, contact, why):
+    light = pressed((70, 55), 27, 40)
     with pytest.raises(InputError, match=why):
-        light = pressed((70, 55), 27, 40)
         find_ball(light, PIXEL, radius_mm=4.0, center_px=center, contact_px=contact)
 
 
 def test_a_contact_that_a_large_image_hardly_shows_has_no_goodness():
     light = np.ones((4, 60, 4000), np.float32)
-    found = find_ball(light, PIXEL, radius_mm=4.0, center_px=(2006.0, 30.0), contact_px=1.0)
+    found = find_ball(light, PIXEL, radius_mm=4.0, center_px=(2000.0, 30.0), contact_px=1.0)
     assert found.goodness == 0
 
 

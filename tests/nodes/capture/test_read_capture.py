@@ -329,3 +329,8 @@ def test_what_a_killed_writer_left_is_no_capture(tmp_path: Path) -> None:
     write(tmp_path / "a")
     write(tmp_path / ".writing-x")
     assert [c.name for c in read_capture(folder=tmp_path)] == ["a"]
+
+
+def test_a_file_in_place_of_a_folder_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"led1\.png: is a file; give the folder"):
+        read_one(write(tmp_path) / "led1.png")
