@@ -15,6 +15,7 @@ from tactograph.nodes import (
     LutSlope,
     Metrics,
     Noise,
+    PixelSize,
     Spread,
 )
 from tactograph.nodes.capture._sheet import SheetLabels, SheetMask
@@ -45,7 +46,7 @@ def rate_calibration(
     goodness: Annotated[F4, Port("B", "1")] | None = None,
     flat: Light | None = None,
     noise: Noise | None = None,
-    reach: Annotated[float, Port(unit="mm")] | None = None,
+    pixel: PixelSize | None = None,
     albedo: Albedo | None = None,
     refraction: Annotated[float, Port(unit="1")] | None = None,
 ) -> Metrics:
@@ -68,7 +69,9 @@ def rate_calibration(
     flat, noise
         K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
         Residuals that noise explains raise no warning of a poor fit.
-    reach, albedo, refraction
+    pixel
+        mm per px.
+    albedo, refraction
         Of the film, as `fit_film` returns them.  Under a coat the light is no smooth function of
         the slope, and then that raises no warning.
 
@@ -113,8 +116,8 @@ def rate_calibration(
             "the pixel size; a film that is glossy departs, too"
         )
     _warn_of_twins(lights)
-    if reach is not None and albedo is not None:
-        _warn_of_scale(lights, reach, albedo)
+    if pixel is not None and albedo is not None:
+        _warn_of_scale(lights, pixel * mask.shape[1], albedo)
     known = mask > 0
     rated = {
         "entries": float(len(lut_slope)),
@@ -148,7 +151,7 @@ def _warn_of_twins(lights: LightPositions) -> None:
         )
 
 
-def _warn_of_scale(lights: LightPositions, reach: float, albedo: float) -> None:
+def _warn_of_scale(lights: LightPositions, width_mm: float, albedo: float) -> None:
     """Warn of a film that only a wrong radius of the ball, or pixel size, explains.
 
     Slopes that are too steep or too flat are made up for by LEDs at infinity, or by a film that
@@ -156,7 +159,7 @@ def _warn_of_scale(lights: LightPositions, reach: float, albedo: float) -> None:
     """
     distance = np.linalg.norm(lights, axis=1)
     farthest = int(np.argmax(distance))
-    if distance[farthest] > FAR * 2 * reach:
+    if distance[farthest] > FAR * width_mm:
         warn(
             f"LED {farthest + 1} is found {distance[farthest] / 1000:,.1f} m from the film, more "
             f"than {FAR:.0f} widths of the image: check the ball's radius, the pixel size and the "

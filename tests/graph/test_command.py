@@ -325,6 +325,24 @@ def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
     assert "internal error: RuntimeError: two lines" in said
 
 
+class Mute(BaseException):
+    """Says nothing, and is no plain exception."""
+
+    def __str__(self) -> str:
+        raise ValueError
+
+
+def test_an_error_of_any_kind_is_one_line(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*args: object) -> None:
+        raise Mute
+
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
+    said = one_line(tactograph("check", "paper"), code=1)
+    assert "internal error: Mute: its message cannot be read (ValueError)" in said
+
+
 @pytest.mark.parametrize(("error", "code"), [(MemoryError, 1), (KeyboardInterrupt, 130)])
 def test_an_end_from_outside_shows_no_traceback(
     tactograph: Command,
@@ -575,13 +593,38 @@ def test_the_process_ends_with_the_code_and_the_line() -> None:
     assert done.stderr == "tactograph: nowhere.yaml: there is no such graph file\n"
 
 
-def test_a_pipe_that_closes_early_is_no_error() -> None:
-    shell = (
-        f"{sys.executable} -m tactograph.graph.command schema | head -c 1; echo ${{PIPESTATUS[0]}}"
+def printing_to(place: int) -> subprocess.CompletedProcess[str]:
+    """A command that prints much, to an open file."""
+    words = [sys.executable, "-m", "tactograph.graph.command", "schema"]
+    return subprocess.run(words, stdout=place, stderr=subprocess.PIPE, text=True, check=False)
+
+
+def test_where_nobody_reads_a_command_ends_as_others_do_without_a_word() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = printing_to(write)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_what_cannot_be_printed_is_told_in_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = printing_to(full.fileno())
+    assert done.returncode == 2
+    assert done.stderr == (
+        "tactograph: what it prints cannot be written: No space left on device\n"
     )
-    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, check=False)
-    assert done.stdout == "{0\n"
-    assert done.stderr == ""
+
+
+def test_a_pipe_of_the_engine_s_own_that_breaks_is_an_internal_error(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*args: object) -> None:
+        raise BrokenPipeError("a worker's")
+
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
+    said = one_line(tactograph("check", "paper"), code=1)
+    assert "internal error: BrokenPipeError: a worker's" in said
 
 
 def test_help_loads_neither_numpy_nor_the_planner() -> None:
@@ -620,6 +663,24 @@ def test_results_do_not_go_into_what_is_read(
     words = [f"capture={captures}", f"file={height_file}", f"out={captures}/a/.."]
     assert "is what capture=" in one_line(tactograph("run", write(WRITING), *words))
     assert sorted(captures.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("capture", "no such folder"), ("file", "no such"), ("out", "cannot be written")],
+)
+def test_links_that_run_in_a_circle_are_no_place(
+    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path,
+    name: str, message: str,
+) -> None:  # fmt: skip
+    there, back = tmp_path / "there", tmp_path / "back"
+    there.symlink_to(back)
+    back.symlink_to(there)
+    given = {"capture": captures, "file": height_file, "out": tmp_path / "out", name: there}
+    words = [f"{param}={place}" for param, place in given.items()]
+    said = one_line(tactograph("run", write(WRITING), *words, "--quiet"))
+    assert str(there) in said
+    assert message in said
 
 
 def test_a_stream_without_an_item_is_no_success(

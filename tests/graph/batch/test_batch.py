@@ -825,6 +825,71 @@ def test_a_store_whose_list_of_captures_is_gone_is_refused(
     assert "'capture' is missing; remove it, or give another --out" in err
 
 
+def test_a_store_that_lacks_names_of_captures_is_refused(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    (place / "capture" / "c" / "0").unlink()
+    code, err = batch(tactograph, graph, over, place)
+    assert code == 2
+    assert "'capture' lacks 3 of 7 names; remove it, or give another --out" in err
+
+
+def test_captures_that_were_half_added_are_added_again(
+    tactograph: Command,
+    graph: str,
+    over: str,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    place = tmp_path / "out.zarr"
+    batch(tactograph, graph, over, place)
+    make_capture(tmp_path / "day" / "capture_99", 99)
+    resize = zarr.Array.resize
+
+    def stop(array: Any, shape: Any) -> None:
+        if array.basename == "reason":
+            raise KeyboardInterrupt
+        resize(array, shape)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(zarr.Array, "resize", stop)
+        assert batch(tactograph, graph, over, place)[0] == 130
+    assert opened(place).captures == list(map(str, captures))
+    assert len(opened(place).read_all()) == 7
+    assert batch(tactograph, graph, over, place) == (0, "")
+    assert opened(place).captures[7].endswith("capture_99")
+    np.testing.assert_array_equal(lit(opened(place), 7), expected(tmp_path / "day" / "capture_99"))
+
+
+def test_a_name_that_is_not_text_is_refused_before_there_is_a_store(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    captures[2].rename(captures[2].with_name(os.fsdecode(b"bad\xff")))
+    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    assert code == 2
+    assert r"day/bad\udcff': the name is not UTF-8; rename it" in err
+    assert not (tmp_path / "out.zarr").exists()
+    out = tmp_path / os.fsdecode(b"out\xff.zarr")
+    code, err = batch(tactograph, graph, str(captures[0]), out)
+    assert (code, "the name is not UTF-8; rename it" in err) == (2, True)
+
+
+@pytest.mark.parametrize("option", ["--over", "--out"])
+def test_a_file_system_that_needs_more_than_a_url_is_refused(
+    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path, option: str
+) -> None:
+    given = {"--over": str(captures[0]), "--out": str(tmp_path / "out.zarr")}
+    given[option] = "github://x/out.zarr"
+    done = tactograph("batch", graph, *(word for pair in given.items() for word in pair))
+    assert done.code == 2
+    assert "github://x/out.zarr: " in done.err
+    assert done.err.count("\n") == 1
+    assert "internal error" not in done.err
+
+
 def test_a_store_that_speaks_of_endless_captures_is_refused_unread(
     tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:

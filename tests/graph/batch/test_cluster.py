@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -123,6 +124,25 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(cluster, "ANSWER", 0.5)
     with pytest.raises(InputError, match="no scheduler answers"):
         Cluster("tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9, bytes(99)])
+def test_another_program_at_the_address_is_no_scheduler(
+    monkeypatch: pytest.MonkeyPatch, says: bytes
+) -> None:
+    def answer(server: socket.socket) -> None:
+        caller, _ = server.accept()
+        callers.append(caller)
+        caller.sendall(says)
+
+    monkeypatch.setattr(cluster, "ANSWER", 1.0)
+    callers: list[socket.socket] = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=answer, args=(server,), daemon=True).start()
+        with pytest.raises(InputError, match=r"no scheduler answers: .*; is it running there\?"):
+            Cluster(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+    for caller in callers:
+        caller.close()
 
 
 def test_a_worker_with_other_code_is_refused(

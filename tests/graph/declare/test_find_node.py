@@ -159,6 +159,15 @@ def test_a_package_that_cannot_be_loaded_harms_only_the_graph_that_names_it(
     assert "flat_field" in listed.out
 
 
+def test_a_package_that_ends_the_process_as_it_is_loaded_is_told(
+    install: Install, write: Write, tactograph: Command
+) -> None:
+    install("acme-optics", "acme_scale", node="raise SystemExit")
+    done = tactograph("check", write(STREAM.format(name="acme_scale")))
+    assert done.code == 1
+    assert "'acme_scale' of package acme-optics cannot be loaded: SystemExit" in done.err
+
+
 def test_a_name_that_two_packages_use_is_an_error_that_names_both(
     install: Install, write: Write
 ) -> None:

@@ -8,7 +8,7 @@ import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -61,6 +61,44 @@ def test_a_graph_of_plain_data_runs_a_node_of_the_program(backend: str) -> None:
     pipeline = load(data(), nodes=[brightened], backend=backend)
     assert pipeline.plan.placements["more"].backend == backend
     np.testing.assert_allclose(pipeline(frames=STACK)["light"], 0.75)
+
+
+class MuteError(Exception):
+    """Cannot say what it is about."""
+
+    def __str__(self) -> str:
+        raise ValueError
+
+
+@pytest.mark.parametrize(
+    "error", [SystemExit(0), BaseException("odd"), MuteError(), ValueError("odd")]
+)
+def test_a_node_is_named_whatever_it_raises(error: BaseException) -> None:
+    @node
+    def brightened(light: Light, *, gain: float = 2.0) -> Light:
+        raise error
+
+    pipeline = load(data(), nodes=[brightened], backend="numpy")
+    with pytest.raises(NodeError, match=rf"'more' \(brightened\) failed: {type(error).__name__}: "):
+        pipeline(frames=STACK)
+
+
+class Named(NamedTuple):
+    light: Light
+    name: str
+
+
+@pytest.mark.parametrize("made", [(STACK,), (STACK, "a", 1), {"light": STACK, "name": "a"}, None])
+def test_a_node_is_named_whose_record_is_none(made: Any) -> None:
+    @node
+    def brightened(light: Light, *, gain: float = 2.0) -> Named:
+        found: Named = made
+        return found
+
+    graph = data(outputs={"light": "more.light", "name": "more.name"})
+    message = r"'more' \(brightened\) failed: TypeError: Named\(light, name\) is declared, but a "
+    with pytest.raises(NodeError, match=f"{message}{type(made).__name__}"):
+        load(graph, nodes=[brightened], backend="numpy")(frames=STACK)
 
 
 def test_a_kernel_may_be_a_file(tmp_path: Path) -> None:

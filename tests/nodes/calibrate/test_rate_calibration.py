@@ -51,17 +51,17 @@ def test_two_leds_in_one_place_are_named() -> None:
 
 
 def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
-    assert not told(GOOD, reach=10.0, albedo=0.7)
+    assert not told(GOOD, pixel=3.0, albedo=0.7)
 
 
 def test_leds_at_infinity_are_blamed_on_the_radius() -> None:
-    (note,) = told(GOOD, LIGHTS * np.float32(1e4), reach=10.0, albedo=0.0)
+    (note,) = told(GOOD, LIGHTS * np.float32(1e4), pixel=3.0, albedo=0.0)
     assert "LED 1 is found 800.0 m from the film" in note
     assert "ball's radius" in note
 
 
 def test_a_film_that_returns_all_light_is_blamed_on_the_radius() -> None:
-    (note,) = told(GOOD, reach=10.0, albedo=0.95)
+    (note,) = told(GOOD, pixel=3.0, albedo=0.95)
     assert "albedo is found as 0.95" in note
 
 
