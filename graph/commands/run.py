@@ -265,11 +265,12 @@ def _ranges(result: Result) -> dict[str, str]:
 
 
 def _in_rows(figures: dict[str, float]) -> dict[str, str]:
-    """Figures as text, the parts of one, ``x/led1``, ``x/led2``, in its row."""
+    """Figures as text; the parts of one, ``x/led1``, ``x/led2``, follow it in its row."""
     rows: dict[str, list[str]] = {}
     for name, figure in figures.items():
         whole, _, part = name.partition("/")
         # Counts in full, measurements to four digits.
         text = f"{int(figure)}" if float(figure).is_integer() else f"{figure:.4g}"
-        rows.setdefault(whole, []).append(f"{part} {text}".strip().ljust(len(part) + 7))
+        row = rows.setdefault(whole, [])
+        row.insert(len(row) if part else 0, f"{part} {text}".strip().ljust(len(part) + 7))
     return {name: "  ".join(texts).rstrip() for name, texts in rows.items()}

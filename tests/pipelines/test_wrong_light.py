@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import Calibration, Raytraced, without_pictures
+from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced, without_pictures
 
 SAME = (1, 2, 3, 4)
 
@@ -77,3 +77,15 @@ def test_precise_tells_it_too(
 ) -> None:
     capture = written(raytraced / "near33" / "sphere_film", tmp_path / "touch", (2, 1, 3, 4))
     assert tells_of_misfit(run("precise", capture, calibration("near33")))
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_a_good_calibration_raises_no_warning(
+    raytraced: Raytraced, tmp_path: Path, rig: str
+) -> None:
+    folder = raytraced / rig
+    given = {"capture": str(folder / "calibration"), "flat": str(folder / "flat")}
+    scale = {"ball_radius_mm": 7.0, "pixel_size_mm": RIG_PIXEL_MM[rig]}
+    values = {**given, **scale, "out": str(tmp_path / "cal.npz")}
+    (result,) = open_pipeline(read_graph("calibrate"), values).items()
+    assert not result.warnings
