@@ -84,7 +84,7 @@ def _common_start(patterns: Sequence[str]) -> str:
     It does not depend on what is there now, so that captures may be added.
     """
     paths = [_parts(pattern) for pattern in patterns]
-    common = [parts[0] for parts in takewhile(_are_alike, zip(*paths, strict=False))]
+    common: list[str] = [parts[0] for parts in takewhile(_are_alike, zip(*paths, strict=False))]
     # From such a folder results would not lie below the others.
     if len(common) < 2 or any(".." in parts[len(common) :] for parts in paths):
         return ""

@@ -23,7 +23,7 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
-class _Graph(click.ParamType):
+class _Graph(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
     """A graph file, or the name of a pipeline that ships."""
 
     name = "graph"

@@ -178,7 +178,7 @@ def _count(
         if use.group not in known:
             known[use.group] = 0
             body = graph.groups[use.group].body
-            inside = {**body.nodes, **body.uses}
+            inside: dict[str, Entry | Use] = {**body.nodes, **body.uses}
             known[use.group] = _count(graph, inside, 0, known, depth + 1)
         total += known[use.group]
         if total > MOST_NODES:

@@ -96,7 +96,9 @@ def write_arrays(
         **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
     }
     with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
-        typed = {n: np.asarray(arrays[n], stored.dtype) for n, stored in kind.arrays.items()}
+        typed: dict[str, Any] = {
+            n: np.asarray(arrays[n], stored.dtype) for n, stored in kind.arrays.items()
+        }
     try:
         _check_arrays(kind, typed)
     except ValueError as error:

@@ -125,8 +125,7 @@ def _title(quality: Metrics) -> str:
 def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
     extent = _extent(mask.shape, wide)
     axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
-    edge = {"levels": [0.5], "colors": [ORANGE], "linewidths": 1}
-    axes.contour(mask, extent=extent, origin="upper", **edge)
+    axes.contour(mask, extent=extent, origin="upper", levels=[0.5], colors=[ORANGE], linewidths=1)
     axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
 
 
@@ -161,7 +160,8 @@ def _draw_presses(
     scale = {"vmin": 0, "vmax": max(3, depth.max())}
     axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
     # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
-    placed = circle * np.float32(wide) + np.float32([(wide - 1) / 2, (wide - 1) / 2, 0])
+    middle = (wide - 1) / 2
+    placed = circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
     for press, (x, y, radius) in zip(of, placed, strict=True):
         if radius == 0:
             continue
