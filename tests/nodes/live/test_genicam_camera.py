@@ -171,7 +171,7 @@ def test_without_the_library_one_line_says_what_to_install(
 ) -> None:
     monkeypatch.setattr(_genicam_camera, "_shared", [])
     monkeypatch.setitem(sys.modules, "harvesters.core", None)
-    with pytest.raises(InputError, match=r"pip install tactograph\[genicam\]"):
+    with pytest.raises(InputError, match=r"pip install 'tactograph\[genicam\]'"):
         check_camera(RED)
 
 

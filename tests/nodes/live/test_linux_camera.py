@@ -114,7 +114,7 @@ def test_without_the_library_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "linuxpy.video.device", None)
-    with pytest.raises(InputError, match=r"pip install tactograph\[linux\]"):
+    with pytest.raises(InputError, match=r"pip install 'tactograph\[linux\]'"):
         LinuxCapture("/dev/video0", colour=True)
 
 

@@ -199,5 +199,5 @@ def test_without_rerun_the_error_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(InputError, match=r"pip install tactograph\[rerun\]"):
+    with pytest.raises(InputError, match=r"pip install 'tactograph\[rerun\]'"):
         view(Session(), viewer="none", file=tmp_path / "live.rrd")

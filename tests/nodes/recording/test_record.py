@@ -324,5 +324,5 @@ def test_without_the_libraries_the_error_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    with pytest.raises(InputError, match=r"pip install tactograph\[mcap\]"):
+    with pytest.raises(InputError, match=r"pip install 'tactograph\[mcap\]'"):
         record_touch(Session(), make_cycle(0), "0", folder=tmp_path)
