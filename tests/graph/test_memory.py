@@ -79,7 +79,11 @@ def test_images_of_another_size_start_afresh_and_say_so(
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("image: light, before: previous.sum", "image: previous.light", "the first item has no previous value"),
+        (
+            "image: light, before: previous.sum",
+            "image: previous.light",
+            "the first item has no previous value",
+        ),
         ("previous.sum", "previous.summ", "did you mean 'sum'"),
         ("previous.sum}", "previous.cal.flat}", "the same for all items"),
         ("image: light, before: previous.sum", "image: cal.flat, before: previous.light", "once"),
