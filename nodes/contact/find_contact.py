@@ -87,7 +87,10 @@ def find_contact(
     areas, cores = _fill(raised, outlines)
     found = [number for number in areas if cores[number] >= least_px]
     if len(found) > most:
-        warn(f"find_contact: {len(found)} contacts, of which the {most} largest are numbered")
+        warn(
+            f"find_contact: {len(found)} contacts, of which the {most} largest are numbered; "
+            "'most' sets how many"
+        )
     largest = sorted(found, key=lambda number: -areas[number])[:most]
     numbers = np.zeros(256, np.uint8)
     numbers[largest] = np.arange(1, len(largest) + 1)
