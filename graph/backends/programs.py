@@ -18,7 +18,7 @@ from typing import Any
 
 import pyopencl as cl
 
-from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
+from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
 MOST = 64
 """Of so many programs a process keeps what was built."""
@@ -44,7 +44,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
         If it does not compile.
     """
     file = _kept(context.devices[0], source, options)
-    binary = None if file is None else read_kept(file)
+    binary = None if file is None else read_cached(file)
     if binary is not None:
         try:
             return _built(cl.Program(context, context.devices, [binary]), options)
@@ -53,7 +53,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     program = _built(cl.Program(context, source), options)
     if file is not None:
         binaries: Any = program.get_info(cl.program_info.BINARIES)
-        write_kept(file, binaries[0], MOST_BYTES)
+        write_cached(file, binaries[0], MOST_BYTES)
     return program
 
 
@@ -66,7 +66,7 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
 
 def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
     """Where the binary is kept; None if it is not."""
-    folder = kept_folder()
+    folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
     if folder is None or unwanted or device.platform.name != READS_SOURCES:
         return None

@@ -224,7 +224,7 @@ def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, say how it went, and return how many failed."""
     from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED, STATUS
-    from tactograph.graph.files.whole_files import whole_file
+    from tactograph.graph.files.atomic_files import atomic_file
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
@@ -237,7 +237,7 @@ def _conclude(store: Store, out: str) -> int:
     if not is_url(out):
         figures = sorted({name for entry in entries for name in entry.figures})
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
-        with whole_file(table) as file, file.open("w", newline="") as stream:
+        with atomic_file(table) as file, file.open("w", newline="") as stream:
             writer = csv.writer(stream)
             writer.writerow(["number", "capture", "status", "milliseconds", *figures, "reason"])
             for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):

@@ -43,7 +43,7 @@ def command(
     reading, indexing and compiling.  Nothing is written but --out.
     """
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.whole_files import whole_file
+    from tactograph.graph.files.atomic_files import atomic_file
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
@@ -68,7 +68,7 @@ def command(
         _report(where, results, ready)
         rows.append(_row(where, results, ready))
     if out is not None:
-        with whole_file(out) as target:
+        with atomic_file(out) as target:
             target.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -23,7 +23,7 @@ def command(
 ) -> None:
     """Draw the plan of GRAPH: nodes by back end, and the transfers between them."""
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.whole_files import whole_file
+    from tactograph.graph.files.atomic_files import atomic_file
     from tactograph.graph.plan.draw import to_dot, to_mermaid
     from tactograph.graph.plan.draw_svg import to_svg
 
@@ -35,5 +35,5 @@ def command(
     draw = {".dot": to_dot, ".mmd": to_mermaid, ".svg": to_svg}
     if out.suffix not in draw:
         raise InputError(f"--out {out}: the name has to end in .dot, .mmd or .svg")
-    with whole_file(out) as target:
+    with atomic_file(out) as target:
         target.write_text(draw[out.suffix](plan), encoding="utf-8")

@@ -16,10 +16,10 @@ from tactograph.graph.compare.drawable_arrays import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, TactographError, WriteError
+from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.run.cache import Cache
@@ -181,7 +181,7 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
         known = isinstance(error, TactographError)
         row.error = str(error) if known else f"{type(error).__name__}: {error}"
         return row, False
-    with whole_files(folder) as stage:
+    with atomic_files(folder) as stage:
         save_views(views_of(results), stage)
         (stage / "row.json").write_text(json.dumps(asdict(row), indent=1) + "\n")
     return row, False

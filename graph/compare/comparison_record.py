@@ -14,10 +14,10 @@ from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.whole_files import whole_file
 from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.typed_values import read_words
 
@@ -79,9 +79,9 @@ def _code(study: Study) -> dict[str, str]:
 def write_record(record: Record, study: Study, out: Path) -> None:
     """Write ``report.json`` and the resolved graphs."""
     for graph in study.graphs:
-        with whole_file(out / "graphs" / f"{graph.name}.yaml") as file:
+        with atomic_file(out / "graphs" / f"{graph.name}.yaml") as file:
             file.write_text(dump_graph(graph))
-    with whole_file(out / FILE) as file:
+    with atomic_file(out / FILE) as file:
         file.write_text(json.dumps(asdict(record), indent=1) + "\n")
 
 

@@ -39,8 +39,8 @@ from tactograph.graph.compare.tables import (
     sweep_columns,
     words,
 )
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.files.dump_graph import dump_graph
-from tactograph.graph.files.whole_files import whole_file
 
 FILE = "report.html"
 TRUTH = "truth"
@@ -92,7 +92,7 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         fallbacks=fallback_lines(rows),
         repeats=study.repeats,
     )
-    with whole_file(out / FILE) as file:
+    with atomic_file(out / FILE) as file:
         file.write_text(page, encoding="utf-8")
     return out / FILE
 

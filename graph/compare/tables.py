@@ -15,7 +15,7 @@ from scipy.special import stdtrit
 
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.compare.text_table import fitting_table
-from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.files.atomic_files import atomic_files
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
@@ -146,7 +146,7 @@ def _size(name: str, value: float) -> float:
 def write_tables(rows: Sequence[Row], out: Path) -> None:
     """Write ``table.csv``, ``table.json`` (every single run), ``table.md`` and ``table.tex``."""
     lines = make_lines(rows)
-    with whole_files(out) as stage:
+    with atomic_files(out) as stage:
         _write_csv(lines, stage / "table.csv")
         text = json.dumps([asdict(row) for row in rows], indent=1)
         (stage / "table.json").write_text(text + "\n")

@@ -10,7 +10,7 @@ import jinja2
 
 from tactograph.graph.declare.find_node import GROUP, node_names
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -98,6 +98,6 @@ def _write(name: str, files: dict[Path, str], **about: object) -> list[Path]:
         autoescape=False,
     )
     for file, template in files.items():
-        with whole_file(file) as target:
+        with atomic_file(file) as target:
             target.write_text(templates.get_template(template).render(name=name, **about))
     return list(files)

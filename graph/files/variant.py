@@ -11,10 +11,10 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
 from tactograph.graph.errors import InputError
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tactograph.graph.files.whole_files import whole_file
 
 Change = dict[str, Any]
 
@@ -97,7 +97,7 @@ def write_variant(file: Path, base: Graph, source: str, changes: list[Change], t
     yaml = YAML()
     yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.width = 100
-    with whole_file(file) as stage, stage.open("w", encoding="utf-8") as stream:
+    with atomic_file(file) as stage, stage.open("w", encoding="utf-8") as stream:
         yaml.dump(document, stream)
     return read_graph(file)
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph.errors import InputError
+from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.whole_files import whole_files
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.result import Result
 
@@ -46,7 +46,7 @@ def write_kept(result: Result, names: Mapping[str, str], folder: Path) -> None:
     WriteError
         If the folder cannot be written.
     """
-    with whole_files(folder) as stage:
+    with atomic_files(folder) as stage:
         for name in names:
             value = result[name]
             if isinstance(value, np.ndarray):

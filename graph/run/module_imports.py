@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
+from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
 _BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 """Where a statement holds others."""
@@ -45,7 +45,7 @@ def keep_imports() -> None:
     if _new and (file := _kept_in()) is not None:
         known = list(_known().items())
         there = {key: found for key, found in known if Path(key.partition(" ")[2]).exists()}
-        write_kept(file, json.dumps(there).encode())
+        write_cached(file, json.dumps(there).encode())
         _new.clear()
 
 
@@ -57,13 +57,13 @@ _new: list[str] = []
 def _known() -> dict[str, _Found]:
     """By module and file."""
     file = _kept_in()
-    body = None if file is None else read_kept(file)
+    body = None if file is None else read_cached(file)
     return {key: _Found(*found) for key, found in json.loads(body or b"{}").items()}
 
 
 def _kept_in() -> Path | None:
     """Another Python may read a file differently."""
-    folder = kept_folder()
+    folder = cache_folder()
     return None if folder is None else folder / f"imports-{sys.implementation.cache_tag}{SUFFIX}"
 
 

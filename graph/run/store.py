@@ -1,6 +1,6 @@
 """What took long to make and does not depend on a stream, kept on disk from start to start.
 
-A file (`kept_files`) holds one node's outputs; one that is damaged is made again.
+A file (`disk_cache`) holds one node's outputs; one that is damaged is made again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.errors import collect_warnings, warn
-from tactograph.graph.files.kept_files import SUFFIX, kept_folder, read_kept, write_kept
+from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.run.keys import content_key, key_of
 
 SLOW_MS = 200.0
@@ -32,7 +32,7 @@ def recall_or_make(
 
     What came with a warning is made anew: a file would not tell it.
     """
-    folder = kept_folder()
+    folder = cache_folder()
     if folder is None:
         return make()
     file: Path | None = None
@@ -65,7 +65,7 @@ def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequenc
 
 def _read(file: Path, node: Node) -> tuple[Any] | None:
     """What a file holds, None if it is of no use."""
-    body = read_kept(file)
+    body = read_cached(file)
     if body is None:
         return None
     try:
@@ -81,7 +81,7 @@ def _write(file: Path, node: Node, made: Any) -> None:
         plain = made if node.output_record is None else node.results(made)
         body = pickle.dumps(plain, protocol=5)
         _Reader(io.BytesIO(body)).load()  # only what can be read again
-        write_kept(file, body)
+        write_cached(file, body)
 
 
 class _Reader(pickle.Unpickler):

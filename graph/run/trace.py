@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.graph.errors import warn
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.plan.plan import Plan, Step
 
 MOST_EVENTS = 200_000
@@ -51,7 +51,7 @@ class Trace:
         first = min((event["ts"] for event in self._events), default=0.0)
         events = [{**event, "ts": round(event["ts"] - first, 3)} for event in self._events]
         about = {"graph": self._plan.graph.name, "hash": self._plan.graph.hash}
-        with whole_file(file) as target:
+        with atomic_file(file) as target:
             target.write_text(
                 json.dumps({"traceEvents": [*named, *events], "otherData": about}),
                 encoding="utf-8",

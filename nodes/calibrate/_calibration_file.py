@@ -13,7 +13,7 @@ from pydantic import AfterValidator
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.files.array_files import load_arrays
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 
 DARKEST = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
@@ -105,7 +105,7 @@ def write_arrays(
         raise InputError(
             f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
         ) from None
-    with whole_file(file) as target:
+    with atomic_file(file) as target:
         np.savez_compressed(target, about=np.array(json.dumps(head)), **typed)
 
 

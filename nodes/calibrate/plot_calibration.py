@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import (
     F4,
     U1,
@@ -108,7 +108,7 @@ def plot_calibration(
             _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
-    with whole_file(file.with_suffix(".png")) as target:
+    with atomic_file(file.with_suffix(".png")) as target:
         FigureCanvasAgg(figure).print_png(target)
 
 

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.calibrate.find_grid import GridMarks
 from tactograph.nodes.calibrate.plot_calibration import BLUE, ORANGE
@@ -63,5 +63,5 @@ def plot_camera(
     right.set(xlim=(0, columns), ylim=(rows, 0), xlabel="x / px", ylabel="y / px")
     right.set(aspect="equal", title="departure from the fit")
     figure.suptitle("  ".join(f"{name} {value:.4g}" for name, value in quality.items()), fontsize=9)
-    with whole_file(file.with_suffix(".png")) as target:
+    with atomic_file(file.with_suffix(".png")) as target:
         FigureCanvasAgg(figure).print_png(target)

@@ -8,7 +8,7 @@ from typing import Annotated
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
 
@@ -50,5 +50,5 @@ def plot_check(
     lines = [f"{name}: {verdict}" for name, verdict in (verdicts | {"camera": camera}).items()]
     text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
     text.set_parse_math(False)
-    with whole_file(file) as target:
+    with atomic_file(file) as target:
         FigureCanvasAgg(figure).print_png(target)

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Height, Light, Metrics
 from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
@@ -59,7 +59,7 @@ def plot_recalibration(
     light = [v for name, v in quality.items() if name.startswith("light_percent/")]
     draw_light(lower, np.asarray(light, np.float32), words)
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
-    with whole_file(file.with_suffix(".png")) as target:
+    with atomic_file(file.with_suffix(".png")) as target:
         FigureCanvasAgg(figure).print_png(target)
 
 

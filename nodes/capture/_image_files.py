@@ -111,7 +111,7 @@ def write_image(file: Path, image: NDArray[Any]) -> None:
     Raises
     ------
     OSError
-        If the file cannot be written; `whole_files` makes it a `WriteError`.
+        If the file cannot be written; `atomic_files` makes it a `WriteError`.
     """
     # `cv2.imwrite` tells of a full disk by what it returns, and keeps the reason to itself.
     file.write_bytes(cv2.imencode(file.suffix, image)[1].tobytes())

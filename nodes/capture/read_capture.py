@@ -302,7 +302,7 @@ def _images(folder: Path) -> list[Path]:
 
 
 def _is_hidden(path: Path) -> bool:
-    """Whether it is hidden: the remains of a killed writer (`whole_files`), or a system file."""
+    """Whether it is hidden: the remains of a killed writer (`atomic_files`), or a system file."""
     return path.name.startswith(".")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
 from tactograph.nodes.capture._image_files import write_image
 
@@ -49,7 +49,7 @@ def write_capture(
         If the folder cannot be written.
     """
     dtype, full = (np.uint8, 255) if bits <= 8 else (np.uint16, 65535)
-    with whole_files(folder) as target:
+    with atomic_files(folder) as target:
         for k, plane in enumerate(image, start=1):
             write_image(target / f"led{k}.png", np.rint(plane * full).astype(dtype))
         np.save(target / "truth_height_mm.npy", height)

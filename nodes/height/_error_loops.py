@@ -15,7 +15,7 @@ from tactograph.nodes import F4, U1
 from tactograph.nodes._compiled import compiled, inlined
 
 if TYPE_CHECKING:
-    from tactograph.nodes.height._slope_errors import Error, Film, Response, Turns
+    from tactograph.nodes.height._slope_errors import Error, Response, Turns, Unperturbed
 
 ZERO, THIRD, HALF, ONE, THREE = map(np.float32, (0, 1 / 3, 0.5, 1, 3))
 SINGULAR = np.float32(1e-4)
@@ -33,7 +33,7 @@ the light that the touch throws on the film."""
 def respond(
     first: int,
     last: int,
-    film: Film,
+    film: Unperturbed,
     lights: F4,
     used: U1,
     rest: U1,
@@ -119,7 +119,12 @@ def respond(
 
 @compiled
 def err(
-    film: Film, response: Response, error: Error, turns: Turns, pixel: np.float32, steps: Turns
+    film: Unperturbed,
+    response: Response,
+    error: Error,
+    turns: Turns,
+    pixel: np.float32,
+    steps: Turns,
 ) -> None:
     """Enter in `steps` what an error adds to the steps to the right and down, in mm."""
     rows, width = film.height.shape
@@ -143,7 +148,9 @@ def err(
 
 
 @compiled
-def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q: F4) -> None:
+def _err_slopes(
+    film: Unperturbed, response: Response, error: Error, row: int, p: F4, q: F4
+) -> None:
     """The error of the slopes in a row due to the errors of the lights."""
     rows, width = film.height.shape
     change = np.empty(width, np.float32)
@@ -180,7 +187,7 @@ def _err_slopes(film: Film, response: Response, error: Error, row: int, p: F4, q
 
 
 @compiled
-def _lean(film: Film, error: Error, row: int, p: F4, q: F4) -> None:
+def _lean(film: Unperturbed, error: Error, row: int, p: F4, q: F4) -> None:
     """Add to the slopes of a row the lean of the normals by the model's error."""
     slope_p, slope_q = film.slope[0, row], film.slope[1, row]
     cosine, sine = error.of_columns[0], error.of_columns[1]

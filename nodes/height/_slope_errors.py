@@ -13,7 +13,7 @@ from tactograph.nodes.light._near_light import places
 from tactograph.nodes.light._only_read import only_read
 
 
-class Film(NamedTuple):
+class Unperturbed(NamedTuple):
     """What the errors start from, inside the window."""
 
     light: F4
@@ -84,7 +84,7 @@ def film_inside(
     pixel: float,
     bounced: Light | None,
     earlier: Light | None,
-) -> Film:
+) -> Unperturbed:
     """What the errors start from, inside the window."""
     rows, columns = height.shape
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
@@ -93,11 +93,11 @@ def film_inside(
         thrown = window.of(bounced)
         changed = thrown - window.of(earlier) if earlier is not None else changed
     planes = *map(window.of, (light, sigma, slope, height)), x[window.columns], y[window.rows]
-    return Film(*map(only_read, (*planes, thrown, changed)))
+    return Unperturbed(*map(only_read, (*planes, thrown, changed)))
 
 
 def response_of(
-    film: Film,
+    film: Unperturbed,
     lights: LightPositions,
     used: Labels,
     rest: Mask,

@@ -43,7 +43,13 @@ from tactograph.nodes.height._height_system import (
     contact_window,
     height_system,
 )
-from tactograph.nodes.height._slope_errors import Error, Film, Turns, film_inside, response_of
+from tactograph.nodes.height._slope_errors import (
+    Error,
+    Turns,
+    Unperturbed,
+    film_inside,
+    response_of,
+)
 from tactograph.nodes.height._springs import Grids, Springs, conjugate_gradients, hierarchy
 from tactograph.nodes.light._only_read import only_read
 
@@ -375,7 +381,7 @@ def _error(
     keys: _Keys,
     moved: F4,
     misfit: Misfit | None,
-    film: Film,
+    film: Unperturbed,
 ) -> Error:
     """One of the random errors; `moved` is the displacement of the LEDs, K x 3 in mm."""
     wave, zero = _wave(number), np.float32(0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Dark
 from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.live._led_in_frame import Film, light_of, top_of
+from tactograph.nodes.live._led_in_frame import RestFilm, light_of, top_of
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2
@@ -42,7 +42,7 @@ class Assembler:
         Whether frames may remain the camera's integers.
     """
 
-    film: Film
+    film: RestFilm
     dark: Dark
     cycle: tuple[int, ...]
     rate: float

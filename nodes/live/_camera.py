@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.nodes.live._open_camera import Capture, Plane, Wanted, settle
+from tactograph.nodes.live._open_camera import CameraSettings, Capture, Plane, settle
 
 PAUSE = 0.1
 """Seconds between two attempts to open a camera."""
@@ -55,7 +55,7 @@ class Camera:
     def __init__(
         self,
         connect: Callable[[], Capture],
-        wanted: Wanted,
+        wanted: CameraSettings,
         *,
         queue: int = 8,
         timeout: float = 0.5,

@@ -17,13 +17,13 @@ from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
 from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import MOST_SATURATED, OFF, Film, cells, top_of
+from tactograph.nodes.live._led_in_frame import MOST_SATURATED, OFF, RestFilm, cells, top_of
 from tactograph.nodes.live._open_camera import (
+    CameraSettings,
     Capture,
     Library,
     Plane,
     View,
-    Wanted,
     check_camera,
     open_capture,
 )
@@ -68,7 +68,7 @@ class ColourSensor:
 
 def open_colour_sensor(
     camera: int | str,
-    wanted: Wanted,
+    wanted: CameraSettings,
     *,
     preset: SensorPreset | None = None,
     library: Library = "opencv",
@@ -113,7 +113,7 @@ def _film_of(preset: SensorPreset | None) -> dict[str, float]:
     return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
 
 
-def _with_preset(wanted: Wanted, preset: SensorPreset) -> Wanted:
+def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
     """The settings to request from the driver, and the view of its pictures.
 
     Raises
@@ -160,7 +160,7 @@ class ColourStream:
     """
 
     sensor: ColourSensor
-    film: Film
+    film: RestFilm
     order: Order = "bgr"
     full: float = 0.0
     state: LiveState = field(default_factory=LiveState)

@@ -52,7 +52,7 @@ FITS = 4
 
 
 @dataclass(frozen=True)
-class Film:
+class RestFilm:
     """The film at rest, for comparison with frames in `see`.
 
     Parameters
@@ -93,13 +93,13 @@ class Sight(NamedTuple):
     """In a mixed frame: the second LED's share of the light."""
 
 
-def make_film(flat: Light, dark: Dark | None = None) -> Film:
+def make_film(flat: Light, dark: Dark | None = None) -> RestFilm:
     """Prepare the calibration's flat frames (K x H x W) and dark frame (H x W)."""
     patterns = np.stack([cells(plane) for plane in flat])
     scale = np.maximum(patterns, np.float32(FAINTEST))
     none = np.zeros(flat.shape[1:], np.float32)
     unlit = cells(none if dark is None else dark)
-    return Film(patterns, scale, _confusion(scale), unlit, flat.shape[1:])
+    return RestFilm(patterns, scale, _confusion(scale), unlit, flat.shape[1:])
 
 
 def _confusion(scale: F4) -> F4:
@@ -108,7 +108,7 @@ def _confusion(scale: F4) -> F4:
     return _truncated(ratio / _middle(ratio)[..., None] - 1)
 
 
-def see(frame: Plane, film: Film, full: float = 0.0, light: F4 | None = None) -> Sight:
+def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None) -> Sight:
     """Determine which LED lit a frame, from its image alone.
 
     Parameters
@@ -150,7 +150,7 @@ def see(frame: Plane, film: Film, full: float = 0.0, light: F4 | None = None) ->
     return Sight("one", best + 1, gain, 0, at_rest)
 
 
-def _closest(ratio: F4, brightness: F4, film: Film) -> tuple[int, float, bool, F4]:
+def _closest(ratio: F4, brightness: F4, film: RestFilm) -> tuple[int, float, bool, F4]:
     """The LED whose pattern is closest, its brightness, and whether no other is as close.
 
     The last value is the light relative to that LED's.  `ratio` is the light over all patterns.
@@ -254,7 +254,7 @@ def reach(light: F4, patterns: F4, led: int, before: int, after: int) -> float:
     Parameters
     ----------
     light, patterns
-        Cells of the frame, h x w, and `Film.scale`.
+        Cells of the frame, h x w, and `RestFilm.scale`.
     led, before, after
         The LED of the frame and its neighbours in the cycle, 0 for a dark one.
 

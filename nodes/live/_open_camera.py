@@ -75,7 +75,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class CameraSettings:
     """The settings to request from the camera; None keeps the driver's.
 
     Frames in `colour` are H x W x 3 as the driver delivers them, else H x W.  A `view` is applied
@@ -117,7 +117,7 @@ def open_capture(
     return cv2.VideoCapture(text)
 
 
-def settle(capture: Capture, wanted: Wanted) -> list[str]:
+def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
     """Fix size, rate, exposure, gain and white balance; return what the driver refused.
 
     With automatic exposure or gain, the light of one LED would depend on that of the others, and

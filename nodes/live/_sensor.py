@@ -24,9 +24,15 @@ from tactograph.nodes.live._led_controller import (
     LedController,
     open_controller,
 )
-from tactograph.nodes.live._led_in_frame import Film, make_film
+from tactograph.nodes.live._led_in_frame import RestFilm, make_film
 from tactograph.nodes.live._match_frames import Clock
-from tactograph.nodes.live._open_camera import Capture, Library, Wanted, check_camera, open_capture
+from tactograph.nodes.live._open_camera import (
+    CameraSettings,
+    Capture,
+    Library,
+    check_camera,
+    open_capture,
+)
 from tactograph.nodes.live._simulated_camera import LitBetween, SimulatedCamera
 from tactograph.nodes.live._simulated_controller import SimulatedController
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
@@ -222,7 +228,7 @@ class Rig:
 class Sensor(Rig):
     """A rig with the film at rest from its calibration, as `read_camera` uses it."""
 
-    film: Film
+    film: RestFilm
     dark: Dark
 
 
@@ -241,7 +247,7 @@ def open_sensor(
     port: str | None,
     flat: Light,
     dark: Dark,
-    wanted: Wanted,
+    wanted: CameraSettings,
     *,
     ambient: bool = False,
     library: Library = "opencv",
@@ -275,7 +281,7 @@ def open_sensor(
 def open_rig(
     camera: int | str,
     port: str | None,
-    wanted: Wanted,
+    wanted: CameraSettings,
     *,
     leds: int,
     ambient: bool = False,

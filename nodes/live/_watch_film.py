@@ -18,7 +18,7 @@ from tactograph.nodes.live._camera import Camera
 from tactograph.nodes.live._colour_stream import ColourStream
 from tactograph.nodes.live._fault_log import SAYS
 from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._led_in_frame import FAINTEST, Film, cells
+from tactograph.nodes.live._led_in_frame import FAINTEST, RestFilm, cells
 from tactograph.nodes.live._sensor import Rig
 from tactograph.nodes.live._touch_stream import Stream
 
@@ -184,7 +184,7 @@ class Guide:
     """
 
     def __init__(
-        self, film: Film, stream: Stream | ColourStream, still_s: float, patience_s: float
+        self, film: RestFilm, stream: Stream | ColourStream, still_s: float, patience_s: float
     ) -> None:
         self._film, self._stream = film, stream
         self._still, self._patience = still_s, patience_s

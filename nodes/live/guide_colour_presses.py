@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate.find_ball import find_ball
 from tactograph.nodes.calibrate.find_presses import FEWEST, Circles
@@ -27,7 +27,7 @@ from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
 from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._led_in_frame import make_film
-from tactograph.nodes.live._open_camera import Library, Plane, Wanted
+from tactograph.nodes.live._open_camera import CameraSettings, Library, Plane
 from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._watch_film import Guide, colours_at_rest, new_folder, tell
 
@@ -118,7 +118,7 @@ def guide_colour_presses(
     folder = new_folder(file)
     preset = None if sensor is None else read_preset(sensor)
     pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
-    wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
+    wanted = CameraSettings(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
     source = open_colour_sensor(camera, wanted, preset=preset, library=library, timeout=timeout_s)
     try:
         if warm_up_s is None:
@@ -190,5 +190,5 @@ def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresse
 
 
 def _save(file: Path, picture: Plane) -> None:
-    with whole_file(file) as target:
+    with atomic_file(file) as target:
         write_image(target, picture)

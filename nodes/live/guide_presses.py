@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.whole_files import whole_file, whole_files
+from tactograph.graph.files.atomic_files import atomic_file, atomic_files
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.calibrate.find_ball import Ball, find_ball
 from tactograph.nodes.capture._image_files import write_image
@@ -22,7 +22,7 @@ from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import Flat, read_flat
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._open_camera import Library, Plane, Wanted
+from tactograph.nodes.live._open_camera import CameraSettings, Library, Plane
 from tactograph.nodes.live._sensor import open_rig
 from tactograph.nodes.live._touch_stream import Stream
 from tactograph.nodes.live._watch_film import Guide, film_at_rest, new_folder, tell
@@ -107,7 +107,7 @@ def guide_presses(
         does not come to rest, or is never pressed; if the folder already holds presses.
     """
     folder = new_folder(file)
-    wanted = Wanted(width_px, height_px, rate, exposure, gain, white_balance)
+    wanted = CameraSettings(width_px, height_px, rate, exposure, gain, white_balance)
     rig = open_rig(camera, port, wanted, leds=leds, library=library, timeout=timeout_s)
     try:
         tell("Take everything off the film, and leave it alone.")
@@ -160,10 +160,10 @@ def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
 
 def _save_film(folder: Path, image: Light, dark: Dark) -> None:
     """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
-    with whole_files(folder / "untouched") as target:
+    with atomic_files(folder / "untouched") as target:
         for k, plane in enumerate(image, start=1):
             write_image(target / f"led{k}.png", _levels(plane))
-    with whole_file(folder / "dark.png") as file:
+    with atomic_file(folder / "dark.png") as file:
         write_image(file, _levels(dark))
 
 
@@ -173,7 +173,7 @@ def _levels(plane: F4) -> NDArray[np.uint16]:
 
 def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:
     """Save a capture for `read_balls`: the raw frames, and the properties of the ball."""
-    with whole_files(folder) as target:
+    with atomic_files(folder) as target:
         for led, data in frames.items():
             write_image(target / f"led{led}.png", data)
         # JSON is YAML, too.

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Port, Provenance, Session, node
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import Height, Metrics
 from tactograph.nodes.live._frames import LiveState
 
@@ -145,7 +145,7 @@ class Statistics:
         sys.stdout.flush()
         if self._folder is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
-            with whole_file(self._folder / "result.json") as target:
+            with atomic_file(self._folder / "result.json") as target:
                 target.write_text(json.dumps(self._summary(figures), indent=1) + "\n")
 
     def _summary(self, figures: Mapping[str, float]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import cv2
 from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, Port, Session, node, warn
-from tactograph.graph.files.whole_files import whole_file
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import Height, Labels, Light, PixelSize
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.live._frames import LiveState
@@ -148,7 +148,7 @@ class _Files:
         names = ["latest", name] if self._keep and name else ["latest"]
         try:
             for file in (self._folder / f"{stem}.png" for stem in names):
-                with whole_file(file) as target:
+                with atomic_file(file) as target:
                     target.write_bytes(encoded)
         except InputError as error:
             if not self._wrote:

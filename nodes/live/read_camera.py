@@ -17,7 +17,7 @@ from tactograph.nodes.live._calibrated_film import calibrated_film
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
 from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.live._led_in_frame import make_film
-from tactograph.nodes.live._open_camera import Library, Wanted
+from tactograph.nodes.live._open_camera import CameraSettings, Library
 from tactograph.nodes.live._sensor import open_sensor
 from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._touch_stream import Stream
@@ -130,7 +130,9 @@ def read_camera(
             f"{calibration}: is of {len(flat)} LEDs, but a colour picture holds {len(order)} "
             "lights; leave lights= and sensor= out for LEDs that flash"
         )
-    wanted = Wanted(width, height, rate, exposure, gain, white_balance, colour=order != "leds")
+    wanted = CameraSettings(
+        width, height, rate, exposure, gain, white_balance, colour=order != "leds"
+    )
     full = float(2**bits - 1) if bits else 0.0
     settings: dict[str, Any] = {
         "camera": str(camera),

@@ -13,7 +13,7 @@ from tactograph.nodes import F4, U1
 from tactograph.nodes._compiled import compiled, inlined
 
 if TYPE_CHECKING:
-    from tactograph.nodes.shadow.shadow_constraints import Film, Rays
+    from tactograph.nodes.shadow.shadow_constraints import LedFilm, Rays
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 STEP, TINY = np.float32(0.5), np.float32(1e-6)
@@ -76,7 +76,7 @@ def _is_blocked(height: F4, led: F4, top: np.float32, row: int, column: int) -> 
 
 @compiled
 def march(
-    rays: Rays, film: Film, dark: U1, step: np.float32, longest: float, end: F4, edge: F4
+    rays: Rays, film: LedFilm, dark: U1, step: np.float32, longest: float, end: F4, edge: F4
 ) -> None:
     """Enter the distances along each ray, in px, of the shadow's end and its casting edge."""
     rows, columns = dark.shape
@@ -101,7 +101,7 @@ def march(
 
 
 @compiled
-def _share_between(film: Film, x: np.float32, y: np.float32) -> np.float32:
+def _share_between(film: LedFilm, x: np.float32, y: np.float32) -> np.float32:
     """The share of its light that film between pixels gets from an LED."""
     rows, columns = film.light.shape
     upper, lower, v = _weights(rows, y)
@@ -112,7 +112,7 @@ def _share_between(film: Film, x: np.float32, y: np.float32) -> np.float32:
 
 
 @compiled
-def _lit_share(film: Film, row: int, column: int) -> np.float32:
+def _lit_share(film: LedFilm, row: int, column: int) -> np.float32:
     """The share (0 to 1) of its light that a pixel gets from an LED (equation N1)."""
     p, q = film.slope[0, row, column], film.slope[1, row, column]
     lx, ly, lz = film.led

@@ -50,7 +50,7 @@ class Rays(NamedTuple):
         return Rays(*(part[keep] for part in self))
 
 
-class Film(NamedTuple):
+class LedFilm(NamedTuple):
     """One LED's light on the film, and what predicts it without shadow (`_near_light`, N1)."""
 
     light: F4
@@ -122,7 +122,7 @@ def shadow_constraints(
         dark = (shadow >> k & 1).astype(bool)
         rays = _ends(dark, known, led / np.float32(pixel))
         if rays.row.size:
-            film = Film(*map(only_read, (light[k], slope, height, led, x, y)))
+            film = LedFilm(*map(only_read, (light[k], slope, height, led, x, y)))
             ends = _march(rays, film, dark, np.float32(step_px), longest_px)
             measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
             found.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
@@ -181,7 +181,7 @@ def _measure(
 
 
 def _march(
-    rays: Rays, film: Film, dark: NDArray[np.bool_], step: np.float32, longest: float
+    rays: Rays, film: LedFilm, dark: NDArray[np.bool_], step: np.float32, longest: float
 ) -> tuple[F4, F4]:
     """The distances along each ray, in px, of the shadow's end and of the edge that casts it.
 

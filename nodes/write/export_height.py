@@ -8,7 +8,7 @@ from typing import Annotated
 from annotated_types import MinLen
 
 from tactograph.graph import node
-from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import Height, Lens, PixelSize, Vergence
 from tactograph.nodes.write._height_files import MESHES, WRITERS, Format, write_mesh
 
@@ -55,7 +55,7 @@ def export_height(
         If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
-    with whole_files(folder / name if name else folder) as target:
+    with atomic_files(folder / name if name else folder) as target:
         for extension in formats:
             file = target / f"height.{extension}"
             if extension in MESHES:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.marker._arrows import draw_arrows
@@ -66,7 +66,7 @@ def write_markers(
     large = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2RGB), np.uint8)
     draw_arrows(picture, place, shift, seen, scale)
-    with whole_files(folder / name if name else folder) as target:
+    with atomic_files(folder / name if name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
         np.savetxt(target / "markers.csv", table, formats, ",", header=HEAD, comments="")
         write_image(target / "markers.png", picture[..., ::-1])

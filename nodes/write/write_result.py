@@ -10,7 +10,7 @@ import numpy as np
 
 from tactograph.graph import Provenance, node, warn
 from tactograph.graph.errors import WriteError
-from tactograph.graph.files.whole_files import whole_files
+from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import (
     Confidence,
     Contacts,
@@ -128,7 +128,7 @@ def write_result(
         placed, vergence = None, 0.0
     place = folder / name if name else folder
     earlier = _files_of(place / RESULT)
-    with whole_files(place) as target:
+    with atomic_files(place) as target:
         np.save(target / "height.npy", height)
         write_tiff(target / "height.tiff", height, pixel)
         write_image(target / "shadow.png", shadow)

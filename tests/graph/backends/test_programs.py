@@ -12,7 +12,7 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.programs import READS_SOURCES, build, context_of
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files import kept_files
+from tactograph.graph.files import disk_cache
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
@@ -45,7 +45,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     assert found is not None
     if found.handle.platform.name != READS_SOURCES:
         pytest.skip("what this driver builds is not kept here")
-    monkeypatch.setenv(kept_files.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setenv(disk_cache.FOLDER, str(tmp_path / "cache"))
     monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()
     return tmp_path / "cache"
@@ -87,12 +87,12 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
     for body in (b"damaged", b"tactograph kept 1\n00000000\n"):
         file.write_bytes(body)
         assert seven(device) == 7
-    kept_files.write_kept(file, b"no program")
+    disk_cache.write_cached(file, b"no program")
     assert seven(device) == 7
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [(kept_files.FOLDER, "off"), ("PYOPENCL_NO_CACHE", "1")]
+    ("name", "value"), [(disk_cache.FOLDER, "off"), ("PYOPENCL_NO_CACHE", "1")]
 )
 def test_nothing_is_kept_where_that_is_not_wanted(
     folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str

@@ -15,7 +15,7 @@ import pytest
 
 from tactograph.graph import Port, node
 from tactograph.graph.errors import InputError, collect_warnings, warn
-from tactograph.graph.files import kept_files
+from tactograph.graph.files import disk_cache
 from tactograph.graph.run import store
 from tactograph.graph.run.store import recall_or_make
 from tactograph.nodes import F4
@@ -44,7 +44,7 @@ IMAGE = np.arange(12, dtype=np.float32).reshape(6, 2)
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(kept_files.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setenv(disk_cache.FOLDER, str(tmp_path / "cache"))
     monkeypatch.setattr(store, "SLOW_MS", -1.0)
     return tmp_path / "cache"
 
@@ -111,7 +111,7 @@ def test_a_file_that_names_code_is_not_obeyed(folder: Path, tmp_path: Path) -> N
     import zlib
 
     body = pickle.dumps(Bad())
-    file.write_bytes(kept_files._MAGIC + f"{zlib.crc32(body):08x}".encode() + b"\n" + body)
+    file.write_bytes(disk_cache._MAGIC + f"{zlib.crc32(body):08x}".encode() + b"\n" + body)
     made(made_now=True)
     assert not (tmp_path / "obeyed").exists()
 
@@ -135,7 +135,7 @@ def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(
 
 
 def test_off_keeps_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(kept_files.FOLDER, "off")
+    monkeypatch.setenv(disk_cache.FOLDER, "off")
     made(made_now=True)
     made(made_now=True)
     assert not folder.exists()
@@ -144,7 +144,7 @@ def test_off_keeps_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_files_go_that_were_read_longest_ago(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(made_now=True)
     (first,) = files(folder)
-    monkeypatch.setattr(kept_files, "MOST_BYTES", 4 * first.stat().st_size + 8)
+    monkeypatch.setattr(disk_cache, "MOST_BYTES", 4 * first.stat().st_size + 8)
     for number in range(1, 4):
         made(IMAGE + number, made_now=True)
     for age, file in enumerate([first, *(f for f in files(folder) if f != first)]):
@@ -169,14 +169,14 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 WRITER = """
 import sys
 from tests.graph.run.test_store import tabled
-from tactograph.graph.files import kept_files
+from tactograph.graph.files import disk_cache
 from tactograph.graph.run import store
 import numpy as np
 store.SLOW_MS = -1.0
 image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)
 print("begun", flush=True)
 for _ in range(int(sys.argv[1])):
-    for file in kept_files.kept_folder().glob("*.kept"):
+    for file in disk_cache.cache_folder().glob("*.kept"):
         file.unlink(missing_ok=True)
     store.recall_or_make(tabled, {}, [image], lambda: tabled(image))
 """

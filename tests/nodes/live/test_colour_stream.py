@@ -19,7 +19,7 @@ from tactograph.nodes.live._colour_stream import (
 )
 from tactograph.nodes.live._frames import ALL_LIT
 from tactograph.nodes.live._led_in_frame import make_film
-from tactograph.nodes.live._open_camera import Wanted
+from tactograph.nodes.live._open_camera import CameraSettings
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
@@ -29,7 +29,7 @@ from tests.nodes.live.oneshot import MOVING, calibrated
 
 pytestmark = pytest.mark.realtime
 
-WANTED = Wanted(96, 72, 30.0, colour=True)
+WANTED = CameraSettings(96, 72, 30.0, colour=True)
 FILM = SimulatedColourSensor(read_scene(MOVING, ColourScene), start=0.0)
 FLAT = planes_of(np.mean([FILM.picture(0.0, n) for n in range(8)], axis=0), "bgr", 255)
 
@@ -145,7 +145,7 @@ def test_a_grey_camera_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_picture_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="delivers 96 x 72 pixels, but the calibration is for 64"):
-        open_colour_sensor(MOVING, Wanted(64, 48, 30.0, colour=True))
+        open_colour_sensor(MOVING, CameraSettings(64, 48, 30.0, colour=True))
 
 
 def test_a_calibration_of_four_leds_is_no_colour_sensors(calibration: Calibration) -> None:

@@ -26,7 +26,7 @@ from tactograph.nodes.live._genicam_camera import (
     decode,
     genicam_cameras,
 )
-from tactograph.nodes.live._open_camera import Wanted, check_camera, open_capture, settle
+from tactograph.nodes.live._open_camera import CameraSettings, check_camera, open_capture, settle
 from tactograph.nodes.live.list_cameras import list_cameras
 
 genicam = pytest.importorskip("genicam", reason="harvesters is not installed")
@@ -58,7 +58,7 @@ def test_cameras_are_listed_with_serial_number_and_formats(
 @pytest.mark.usefixtures("producer")
 def test_size_and_rate_reach_the_camera_and_frames_are_counted() -> None:
     capture = open_capture(RED)
-    refused = settle(capture, Wanted(320, 240, 50.0))
+    refused = settle(capture, CameraSettings(320, 240, 50.0))
     assert refused == []
     began, numbers = time.monotonic(), []
     for _ in range(10):
@@ -113,7 +113,7 @@ def test_two_cameras_run_side_by_side_and_one_is_opened_again() -> None:
 
 @pytest.mark.usefixtures("producer")
 def test_its_frames_come_through_the_cameras_thread() -> None:
-    wanted = Wanted(200, 100, 100.0)
+    wanted = CameraSettings(200, 100, 100.0)
     camera = Camera(lambda: open_capture(RED), wanted)
     try:
         camera.check(5.0, RED)
@@ -246,7 +246,7 @@ def test_a_stamp_is_in_seconds_whatever_the_cameras_clock_counts() -> None:
 @pytest.mark.usefixtures("producer")
 def test_what_the_camera_has_not_is_reported_where_it_was_asked_for() -> None:
     capture = open_capture(RED)
-    refused = settle(capture, Wanted(400, 400, 30.0, exposure=5000.0))
+    refused = settle(capture, CameraSettings(400, 400, 30.0, exposure=5000.0))
     assert refused == ["the camera keeps exposure at -1 instead of 5000"]
     assert capture.get(cv2.CAP_PROP_AUTO_EXPOSURE) == 0.25
     capture.release()

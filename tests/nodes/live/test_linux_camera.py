@@ -14,7 +14,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes.live._camera import Camera
 from tactograph.nodes.live._linux_camera import LinuxCapture, decode
-from tactograph.nodes.live._open_camera import Wanted, open_capture, settle
+from tactograph.nodes.live._open_camera import CameraSettings, open_capture, settle
 from tactograph.nodes.live.list_cameras import _formats
 
 if sys.platform != "linux":
@@ -65,7 +65,7 @@ def test_the_format_that_is_asked_for_is_taken(driver: Driver) -> None:
 
 def test_size_rate_and_exposure_reach_the_driver(driver: Driver) -> None:
     capture = LinuxCapture(driver.node, colour=True)
-    refused = settle(capture, Wanted(16, 12, 25.0, exposure=250, gain=9, colour=True))
+    refused = settle(capture, CameraSettings(16, 12, 25.0, exposure=250, gain=9, colour=True))
     assert capture.grab()
     assert driver.rate == 25
     assert driver.controls[0x009A0901] == 1  # manual
@@ -97,7 +97,8 @@ def test_what_is_unplugged_delivers_nothing(driver: Driver) -> None:
 def test_lost_frames_are_counted_by_the_kernels_numbers(driver: Driver) -> None:
     driver.frames.extend([4, jpeg()])
     camera = Camera(
-        lambda: open_capture(driver.node, "linuxpy", colour=True), Wanted(16, 12, 30.0, colour=True)
+        lambda: open_capture(driver.node, "linuxpy", colour=True),
+        CameraSettings(16, 12, 30.0, colour=True),
     )
     try:
         numbers: list[int] = []

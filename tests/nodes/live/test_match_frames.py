@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.live._led_in_frame import Film, cells, make_film, reach, see
+from tactograph.nodes.live._led_in_frame import RestFilm, cells, make_film, reach, see
 from tactograph.nodes.live._match_frames import Matcher, Verdict
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor
 
@@ -38,7 +38,7 @@ def sensor(rig: str = "near") -> SimulatedSensor:
 
 
 @cache
-def film(rig: str = "near") -> Film:
+def film(rig: str = "near") -> RestFilm:
     """As a calibration has it: the untouched film, many frames averaged."""
     rest = [np.mean([frame(k, 0.0, rig=rig, number=n) for n in range(8)], axis=0) for k in LEDS]
     return make_film(np.stack(rest).astype(np.float32) / 255)

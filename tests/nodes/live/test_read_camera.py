@@ -20,7 +20,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._open_camera import Wanted, settle
+from tactograph.nodes.live._open_camera import CameraSettings, settle
 from tactograph.nodes.live._sensor import Sensor, open_sensor
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
 from tactograph.nodes.live._touch_stream import Stream
@@ -32,7 +32,7 @@ SCENE = (
     f"simulated?width_px={WIDTH}&height_px={HEIGHT}&pixel_size_mm=0.15&slant_deg=33"
     "&distance_mm=60&depth_mm=0.8&path_mm=1"
 )
-WANTED = Wanted(WIDTH, HEIGHT, RATE)
+WANTED = CameraSettings(WIDTH, HEIGHT, RATE)
 LATEST = 2.5
 """Seconds within which a stream has to be back, on a machine that does much else besides."""
 FLAT = np.stack([SimulatedSensor(read_scene(SCENE, Scene))._flat[k] for k in range(4)])
@@ -357,7 +357,7 @@ class Stubborn:
 
 def test_what_the_driver_refuses_is_told() -> None:
     camera = Stubborn()
-    refused = settle(camera, Wanted(640, 480, 30.0, exposure=50))
+    refused = settle(camera, CameraSettings(640, 480, 30.0, exposure=50))
     assert camera.asked[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
     assert camera.asked[cv2.CAP_PROP_AUTO_WB] == 0
     assert any("exposure" in line and "50" in line for line in refused)
@@ -383,7 +383,7 @@ def test_what_cannot_be_opened_is_said_in_one_line(camera: str, port: str, says:
 def test_a_camera_of_another_size_is_refused_at_the_start() -> None:
     other = np.ones((4, 60, 80), np.float32)
     with pytest.raises(InputError, match="160 x 120 pixels"):
-        open_sensor(SCENE, "none", other, other[0] * 0, Wanted(80, 60, RATE)).close()
+        open_sensor(SCENE, "none", other, other[0] * 0, CameraSettings(80, 60, RATE)).close()
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, InputError])

@@ -13,7 +13,7 @@ from tactograph.graph.files.text_names import refuse_other_names
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path with the same suffix; move it to `path` if the block succeeds.
 
     Raises
@@ -25,12 +25,12 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     refuse_other_names(path)
     _refuse_special(path)
-    with whole_files(path.parent) as folder:
+    with atomic_files(path.parent) as folder:
         yield folder / path.name
 
 
 @contextmanager
-def whole_files(folder: Path) -> Iterator[Path]:
+def atomic_files(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
 
     Raises

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.whole_files import whole_file, whole_files
+from tactograph.graph.files.atomic_files import atomic_file, atomic_files
 
 
 def test_files_appear_when_the_block_is_done(tmp_path: Path) -> None:
-    with whole_files(tmp_path / "new" / "folder") as stage:
+    with atomic_files(tmp_path / "new" / "folder") as stage:
         (stage / "a.txt").write_text("a")
         (stage / "b.txt").write_text("b")
         assert not (tmp_path / "new" / "folder" / "a.txt").exists()
@@ -22,14 +22,14 @@ def test_files_appear_when_the_block_is_done(tmp_path: Path) -> None:
 
 
 def test_a_single_file_keeps_its_suffix_while_it_is_written(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "cal.npz") as target:
+    with atomic_file(tmp_path / "cal.npz") as target:
         assert target.suffix == ".npz"
         target.write_text("x")
     assert (tmp_path / "cal.npz").read_text() == "x"
 
 
 def write_and_fail(folder: Path, error: BaseException) -> None:
-    with whole_files(folder) as stage:
+    with atomic_files(folder) as stage:
         (stage / "a.txt").write_text("half")
         raise error
 
@@ -53,7 +53,7 @@ def test_what_was_there_before_stays_if_the_block_raises(tmp_path: Path) -> None
 def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("old")
     (tmp_path / "other.txt").write_text("mine")
-    with whole_file(tmp_path / "a.txt") as target:
+    with atomic_file(tmp_path / "a.txt") as target:
         target.write_text("new")
     assert (tmp_path / "a.txt").read_text() == "new"
     assert (tmp_path / "other.txt").read_text() == "mine"
@@ -74,7 +74,7 @@ def test_a_disk_that_is_read_only_is_an_input_error(
     monkeypatch.setattr(tempfile, "mkdtemp", refuse)
     with (
         pytest.raises(InputError, match="cannot be written: Read-only file system"),
-        whole_files(tmp_path),
+        atomic_files(tmp_path),
     ):
         pytest.fail("the block must not run")
 
@@ -82,12 +82,12 @@ def test_a_disk_that_is_read_only_is_an_input_error(
 @pytest.mark.parametrize("below", ["file.txt", "file.txt/deeper", "n" * 300])
 def test_a_folder_that_cannot_be_is_an_input_error(tmp_path: Path, below: str) -> None:
     (tmp_path / "file.txt").write_text("a file, not a folder")
-    with pytest.raises(InputError, match="cannot be written"), whole_files(tmp_path / below):
+    with pytest.raises(InputError, match="cannot be written"), atomic_files(tmp_path / below):
         pytest.fail("the block must not run")
 
 
 def write_two(folder: Path) -> None:
-    with whole_files(folder) as stage:
+    with atomic_files(folder) as stage:
         (stage / "a.txt").write_text("a")
         (stage / "z.txt").write_text("z")
 
@@ -103,11 +103,11 @@ def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
     """As root would take that of /dev/null."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(InputError, match="pipe is a device or a pipe"), whole_file(pipe):
+    with pytest.raises(InputError, match="pipe is a device or a pipe"), atomic_file(pipe):
         pytest.fail("the block must not run")
     with (
         pytest.raises(InputError, match="pipe is a device or a pipe; give another place"),
-        whole_files(tmp_path) as stage,
+        atomic_files(tmp_path) as stage,
     ):
         (stage / "pipe").write_text("x")
     assert pipe.is_fifo()
@@ -117,7 +117,7 @@ def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
 def test_a_name_that_is_not_text_is_refused(tmp_path: Path) -> None:
     """OpenCV ends the whole process at one."""
     name = tmp_path / os.fsdecode(b"bad\xff")
-    for writing in (whole_files(name), whole_file(name), whole_file(name / "x")):
+    for writing in (atomic_files(name), atomic_file(name), atomic_file(name / "x")):
         with pytest.raises(InputError, match=r"bad.udcff.*: the name is not UTF-8; rename it"):
             writing.__enter__()
     assert not [*tmp_path.iterdir()]
@@ -125,5 +125,8 @@ def test_a_name_that_is_not_text_is_refused(tmp_path: Path) -> None:
 
 def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
     missing = tmp_path / "elsewhere" / "read.txt"
-    with pytest.raises(InputError, match=r"read\.txt: No such file"), whole_files(tmp_path / "out"):
+    with (
+        pytest.raises(InputError, match=r"read\.txt: No such file"),
+        atomic_files(tmp_path / "out"),
+    ):
         missing.read_text()

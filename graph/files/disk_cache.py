@@ -1,4 +1,4 @@
-"""Files that are kept from start to start, and may go at any time.
+"""A cache on disk: files that last from start to start, and may go at any time.
 
 A file is written beside its place and moved there, so two writers and a kill leave whole files;
 its content is checked when it is read.  The files of a folder that were read longest ago go when
@@ -25,15 +25,15 @@ _MAGIC = b"tactograph kept 1\n"
 _ABANDONED_S = 3600.0
 
 
-def kept_folder() -> Path | None:
-    """Where files are kept; None if nothing is to be."""
+def cache_folder() -> Path | None:
+    """Where the cache lies; None if there is to be none."""
     told = os.environ.get(FOLDER, "")
     if told == "off":
         return None
     return Path(told or platformdirs.user_cache_dir("tactograph", appauthor=False))
 
 
-def read_kept(file: Path) -> bytes | None:
+def read_cached(file: Path) -> bytes | None:
     """What a file holds; None if it is absent, damaged or somebody else's."""
     try:
         if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
@@ -50,7 +50,7 @@ def read_kept(file: Path) -> bytes | None:
     return body
 
 
-def write_kept(file: Path, body: bytes, most_bytes: int | None = None) -> None:
+def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None:
     """Keep something; a full disk or a read-only one is no reason to fail."""
     most = MOST_BYTES if most_bytes is None else most_bytes
     if len(body) > most // 4:
