@@ -2,15 +2,12 @@
 #include "lanes.clh"
 #include "lens.clh"
 
-// The values of LANES pixels, or of those `right` columns and `below` rows further.
-static floats gathered(
-    __global const float *restrict plane, const int *left, const int *top,
-    const int right, const int below, const int H, const int W)
+static floats value_of(
+    __global const float *restrict plane, const ints row, const ints column, const int W)
 {
-    float found[LANES];
-    for (int l = 0; l < LANES; ++l)
-        found[l] = plane[min(top[l] + below, H - 1) * W + min(left[l] + right, W - 1)];
-    return LOAD_LANES(found);
+    int at[LANES];
+    STORE_LANES(row * W + column, at);
+    return gather_floats(plane, at);
 }
 
 // The height's standard deviation at each pixel of the camera, by linear interpolation.
@@ -32,12 +29,11 @@ LANED __kernel void error_as_seen(
     u = LESS_OF(MORE_OF(u, none), right);
     v = LESS_OF(MORE_OF(v, none), bottom);
     const floats across = u - floor(u), down = v - floor(v);
-    int left[LANES], top[LANES];
-    STORE_LANES(TO_INTS(u), left);
-    STORE_LANES(TO_INTS(v), top);
-    const floats upper = (1.0f - across) * gathered(error, left, top, 0, 0, H, W)
-        + across * gathered(error, left, top, 1, 0, H, W);
-    const floats lower = (1.0f - across) * gathered(error, left, top, 0, 1, H, W)
-        + across * gathered(error, left, top, 1, 1, H, W);
+    const ints west = TO_INTS(u), north = TO_INTS(v), last_row = H - 1, last_column = W - 1;
+    const ints east = LESS_OF(west + 1, last_column), south = LESS_OF(north + 1, last_row);
+    const floats upper = (1.0f - across) * value_of(error, north, west, W)
+        + across * value_of(error, north, east, W);
+    const floats lower = (1.0f - across) * value_of(error, south, west, W)
+        + across * value_of(error, south, east, W);
     store_floats((1.0f - down) * upper + down * lower, out + at, count);
 }

@@ -209,10 +209,15 @@ def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
         if name not in arrays:
             raise ValueError(f"'{name}' is missing")
         _check_array(name, arrays[name], stored, sizes)
-    for k, plane in enumerate(arrays["flat"] if "flat" in kind.arrays else (), start=1):
-        if float(np.percentile(plane, 99)) < DARKEST:
-            raise ValueError(f"'flat' is dark under LED {k}")
+    if "flat" in kind.arrays and (led := dark_led(arrays["flat"])) is not None:
+        raise ValueError(f"'flat' is dark under LED {led}")
     kind.check(arrays)
+
+
+def dark_led(flat: NDArray[Any]) -> int | None:
+    """Return the first LED, counted from 1, whose flat frame (K x H x W) is dark."""
+    numbered = enumerate(flat, start=1)
+    return next((k for k, plane in numbered if float(np.percentile(plane, 99)) < DARKEST), None)
 
 
 def _check_array(name: str, array: NDArray[Any], stored: Stored, sizes: dict[str, int]) -> None:

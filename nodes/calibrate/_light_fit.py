@@ -158,9 +158,14 @@ def unreached(objects: list[Object]) -> tuple[int, int] | None:
     return (found + 1, int(reach[found])) if reach[found] < FEWEST else None
 
 
+def is_uniform(flat: Light) -> bool:
+    """Whether the light is the same everywhere: no flat frame was taken."""
+    return all(np.ptp(plane) == 0 for plane in flat)
+
+
 def rest_of(flat: Light, pixel: float) -> Rest | None:
     """Reduce the flat frame to blocks; None if it is uniform, because none was taken."""
-    if all(np.ptp(plane) == 0 for plane in flat):
+    if is_uniform(flat):
         return None
     count, rows, columns = flat.shape
     block = max(1, min(columns // BLOCKS, rows))

@@ -9,6 +9,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseDark, CoarseLight, Dark, Light
+from tactograph.nodes.calibrate._light_fit import is_uniform
 
 
 class Rest(NamedTuple):
@@ -49,7 +50,7 @@ def full_rest(
         return Rest(binned, binned_dark)
     rows, columns = dark.shape
     ambient = np.float32(np.median(binned_dark) - np.median(dark))
-    if all(np.ptp(plane) == 0 for plane in flat):
+    if is_uniform(flat):
         size = (columns, rows)
         model = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in binned]
         return Rest(np.stack(model), dark + ambient)

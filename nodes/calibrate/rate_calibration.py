@@ -18,6 +18,7 @@ from tactograph.nodes import (
     PixelSize,
     Spread,
 )
+from tactograph.nodes.calibrate._light_fit import is_uniform
 from tactograph.nodes.capture._sheet import SheetLabels, SheetMask
 from tactograph.nodes.light.light_noise import light_noise
 
@@ -97,11 +98,11 @@ def rate_calibration(
         )
     is_coated = refraction is not None and refraction != 1
     if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]) and not is_coated:
-        uneven = flat is None or not any(np.ptp(plane) > 0 for plane in flat)
+        is_missing = flat is None or is_uniform(flat)
         warn(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
             "of the slope: check the ball's radius and the pixel size"
-            + (", or give flat=DIR" if uneven else "")
+            + (", or give flat=DIR" if is_missing else "")
         )
     if steepest < NARROW:
         warn(

@@ -8,6 +8,7 @@ import numpy as np
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Light, LightPositions, PixelSize
+from tactograph.nodes.calibrate._light_fit import is_uniform
 from tactograph.nodes.light._near_light import places
 
 
@@ -32,7 +33,7 @@ def rest_light(
     pixel
         mm per px.
     """
-    if any(np.ptp(plane) > 0 for plane in flat):
+    if not is_uniform(flat):
         return flat
     x = places(flat.shape[2], np.float32(pixel))[None, :]
     y = places(flat.shape[1], np.float32(pixel))[:, None]

@@ -125,18 +125,39 @@ def read_truth(file: Path) -> NDArray[np.float32]:
     InputError
         If it is not a two-dimensional array of finite numbers, or holds a pickle.
     """
+    height = read_heights(file)
+    check_heights(height, file)
+    return height
+
+
+def read_heights(file: Path) -> NDArray[np.float32]:
+    """Read a height map in mm from ``.npy``, whatever heights it holds.
+
+    Raises
+    ------
+    InputError
+        If it is not a two-dimensional array of numbers, or holds a pickle.
+    """
     array = read_numbers(file)
     if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise InputError(f"{file}: a height map is one two-dimensional array of numbers")
-    if not array.size:
-        raise InputError(f"{file}: a height map of shape {array.shape} holds no pixel")
     with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
-        height = np.asarray(array, np.float32)
-    if not np.isfinite(height).all():
-        raise InputError(f"{file}: holds NaN or infinite values")
-    if np.abs(height).max() > HIGHEST:
+        return np.asarray(array, np.float32)
+
+
+def check_heights(height: NDArray[np.float32], file: Path, *, unknown: bool = False) -> None:
+    """Refuse what is no height map in mm; with `unknown` a part of it may be NaN."""
+    if not height.size:
+        raise InputError(f"{file}: a height map of shape {height.shape} holds no pixel")
+    is_known = np.isfinite(height)
+    if not unknown and not is_known.all():
+        raise InputError(f"{file}: holds NaN or infinite values; every height must be known here")
+    if np.isinf(height).any():
+        raise InputError(f"{file}: holds infinite values; write NaN where the film is unknown")
+    if not is_known.any():
+        raise InputError(f"{file}: holds no height, only NaN; reconstruct it again")
+    if np.abs(height[is_known]).max() > HIGHEST:
         raise InputError(f"{file}: holds a height beyond {HIGHEST:g} mm; heights are in mm")
-    return height
 
 
 def read_numbers(file: Path) -> NDArray[Any]:

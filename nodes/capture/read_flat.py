@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.calibrate._calibration_file import DARKEST
+from tactograph.nodes.calibrate._calibration_file import dark_led
 from tactograph.nodes.capture._image_files import (
     Crop,
     Leds,
@@ -87,12 +87,11 @@ def read_flat(
         return Flat(np.ones_like(image), black)
     stack = _mean(folder, image, lights, leds, files, crop)
     flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
-    for k, plane in enumerate(flat, start=1):
-        if float(np.percentile(plane, 99)) < DARKEST:
-            raise InputError(
-                f"{folder}: under LED {k} the film is no brighter than {dark or 'the dark image'}; "
-                "dark= is one image with all LEDs off"
-            )
+    if (led := dark_led(flat)) is not None:
+        raise InputError(
+            f"{folder}: under LED {led} the film is no brighter than {dark or 'the dark image'}; "
+            "dark= is one image with all LEDs off"
+        )
     return Flat(flat, black)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tactograph.graph import Close, node
 from tactograph.nodes import HeightError, Lens
+from tactograph.nodes.light._bilinear import bilinear
 from tactograph.nodes.light._lens import ideal_places, is_straight
 
 
@@ -30,16 +29,7 @@ def error_as_seen(error: HeightError, lens: Lens) -> HeightError:
     """
     if is_straight(lens):
         return error
-    rows, columns = error.shape
-    u, v = ideal_places(lens, error.shape)
-    u = np.clip(u, np.float32(0), np.float32(columns - 1))
-    v = np.clip(v, np.float32(0), np.float32(rows - 1))
-    left, top = u.astype(np.int32), v.astype(np.int32)
-    right, bottom = np.minimum(left + 1, columns - 1), np.minimum(top + 1, rows - 1)
-    across, down = u - left.astype(np.float32), v - top.astype(np.float32)
-    upper = (1 - across) * error[top, left] + across * error[top, right]
-    lower = (1 - across) * error[bottom, left] + across * error[bottom, right]
-    return (1 - down) * upper + down * lower
+    return bilinear(error, *ideal_places(lens, error.shape))
 
 
 error_as_seen.opencl(grid="H W", lanes="rows")

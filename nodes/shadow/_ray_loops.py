@@ -31,7 +31,7 @@ def _weights(count: int, at: np.float32) -> tuple[int, int, np.float32]:
 
 @inlined
 def _bilinear(plane: F4 | U1, x: np.float32, y: np.float32) -> np.float32:
-    """What `simulate._interpolate.bilinear` gives at a point."""
+    """What `light._bilinear.bilinear` gives at a point."""
     upper, lower, v = _weights(plane.shape[0], y)
     left, right, u = _weights(plane.shape[1], x)
     above = np.float32(plane[upper, left]) * (ONE - u) + np.float32(plane[upper, right]) * u

@@ -16,7 +16,7 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, Height, Lens
-from tactograph.nodes.capture._image_files import MOST_PIXELS, read_numbers
+from tactograph.nodes.capture._image_files import MOST_PIXELS, read_heights
 from tactograph.nodes.contact._areal_surface import UM, areal_surface, surfalize
 from tactograph.nodes.write._film_places import film_places
 
@@ -217,11 +217,7 @@ WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
 
 def read_npy(file: Path) -> HeightFile:
     """A two-dimensional array of numbers, mm."""
-    array = read_numbers(file)
-    if array.ndim != 2 or array.dtype.kind not in "fiu":
-        raise InputError(f"{file}: a height map is one two-dimensional array of numbers")
-    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
-        return HeightFile(np.asarray(array, np.float32))
+    return HeightFile(read_heights(file))
 
 
 def read_tiff(file: Path) -> HeightFile:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Height
-from tactograph.nodes.capture._image_files import HIGHEST, Crop
+from tactograph.nodes.capture._image_files import Crop, check_heights
 from tactograph.nodes.write._height_files import read_height_file
 
 
@@ -36,7 +36,7 @@ def read_height(*, file: Path, crop: Crop | None = None, unknown: bool = False) 
         exceeds it.
     """
     height = read_height_file(file).height
-    _check(height, file, unknown)
+    check_heights(height, file, unknown=unknown)
     if crop is None:
         return height
     x0, y0, x1, y1 = crop
@@ -45,17 +45,3 @@ def read_height(*, file: Path, crop: Crop | None = None, unknown: bool = False) 
             f"crop={x0},{y0},{x1},{y1}: {file} is {height.shape[1]} x {height.shape[0]}"
         )
     return np.ascontiguousarray(height[y0:y1, x0:x1])
-
-
-def _check(height: Height, file: Path, unknown: bool) -> None:
-    if not height.size:
-        raise InputError(f"{file}: a height map of shape {height.shape} holds no pixel")
-    is_known = np.isfinite(height)
-    if not unknown and not is_known.all():
-        raise InputError(f"{file}: holds NaN or infinite values; every height must be known here")
-    if np.isinf(height).any():
-        raise InputError(f"{file}: holds infinite values; write NaN where the film is unknown")
-    if not is_known.any():
-        raise InputError(f"{file}: holds no height, only NaN; reconstruct it again")
-    if np.abs(height[is_known]).max() > HIGHEST:
-        raise InputError(f"{file}: holds a height beyond {HIGHEST:g} mm; heights are in mm")

@@ -515,8 +515,8 @@ MUTANTS = {
         "no lens": ("if (is_bent(lens))", "if (0)"),
     },
     "error_as_seen": {
-        "the pixel to the left alone": ("min(left[l] + right, W - 1)", "min(left[l], W - 1)"),
-        "the row above alone": ("min(top[l] + below, H - 1)", "min(top[l], H - 1)"),
+        "the pixel to the left alone": ("east = LESS_OF(west + 1, last_column)", "east = west"),
+        "the row above alone": ("south = LESS_OF(north + 1, last_row)", "south = north"),
         "shares swapped": ("down * lower", "(1.0f - down) * lower"),
         "not between columns": ("across = u - floor(u)", "across = 0.0f * u"),
         "no lens": ("!is_bent(lens)", "1"),
