@@ -1,4 +1,6 @@
-"""The engine: graph files, ports, planning passes, back ends, running.  It knows no optics.
+"""The engine: graph files, ports, planning passes, back ends, running.
+
+Of optics it knows only that images are lights x rows x columns.
 
 >>> from tactograph.graph import load
 >>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP
