@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Dark, Light, Metrics, PixelSize
+from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
 from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.capture._image_files import Lights
@@ -23,6 +23,7 @@ class PressCalibration(NamedTuple):
     dark: Dark
     pixel_size: PixelSize
     reflectance: ReflectanceMap
+    misfit: Misfit
     quality: Metrics
 
 
@@ -51,9 +52,10 @@ def read_press_calibration(
     found = read_arrays(file, PRESS_CALIBRATION)
     film = found["flat"] if flat is None else _fresh(flat, lights, found["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
-    return PressCalibration(
-        film, dark, found["pixel_size"], found["reflectance"], read_quality(file)
-    )
+    quality = read_quality(file)
+    error = quality.get("residual_percent", 0.0) / 100
+    misfit = np.array([error, 0, error, 0, 0], np.float32)
+    return PressCalibration(film, dark, found["pixel_size"], found["reflectance"], misfit, quality)
 
 
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:

@@ -22,6 +22,8 @@ BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""
 LONGEST_S = 5.0
 """Upper end of the last bin, which also counts longer latencies."""
+MIN_TRUST = 0.5
+"""Heights with less trust count as doubtful."""
 WARM_S = 2.0
 """Time left out at the start, in which kernels are compiled and caches filled."""
 
@@ -52,7 +54,7 @@ def live_statistics(
     truth
         H x W in mm, if known: the true height at the newest exposure.
     contact
-        Figures of the contacts, as `measure_contact` returns them.
+        Figures of the touch, as `measure_contact` and `judge_touch` return them.
     folder
         Folder for ``result.json`` at the end of the stream.  None: it is not written.
     every_s
@@ -76,6 +78,7 @@ class Statistics:
         self._square_error = self._worst = 0.0
         self._contact: Metrics = {}
         self._touched = self._deepest = 0.0
+        self._doubtful = 0
         self._memory_first = self._memory_most = 0.0
         self._state = LiveState()
         self._provenance: Provenance | None = None
@@ -110,6 +113,7 @@ class Statistics:
         depths = _of_all(self._contact, "contact_depth_mm")
         self._touched += bool(depths)
         self._deepest = max(self._deepest, *depths, 0.0)
+        self._doubtful += self._contact.get("trust", 1.0) < MIN_TRUST
         if now - self._told >= self._every:
             self._tell(now)
 
@@ -128,6 +132,7 @@ class Statistics:
         if self._contact:
             figures["touched_percent"] = 100 * self._touched / self._heights
             figures["deepest_contact_mm"] = self._deepest
+            figures["doubtful_percent"] = 100 * self._doubtful / self._heights
         figures["frames"] = float(self._state.frames)
         figures["dropped"] = float(self._state.dropped)
         for fault, times in sorted(self._state.faults.items()):
@@ -169,6 +174,8 @@ class Statistics:
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep")
+        if self._contact.get("trust", 1.0) < MIN_TRUST:
+            parts.append(f"doubtful (trust {self._contact['trust']:.2f})")
         faults = sum(self._state.faults.values())
         parts += [f"{self._state.dropped} dropped", f"{faults} faults"]
         parts.append(f"{figures['memory_mib']:.0f} MiB")

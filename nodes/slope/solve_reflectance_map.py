@@ -78,6 +78,14 @@ def solve_reflectance_map(
     return np.asarray(np.stack([p, q]), np.float32)
 
 
+def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> Light:
+    """Return the light that equation M1 gives a film of these slopes and heights, K x H x W."""
+    normal = normal_by_slope(*slope)[1]
+    maps = _maps(reflectance, height.shape)
+    shown = [_shading(normal, c)[0] + c[SHADES - 1] * height for c in maps]
+    return np.asarray(shown, np.float32) + ONE
+
+
 def _maps(reflectance: F4, shape: tuple[int, ...]) -> F4:
     """The coefficients at every pixel: K x 9 x H x W."""
     rows, columns = shape

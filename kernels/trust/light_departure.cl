@@ -1,0 +1,59 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+
+#define MOST 8
+#define DARKEST 0.1f
+#define MIN_FREEDOM 0.5f
+#define LEAST_ERROR 0.0015f
+#define UNEVEN_SHARE 0.25f
+
+// The reduced chi-squared of the light of LANES pixels under their slopes.
+LANED __kernel void light_departure(
+    __global const float *restrict light,
+    __global const float *restrict sigma,
+    __global const float *restrict slope,
+    __global const float *restrict height,
+    __global const uchar *restrict used,
+    __global const float *restrict lights,
+    __global const float *restrict misfit,
+    const float pixel,
+    const float uneven,
+    __global float *restrict out,
+    const int K, const int H, const int W,
+    const int cell_px)
+{
+    const int size = H * W;
+    GRID_LANES(at, count, size)
+    const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
+    const floats z = load_floats(height + at, count), none = 0.0f, one = 1.0f;
+    const ints bits = load_bytes(used + at, count);
+    const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
+    const float error = hypot(max(misfit[2], LEAST_ERROR), UNEVEN_SHARE * uneven);
+    const float share_of_noise = 1.0f / (float)cell_px;
+    floats x, y;
+    places(at, H, W, pixel, &x, &y);
+    floats departs[MOST], along[MOST], product = none, whole = none, leds = none;
+    for (int k = 0; k < K; ++k) {
+        const Vector v = light_vector(lights + 3 * k, x, y, z);
+        const floats shown = (v.z - v.x * p - v.y * q) * nz, darkest = DARKEST;
+        const floats noise = load_floats(sigma + k * size + at, count) * share_of_noise;
+        const floats model = error * MORE_OF(shown, darkest);
+        const floats lit = ((bits >> k) & 1) != 0 ? one : none;
+        const floats weight = lit / sqrt(noise * noise + model * model);
+        departs[k] = (load_floats(light + k * size + at, count) - shown) * weight;
+        along[k] = shown * weight;
+        product += departs[k] * along[k];
+        whole += along[k] * along[k];
+        leds += lit;
+    }
+    const floats one_scale = 1.0f, share = brightness_share(whole, one_scale, uneven);
+    floats chi = none;
+    for (int k = 0; k < K; ++k) {
+        const floats left = departs[k] - product * share * along[k];
+        chi += left * left;
+    }
+    const floats freedom = leds - 2.0f - share * whole, smallest = MIN_FREEDOM, untested = -1.0f;
+    const floats reduced = chi / MORE_OF(freedom, smallest);
+    store_floats(freedom >= smallest ? reduced : untested, out + at, count);
+}

@@ -1,0 +1,98 @@
+"""Check whether the light of a touch is that of any surface."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.nodes import F4, U1
+from tactograph.nodes.trust._check import MIN_CELLS, Check, spread_of
+
+MIN_SLOPE = np.float32(0.1)
+"""Film less steep than this is taken to be at rest."""
+MAX_MEDIAN, MAX_QUARTILE = 2.8, 5.2
+"""Departure of the touched film's light, in standard deviations, that right touches stay below."""
+MAX_REST = 1.2
+"""The same of the median of film at rest."""
+MIN_TESTED = 0.5
+"""Share of the touched film whose light tests its slope, as on any sensor with rims in shadow."""
+RIM_SHARE = 0.1
+"""Share of the touched film in shadow from which on it has rims."""
+MAX_SHADOW_LIGHT, MIN_SHADOWS = 0.015, 50
+"""Light of a matt film in shadow, by the lower quartile of at least so many cells."""
+
+CURE = (
+    "check the order of the images, that all are of this touch and this sensor, and that the "
+    "camera's gamma, contrast and white balance are off"
+)
+
+
+class Touched(NamedTuple):
+    """What `check_light` looks at: the film, its light and its labels."""
+
+    departure: F4
+    """H x W, as `light_departure` gives it."""
+    slope: F4
+    """2 x H x W."""
+    used: U1 | None
+    """H x W, the LEDs that each slope rests on; None: all."""
+    light: F4 | None
+    """K x H x W, as of a matt film."""
+    shadow: U1 | None
+    """H x W, the LEDs that do not light a pixel."""
+
+
+def check_light(touched: Touched, count: int, rim_error: float) -> Check:
+    """Return how far the light of K LEDs is from that of the slopes that were found.
+
+    `rim_error` is the error of the light where rims in shadow leave the height uncertain, over
+    the model's error.
+    """
+    steep = (touched.slope * touched.slope).sum(axis=0) > MIN_SLOPE * MIN_SLOPE
+    tested, cells = touched.departure >= 0, int(np.count_nonzero(steep))
+    shaded = 0.0
+    if touched.used is not None and cells:
+        shaded = np.count_nonzero(touched.used[steep] != (1 << count) - 1) / cells
+    wider = float(np.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE)))
+    rest, _ = spread_of(touched.departure[tested & ~steep])
+    middle, upper = spread_of(touched.departure[tested & steep])
+    rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
+    checks = [
+        Check(
+            max(middle / MAX_MEDIAN, upper / MAX_QUARTILE) / wider,
+            f"the light of the touch is that of no surface under this calibration ({CURE}{rims})",
+        ),
+        Check(
+            rest / MAX_REST / wider,
+            "the light of the film at rest departs from pixel to pixel (check that the images are "
+            "neither compressed nor of fewer gray levels than those of the calibration)",
+        ),
+        _shadows(touched, count),
+    ]
+    if cells >= MIN_CELLS:
+        share = np.count_nonzero(steep & tested) / cells
+        checks.append(
+            Check(
+                MIN_TESTED / max(share, MIN_TESTED / 10),
+                "only two LEDs light most of the touch, which fits any light (check the exposure, "
+                "and that no LED is dead)",
+            )
+        )
+    return max(checks, key=lambda check: check.figure)
+
+
+def _shadows(touched: Touched, count: int) -> Check:
+    """Whether it is dark where an LED does not reach."""
+    if touched.light is None or touched.shadow is None:
+        return Check(0.0)
+    lit = [touched.light[k][touched.shadow >> k & 1 == 1] for k in range(count)]
+    light = np.concatenate(lit)
+    if light.size < MIN_SHADOWS:
+        return Check(0.0)
+    lower = float(np.partition(light, light.size // 4)[light.size // 4])
+    return Check(
+        lower / MAX_SHADOW_LIGHT,
+        "shadows are not dark (keep other light out, or take the calibration and a dark image "
+        "under it)",
+    )

@@ -1,0 +1,121 @@
+"""One verdict on a touch, from all that can be checked without knowing the truth."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import (
+    F4,
+    CoarseLight,
+    Labels,
+    Light,
+    LightPositions,
+    Metrics,
+    Misfit,
+    Slope,
+    Uneven,
+)
+from tactograph.nodes.light.film_drift import Drift
+from tactograph.nodes.trust._check import Check
+from tactograph.nodes.trust._curl_check import check_curl
+from tactograph.nodes.trust._light_check import Touched, check_light
+from tactograph.nodes.trust._rest_check import check_rest
+from tactograph.nodes.trust.light_departure import Departure, light_error
+
+STEEPNESS = 4
+"""Power of the worst figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
+
+
+@node
+def judge_touch(
+    curl: Annotated[F4, Port("R C", "1", low=-1, high=25)],
+    light: CoarseLight,
+    height: Annotated[F4, Port("r c", "mm", low=-1, high=5)],
+    drift: Drift | None = None,
+    departure: Departure | None = None,
+    slope: Slope | None = None,
+    used: Labels | None = None,
+    matt: Light | None = None,
+    shadow: Labels | None = None,
+    lights: LightPositions | None = None,
+    misfit: Misfit | None = None,
+    uneven: Uneven = 0.0,
+    *,
+    least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
+    rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
+    force: bool = False,
+) -> Metrics:
+    """Return how far a touch can be trusted, and warn of what contradicts it.
+
+    Three checks need no truth: the *light* against what the slopes predict, the *curl* of the
+    slopes, and the film at *rest* against the flat frame.  The figure f of each is 1 at the limit
+    below which right touches of rendered and real sensors stay.  The trust is 1 / (1 + f^4) of
+    the greatest.
+
+    Parameters
+    ----------
+    curl
+        R x C, as `slope_curl` gives it.
+    light
+        K x h x w on cells, relative to the flat frame, before any drift is taken out.
+    height
+        r x c in mm.
+    drift
+        K x 6, as `film_drift` found it.
+    departure, slope, used
+        H x W, 2 x H x W and H x W: the light's departure (`light_departure`), and the slopes and
+        the LEDs that it tests.  Without a departure the light is not checked.
+    matt, shadow
+        K x H x W and H x W: the light as of a matt film, and the LEDs that do not light a pixel.
+    lights
+        K x 3 in mm.
+    misfit
+        The calibration's misfit.
+    uneven
+        Standard deviation of the film's brightness.
+    least
+        Trust below which there is a warning.
+    rim_height
+        Error of the height beside rims in shadow, as a share of the greatest height.
+    force
+        Go on where all three checks fail.
+
+    Returns
+    -------
+    dict
+        ``trust``, 0 to 1, and the figures ``check_light``, ``check_curl`` and ``check_rest``.
+
+    Raises
+    ------
+    InputError
+        If all three checks fail, unless `force`.
+    """
+    checks = {"curl": check_curl(curl), "rest": check_rest(light, drift, height)}
+    if departure is not None and slope is not None:
+        tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
+        rim_error = rim_height * tall / light_error(misfit, uneven)
+        touched = Touched(departure, slope, used, matt, shadow)
+        checks["light"] = check_light(touched, len(light), rim_error)
+    trust = 1 / (1 + max(check.figure for check in checks.values()) ** STEEPNESS)
+    failed = [name for name, check in checks.items() if check.figure > 1]
+    if len(failed) == 3 and not force:
+        raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
+    if trust < least:
+        warn(f"{_causes(checks)}; the height may be wrong")
+    return {"trust": trust} | {f"check_{name}": check.figure for name, check in checks.items()}
+
+
+def _causes(checks: dict[str, Check]) -> str:
+    """What failed, the worst first."""
+    worst_first = sorted(checks.values(), key=lambda check: -check.figure)
+    failed = [check.cause for check in worst_first if check.figure > 1]
+    return ", and ".join(failed or [worst_first[0].cause])
+
+
+def _nearest(lights: LightPositions) -> float:
+    """The distance of the nearest LED from the middle of the film, in mm."""
+    return float(np.sqrt((lights * lights).sum(axis=1)).min())

@@ -1,0 +1,143 @@
+"""How far the light of each pixel is from what its slope predicts."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.nodes import (
+    F4,
+    Height,
+    Labels,
+    Light,
+    LightPositions,
+    Misfit,
+    PixelSize,
+    Slope,
+    Uneven,
+)
+from tactograph.nodes.light._near_light import (
+    brightness_share,
+    expected_light,
+    places,
+    vectors_at,
+)
+
+Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
+"""Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
+UNTESTED = np.float32(-1)
+DARKEST = np.float32(0.1)
+"""Light below which the model's error no longer falls with the light."""
+LEAST_ERROR = 0.0015
+"""Of the light, relative to film at rest: no model is exact."""
+MIN_FREEDOM = np.float32(0.5)
+"""Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
+
+
+UNEVEN_SHARE = 0.25
+"""Of the film's unevenness, what differs from LED to LED."""
+
+
+def light_error(misfit: Misfit | None, uneven: float) -> float:
+    """Return the standard deviation of the model's light, relative to film at rest."""
+    pressed = 0.0 if misfit is None else float(misfit[2])
+    return float(np.hypot(max(pressed, LEAST_ERROR), UNEVEN_SHARE * uneven))
+
+
+@node(
+    sizes={"K": SizeLimit(3, 8, "two LEDs fit any light, a label has 8 bits")},
+    tolerance=Flips(1e-3, 1e-3, 2e-3, why="degrees of freedom at the limit of a test"),
+)
+def light_departure(
+    light: Light,
+    sigma: Light,
+    slope: Slope,
+    height: Height,
+    used: Labels,
+    lights: LightPositions,
+    misfit: Misfit,
+    pixel: PixelSize,
+    uneven: Uneven,
+    *,
+    cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
+) -> Departure:
+    """Return the reduced chi-squared of the light under the slope that was found.
+
+    With r_k = (m_k - n.v_k) / s_k of equation N1 (`_near_light`) and a_k = n.v_k / s_k, over the
+    LEDs that were used::
+
+        chi^2 = sum (r_k - b a_k)^2,    b = sum r_k a_k / (sum a_k^2 + 1 / uneven^2)
+        s_k^2 = (sigma_k / cell_px)^2 + (e max(n.v_k, 0.1))^2
+
+    b is the film's unknown brightness, and e the model's error of the light (`light_error`), from
+    the presses of the calibration.  The degrees of freedom are the LEDs used, less two for the
+    slope and less the share of the brightness that was free.
+
+    Parameters
+    ----------
+    light, sigma
+        K x H x W, as of a matt film (`matt_light`).
+    slope, used
+        2 x H x W and H x W, as `label_lights` found them.
+    height
+        H x W in mm, as given to `label_lights`.
+    lights
+        K x 3 in mm.
+    misfit
+        The calibration's misfit.
+    pixel
+        mm per px.
+    uneven
+        Standard deviation of the film's brightness, as given to `label_lights`.
+    cell_px
+        Side in px of the cells that the light is a mean of; `sigma` is that of a single pixel.
+
+    Returns
+    -------
+    ndarray
+        H x W; -1 where fewer LEDs were used than a test needs.
+    """
+    count, rows, columns = light.shape
+    x = places(columns, np.float32(pixel))[None, :]
+    y = places(rows, np.float32(pixel))[:, None]
+    shown = expected_light(vectors_at(lights, x, y, height), slope)
+    bits = np.arange(count, dtype=np.uint8)[:, None, None]
+    lit = (used >> bits & 1).astype(np.float32)
+    noise = sigma * np.float32(1 / cell_px)
+    model = np.float32(light_error(misfit, uneven)) * np.maximum(shown, DARKEST)
+    weight = lit / np.sqrt(noise * noise + model * model)
+    departs, along = (light - shown) * weight, shown * weight
+    whole = (along * along).sum(axis=0)
+    share = brightness_share(whole, np.float32(1), np.float32(uneven))
+    left = departs - (departs * along).sum(axis=0) * share * along
+    freedom = lit.sum(axis=0) - np.float32(2) - share * whole
+    reduced = (left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
+    return np.asarray(np.where(freedom >= MIN_FREEDOM, reduced, UNTESTED), np.float32)
+
+
+light_departure.opencl(grid="H W", lanes="grid")
+
+
+@light_departure.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs around a film whose light departs from the model by a few standard deviations."""
+    around = np.arange(K) * 2 * np.pi / K
+    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 25], axis=1)
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    x, y = (places(side, np.float32(0.05)) for side in (W, H))
+    vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)
+    light = expected_light(vectors, slope) + rng.normal(0, 0.02, (K, H, W))
+    return {
+        "light": light.astype(np.float32),
+        "sigma": rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32),
+        "slope": slope,
+        "height": height,
+        "used": rng.integers(0, 1 << K, (H, W)).astype(np.uint8),
+        "lights": lights.astype(np.float32),
+        "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002], np.float32),
+        "pixel": 0.05,
+    }

@@ -1,0 +1,68 @@
+"""How far the light of each pixel is from what a one-shot sensor's reflectance map predicts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph import Close, SizeLimit, node
+from tactograph.nodes import F4, Height, Light, Misfit, Slope
+from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
+from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
+from tactograph.nodes.trust.light_departure import Departure, light_error
+
+
+@node(
+    sizes={"K": SizeLimit(3, 8, "two lights fit any slope, and labels have 8 bits")},
+    tolerance=Close(1e-3, 2e-3, why="squares of differences of rounded light"),
+)
+def map_departure(
+    light: Light,
+    slope: Slope,
+    height: Height,
+    reflectance: ReflectanceMap,
+    misfit: Misfit,
+) -> Departure:
+    """Return the reduced chi-squared of the light under the slope that was found.
+
+    The sum over the lights of (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 (equation M1), over the
+    square of the model's error and the K - 2 degrees of freedom.
+
+    Parameters
+    ----------
+    light
+        K x H x W, relative to the film at rest.
+    slope, height
+        2 x H x W, and H x W in mm, as given to `solve_reflectance_map`.
+    reflectance
+        K x 9 x 15, as `fit_reflectance_map` gives it.
+    misfit
+        The calibration's misfit.
+    """
+    left = light - mapped_light(slope, height, reflectance)
+    freedom = np.float32(len(light) - 2)
+    scale = np.float32(1 / light_error(misfit, 0.0) ** 2) / freedom
+    return np.asarray((left * left).sum(axis=0) * scale, np.float32)
+
+
+map_departure.opencl(grid="H W")
+
+
+@map_departure.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Lights from all sides, and light that departs from theirs by some per cent."""
+    azimuth = 2 * np.pi * np.arange(K) / K
+    reflectance = rng.uniform(-0.02, 0.02, (K, SHADES, TERMS)).astype(np.float32)
+    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
+    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    light: F4 = mapped_light(slope, height, reflectance)
+    return {
+        "light": (light + rng.normal(0, 0.03, light.shape)).astype(np.float32),
+        "slope": slope,
+        "height": height,
+        "reflectance": reflectance,
+        "misfit": np.array([0.02, 0, 0.02, 0, 0], np.float32),
+    }

@@ -1,0 +1,138 @@
+"""Where slopes contradict one another: no surface has a gradient that curls."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Gt, Interval
+
+from tactograph.graph import Flips, Port, node
+from tactograph.nodes import F4, Labels, Misfit, Slope, SlopeVariance
+from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
+from tactograph.nodes.light.coarsen import coarsen
+
+CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
+"""Curl over what is expected of a surface, squared; -1 where it tests nothing."""
+UNTESTED = np.float32(-1)
+MIN_LEDS = 3
+"""Two LEDs fit any light, so that their slope may be any."""
+MIN_SLOPE = np.float32(0.05)
+"""Film less steep is as good as at rest."""
+MAX_CURVATURE = np.float32(0.5)
+"""Change of the slope per cell beyond which a cell holds an edge."""
+
+
+@node(
+    derived=cells_by("factor"),
+    tolerance=Flips(5e-3, 1e-3, 5e-3, why="slopes and curvatures at the limits of a test"),
+)
+def slope_curl(
+    slope: Slope,
+    misfit: Misfit,
+    used: Labels | None = None,
+    variance: SlopeVariance | None = None,
+    *,
+    factor: CellSide = 1,
+    cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
+    share: Annotated[float, Gt(0)] = 0.05,
+    least: Annotated[float, Gt(0)] = 0.001,
+) -> CoarseCurl:
+    """Return the squared curl of the slopes between four cells, over its expected square.
+
+    A surface z has dp/dy = dq/dx.  Images in another order, mirrored, of another sensor or
+    another touch give slopes that curl as much as they change.  Between four neighbouring cells,
+    with differences of the cells' mean slopes::
+
+        c = dp/dy - dq/dx,    D^2 = |grad p|^2 + |grad q|^2
+        c^2 / (var p + var q + level^2 + (share D)^2 + least^2)
+
+    The variances are those of the four cells' means, and level is the calibration's misfit.
+
+    Parameters
+    ----------
+    slope
+        2 x H x W.
+    misfit
+        The calibration's misfit; its first number is the level.
+    used
+        The LEDs that each slope rests on; where they are fewer than three nothing is tested.
+        All are taken if not given.
+    variance
+        2 x H x W, of a single pixel's noise; none is taken if not given.
+    factor
+        Side of a cell in pixels of `slope`; 0 depends on the image.
+    cell_px
+        Pixels of the camera along a side of a pixel of `slope`, whose noise they share.
+    share
+        Curl of a surface over its curvature, due to cells that are no points.
+    least
+        Curl that any sensor has.
+
+    Returns
+    -------
+    ndarray
+        h x w: between a cell and those right of and below it; -1 in the last row and column, on
+        film that is level, and where an edge passes.
+    """
+    side = cell_side(slope.shape[1], slope.shape[2], factor)
+    p, q = coarsen(slope, factor=side)
+    out = np.full(p.shape, UNTESTED, np.float32)
+    if min(p.shape) < 2:
+        return out
+    curl = _down(p) - _right(q)
+    bent = _right(p) ** 2 + _down(p) ** 2 + _right(q) ** 2 + _down(q) ** 2
+    tests = (_least(p * p + q * q) > MIN_SLOPE * MIN_SLOPE) & (bent < MAX_CURVATURE**2)
+    if used is not None:
+        tests &= _least(np.bitwise_count(used[::side, ::side])) >= MIN_LEDS
+    noise = np.float32(least * least + float(misfit[0]) ** 2)
+    expected = noise + np.float32(share * share) * bent
+    if variance is not None:
+        pixels = np.float32((side * cell_px) ** 2)
+        expected = expected + _mean(coarsen(variance, factor=side).sum(axis=0)) / pixels
+    out[:-1, :-1] = np.where(tests, curl * curl / expected, UNTESTED)
+    return out
+
+
+def _corners(plane: F4) -> tuple[F4, F4, F4, F4]:
+    """Of four neighbouring cells: the upper left, upper right, lower left and lower right one."""
+    return plane[:-1, :-1], plane[:-1, 1:], plane[1:, :-1], plane[1:, 1:]
+
+
+def _right(plane: F4) -> F4:
+    """The change from left to right among four cells."""
+    a, b, c, d = _corners(plane)
+    return (b - a + (d - c)) * np.float32(0.5)
+
+
+def _down(plane: F4) -> F4:
+    """The change from above to below among four cells."""
+    a, b, c, d = _corners(plane)
+    return (c - a + (d - b)) * np.float32(0.5)
+
+
+def _least(plane: F4) -> F4:
+    a, b, c, d = _corners(plane)
+    return np.minimum(np.minimum(a, b), np.minimum(c, d))
+
+
+def _mean(plane: F4) -> F4:
+    a, b, c, d = _corners(plane)
+    return (a + b + (c + d)) * np.float32(0.25)
+
+
+slope_curl.opencl(grid="h w")
+
+
+@slope_curl.example
+def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Slopes of a smooth surface, and some that no surface has."""
+    down, across = np.mgrid[:H, :W] / 7
+    surface = np.stack([np.cos(across) * np.sin(down), np.sin(across) * np.cos(down)]) * 0.6
+    curls = rng.normal(0, 0.05, (2, H, W)) * (rng.random((H, W)) < 0.5)
+    return {
+        "slope": (surface + curls).astype(np.float32),
+        "used": rng.choice([7, 15, 3], (H, W), p=[0.3, 0.6, 0.1]).astype(np.uint8),
+        "variance": rng.uniform(1e-5, 1e-4, (2, H, W)).astype(np.float32),
+        "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002], np.float32),
+    }
