@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -61,13 +62,15 @@ class Pipeline:
         ----------
         **stand_ins
             By source node: a K x H x W stack of images.  Unsigned integers count as
-            fractions of their full scale, floats as they are.
+            fractions of their full scale, floats as they are.  What image files are refused
+            or warned of, arrays are too; floats have to lie within 0..1.
 
         Raises
         ------
         InputError
-            If a source that the pipeline was planned without is missing, sizes clash, the
-            pipeline was closed, or another thread is using it.
+            If a source that the pipeline was planned without is missing, an array is no stack
+            of images that it takes, sizes clash, the pipeline was closed, or another thread is
+            using it.
         """
         if self._source is not None:
             raise InputError(
@@ -75,11 +78,16 @@ class Pipeline:
                 "go through items()"
             )
         with self._turn:
-            stacks = self._stand_ins.check(stand_ins)
+            told: list[str] = []
+            with collect_warnings(told):
+                stacks = self._stand_ins.check(stand_ins)
             if self._items.keeps:  # what is kept must not change with the caller's arrays
                 stacks = {name: own(stack) for name, stack in stacks.items()}
             self._items.prepare()
             self._items.begin()
+            self._items.notes += told
+            for line in told:
+                warnings.warn(line, stacklevel=2)
             self._has_run = False
             result = self._items.item(self._stand_ins.item(stacks))
             # What a node passes on is still the caller's own memory.
