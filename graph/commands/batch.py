@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import (
+    GraphCommand,
+    RunOptions,
+    graph_argument,
+    run_options,
+    say,
+    values_argument,
+)
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -25,9 +32,11 @@ EVERY = 10.0
 """Seconds between two lines where no bar can be drawn."""
 
 
-@click.command("batch", short_help="Run a graph over many captures, into one store.")
+@click.command(
+    "batch", cls=GraphCommand, short_help="Run a graph over many captures, into one store."
+)
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
     help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import (
+    GraphCommand,
+    RunOptions,
+    graph_argument,
+    run_options,
+    say,
+    values_argument,
+)
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -22,9 +29,9 @@ if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
-@click.command("run", short_help="Run a graph.")
+@click.command("run", cls=GraphCommand, short_help="Run a graph.")
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @run_options
 @click.option(
     "--repeats",

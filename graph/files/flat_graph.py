@@ -31,6 +31,13 @@ class Param:
     required: bool = True
     default: Any = None
 
+    @property
+    def state(self) -> str:
+        """Whether it has to be given, in words."""
+        if self.required:
+            return "needed"
+        return "optional" if self.default is None else f"default {self.default}"
+
 
 @dataclass(frozen=True)
 class Entry:
