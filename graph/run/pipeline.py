@@ -315,6 +315,13 @@ class Pipeline:
         return self._device.buffers if self._device is not None else 0
 
     @property
+    def stage(self) -> str:
+        """What is being done, for another thread to show; "" between items."""
+        name = self._items.stage
+        task = self.plan.tasks.get(name)
+        return name if task is None else f"{name} ({task.node.name})"
+
+    @property
     def endless(self) -> bool:
         """Whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())
