@@ -134,7 +134,7 @@ _RUN_OPTIONS = (
         help="Run on this back end instead of the graph's preference.",
     ),
     click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),
-    click.option("--strict", is_flag=True, help="Fail rather than fall back."),
+    click.option("--strict", is_flag=True, help="Fail if a node that has a kernel cannot use it."),
 )  # fmt: skip
 
 

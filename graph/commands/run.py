@@ -147,6 +147,9 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     folder = Path(str(given.get("out", default))) / "kept"
     for fallback in pipeline.plan.brief_fallbacks:
         line.say(f"fallback: {fallback}", err=True)
+    if wanted.options.strict and not wanted.quiet and pipeline.plan.without_kernel:
+        nodes = ", ".join(pipeline.plan.without_kernel)
+        line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
     times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
     line.recall(times)
     line.stage_of = lambda: pipeline.stage
