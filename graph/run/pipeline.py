@@ -305,9 +305,9 @@ class Pipeline:
             return self._items.trace
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_svg import to_svg
+        from tactograph.graph.plan.draw_folded import to_folded_svg
 
-        return to_svg(self.plan, self._items.times)
+        return to_folded_svg(self.plan, self._items.times)
 
     @property
     def buffers(self) -> int:

@@ -500,7 +500,7 @@ def test_explain_says_what_was_taken_out(
 
 
 @pytest.mark.parametrize(
-    ("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart LR"), (".svg", "<svg ")]
+    ("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart TB"), (".svg", "<svg ")]
 )
 def test_draw_writes_a_file(tactograph: Command, tmp_path: Path, suffix: str, start: str) -> None:
     file = tmp_path / f"plan{suffix}"
