@@ -55,7 +55,7 @@ _WORDS = f"{__name__}.words"
 """Where a context keeps the words behind a command."""
 
 
-class _Graph(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
+class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
     """A graph file, or the name of a pipeline that ships."""
 
     name = "graph"
@@ -79,7 +79,7 @@ def _complete_value(
     return complete_value(ctx.params.get("graph"), ctx.params.get("values") or (), incomplete)
 
 
-graph_argument = click.argument("graph", type=_Graph())
+graph_argument = click.argument("graph", type=GraphName())
 values_argument = click.argument(
     "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
 )

@@ -47,7 +47,7 @@ class Pipeline:
         self._items = Items(plan, device)
         if cache is not None:
             self._items.keep(cache)
-        self._has_run = False
+        self._has_run = self._has_warned = False
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stream: SourceStream | None = None
@@ -86,8 +86,10 @@ class Pipeline:
             self._items.prepare()
             self._items.begin()
             self._items.notes += told
-            for line in told:
+            # Once: in a loop over a camera's frames, the figures differ from frame to frame.
+            for line in () if self._has_warned else told:
                 warnings.warn(line, stacklevel=2)
+            self._has_warned |= bool(told)
             self._has_run = False
             result = self._items.item(self._stand_ins.item(stacks))
             # What a node passes on is still the caller's own memory.

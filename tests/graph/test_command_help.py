@@ -90,6 +90,7 @@ def completed(shell: str, words: str, number: int) -> list[str]:
         ("run paper capture = x", 5, {"file,x"}),
         ("run live ambient = fa", 5, {"plain,false"}),
         ("run nowhere x", 3, set()),
+        ("compare paper paper_no_f", 3, {"plain,paper_no_flat"}),
     ],
 )
 def test_bash_completes_graphs_params_and_values(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,16 @@ def test_twelve_bits_in_sixteen_are_warned_of_once() -> None:
         found = handed_in(stack)
     assert len(warned) == len(found.warnings) == 1
     np.testing.assert_array_equal(found["light"], stack / np.float32(65535))
+
+
+def test_a_loop_is_warned_at_its_first_stack_alone() -> None:
+    pipeline = load(GRAPH, backend="numpy")
+    with pytest.warns(UserWarning, match="25.0% of the pixels are saturated"):
+        pipeline(frames=with_plane(LIGHT, np.repeat([[1.0], [0.5], [0.5], [0.5]] * 3, 16, axis=1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        second = pipeline(frames=with_plane(LIGHT, 1.0))
+    assert second.warnings == ["frames[1]: 100.0% of the pixels are saturated; expose shorter"]
 
 
 def test_a_warning_of_one_stack_is_not_told_of_the_next() -> None:
