@@ -31,6 +31,8 @@ def _sentence(problem: str, context: str, at: StringMark, begun: StringMark | No
         if word[1] in ("\t", r"\t"):
             return "a tab; indent with spaces"
         return f"a value cannot begin with '{printable(word[1])}'; put it in quotes"
+    if "another document" in problem:
+        return "a second document begins here; a file holds one"
     if "unknown escape character" in problem:
         return (
             "within double quotes \\ begins a special character; use single quotes, or write \\\\"

@@ -151,6 +151,7 @@ class Items:
         self.begin()
         with collect_warnings([]):
             self._compute(self._stream[0], self._known, given)
+        self.stage = ""
         self.forget()
 
     def forget(self) -> None:

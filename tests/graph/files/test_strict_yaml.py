@@ -118,7 +118,7 @@ def test_a_key_that_stands_twice_is_refused_at_its_second_place() -> None:
 
 
 def test_a_second_document_is_refused() -> None:
-    assert refusal("a: 1\n---\nb: 2").startswith("g.yaml:2:1: not YAML")
+    assert refusal("a: 1\n---\nb: 2").startswith("g.yaml:2:1: a second document")
 
 
 @pytest.mark.parametrize("text", ["", "# nothing", "\n\n"])

@@ -35,7 +35,7 @@ def test_a_tab_is_told_to_be_spaces(text: str) -> None:
         ('a: 1\nb: "x\n', "2:4: the quote that begins here is not closed"),
         ("a: 1\nb: %x\n", "2:4: a value cannot begin with '%'; put it in quotes"),
         ('a: "C:\\q"', "1:4: within double quotes \\ begins a special character"),
-        ("a: 1\n---\nb: 2", "2:1: not YAML: "),
+        ("a: 1\n---\nb: 2", "2:1: a second document begins here; a file holds one"),
     ],
 )  # fmt: skip
 def test_a_slip_is_told_with_its_place_and_what_to_do(text: str, said: str) -> None:

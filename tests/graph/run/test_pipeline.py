@@ -17,6 +17,7 @@ from tactograph.graph.errors import DeviceError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.source_stream import SourceStream
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
@@ -44,6 +45,17 @@ def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
         list(pipeline.items())
     found = [call for call in toys if call != "at_rest"]
     assert found == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
+
+
+def test_nothing_is_being_done_while_a_source_waits(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
+    pipeline = opened(write(text), "opencl")
+    stages: list[str] = []
+    monkeypatch.setattr(SourceStream, "next", lambda stream: stages.append(pipeline.stage))
+    assert list(pipeline.items()) == []
+    assert stages == [""]
 
 
 @BACKENDS
