@@ -25,6 +25,10 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
+_WORDS = f"{__name__}.words"
+"""Where a context keeps the words behind a command."""
+
+
 class GraphCommand(click.Command):
     """A command that runs a graph; behind the graph's name, --help lists its params."""
 
@@ -49,10 +53,6 @@ class GraphCommand(click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[_WORDS] = [*args]
         return super().parse_args(ctx, args)
-
-
-_WORDS = f"{__name__}.words"
-"""Where a context keeps the words behind a command."""
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2

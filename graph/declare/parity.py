@@ -173,7 +173,8 @@ def _named(name: str) -> Callable[..., Any]:
     A kernel that goes out of bounds may end the process; all that Python's fault handler, which
     pytest turns on, then tells are the names of the functions that were being run.
     """
-    return FunctionType(_on_device.__code__.replace(co_name=name), globals())
+    code = _on_device.__code__.replace(co_name=name, co_qualname=name)
+    return FunctionType(code, globals())
 
 
 def _difference(
