@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 import click
 
-from tactograph.graph.errors import TactographError, WriteError, message_of, printable
+from tactograph.graph.errors import TactographError, WriteError, did_you_mean, message_of, printable
 from tactograph.graph.run.collect_seldom import collect_seldom
 
 COMMANDS = (
@@ -57,12 +57,29 @@ class _Lazy(click.Group):
         command: click.Command = module.command
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        word = args[0]
+        if word not in COMMANDS and not word.startswith("-") and not ctx.resilient_parsing:
+            ctx.fail(f"No such command '{printable(word)}'{_meant(word)}")
+        return super().resolve_command(ctx, args)
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except BrokenPipeError as error:
             # Click would end with exit code 1 and without a word.
             raise _BrokenPipe from error
+
+
+def _meant(word: str) -> str:
+    """What a word may stand for that is no command."""
+    from tactograph.graph.files.read_graph import shipped_names
+
+    if word in shipped_names() or word.endswith((".yaml", ".yml")):
+        return f"; a graph is run by 'tactograph run {printable(word)}'"
+    return did_you_mean(word, COMMANDS)
 
 
 class _BrokenPipe(Exception):  # noqa: N818  (not always an error)
@@ -87,6 +104,8 @@ def main() -> None:
     """
     collect_seldom()
     warnings.showwarning = _show_warning
+    if "_TACTOGRAPH_COMPLETE" in os.environ:
+        importlib.import_module("tactograph.graph.commands.completion")
     try:
         code: Any = _group.main(standalone_mode=False)
     except click.ClickException as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import typing
 from importlib import resources
 from pathlib import Path
@@ -88,7 +89,9 @@ def _find(node: Node, file: str) -> tuple[str, str]:
     source = node.kernels.source
     if source is not None and file == f"{node.name}.cl":
         return _own(node, source)
-    packages = () if node.kernel_package == "__main__" else (node.kernel_package,)
+    module = sys.modules.get(node.kernel_package)
+    is_file = module is not None and not hasattr(module, "__path__")
+    packages = () if is_file else (node.kernel_package,)
     for package in (*packages, "tactograph.kernels.headers"):
         found = resources.files(package) / file
         if found.is_file():

@@ -13,6 +13,8 @@ from tactograph.graph.backends import BACKENDS
 from tactograph.graph.errors import printable
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
@@ -23,7 +25,37 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
-class _Graph(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
+_WORDS = f"{__name__}.words"
+"""Where a context keeps the words behind a command."""
+
+
+class GraphCommand(click.Command):
+    """A command that runs a graph; behind the graph's name, --help lists its params."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_options(ctx, formatter)
+        # --help is dealt with before the other words are.
+        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS]))
+        if not isinstance(words.get("graph"), str):
+            return
+        from tactograph.graph.files.read_graph import read_graph
+
+        graph = read_graph(words["graph"])
+        with formatter.section(f"Params of {graph.name}"):
+            rows = graph.params.items()
+            formatter.write_dl(
+                [
+                    (f"{name}={p.kind.upper()}", printable(f"{p.state}; {p.help}"))
+                    for name, p in rows
+                ]
+            )
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[_WORDS] = [*args]
+        return super().parse_args(ctx, args)
+
+
+class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
     """A graph file, or the name of a pipeline that ships."""
 
     name = "graph"
@@ -31,8 +63,26 @@ class _Graph(click.ParamType):  # type: ignore[type-arg]  # not generic before c
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         return "Name one that ships, of 'tactograph graphs', or a file of your own."
 
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        from tactograph.graph.commands.completion import complete_graph
 
-graph_argument = click.argument("graph", type=_Graph())
+        return complete_graph(incomplete)
+
+
+def _complete_value(
+    ctx: click.Context, param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    from tactograph.graph.commands.completion import complete_value
+
+    return complete_value(ctx.params.get("graph"), ctx.params.get("values") or (), incomplete)
+
+
+graph_argument = click.argument("graph", type=GraphName())
+values_argument = click.argument(
+    "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
+)
 
 
 @dataclass(frozen=True)
@@ -84,7 +134,7 @@ _RUN_OPTIONS = (
         help="Run on this back end instead of the graph's preference.",
     ),
     click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),
-    click.option("--strict", is_flag=True, help="Fail rather than fall back."),
+    click.option("--strict", is_flag=True, help="Fail if a node that has a kernel cannot use it."),
 )  # fmt: skip
 
 

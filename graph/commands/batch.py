@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import (
+    GraphCommand,
+    RunOptions,
+    graph_argument,
+    run_options,
+    say,
+    values_argument,
+)
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -25,9 +32,11 @@ EVERY = 10.0
 """Seconds between two lines where no bar can be drawn."""
 
 
-@click.command("batch", short_help="Run a graph over many captures, into one store.")
+@click.command(
+    "batch", cls=GraphCommand, short_help="Run a graph over many captures, into one store."
+)
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
     help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",
@@ -119,12 +128,23 @@ def command(
             say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
-        before = len(store) - to_do
-        say(f"{len(store)} captures, {before} of them finished before; {who.name}")
+        say(f"{_before(store, retry_failed=retry_failed)}; {who.name}")
         _show(_with_fallbacks(run_batch(place, store, chunks, who)), to_do)
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
         raise SystemExit(1)
+
+
+def _before(store: Store, *, retry_failed: bool) -> str:
+    """How many captures there are, and how many were finished, or failed, before."""
+    from tactograph.graph.batch.entry import DONE, FAILED
+
+    statuses = store.statuses
+    done, failed = (int((statuses == status).sum()) for status in (DONE, FAILED))
+    said = f"{len(store)} captures, {done} of them finished before"
+    if not failed:
+        return said
+    return f"{said}, {failed} failed ({'' if retry_failed else 'not '}done again)"
 
 
 def _a_few(places: Sequence[str]) -> str:

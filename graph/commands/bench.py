@@ -12,15 +12,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import (
+    GraphCommand,
+    RunOptions,
+    graph_argument,
+    run_options,
+    say,
+    values_argument,
+)
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
-@click.command("bench", short_help="Time a graph on every back end and device.")
+@click.command("bench", cls=GraphCommand, short_help="Time a graph on every back end and device.")
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @run_options
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."

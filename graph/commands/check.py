@@ -45,9 +45,7 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
             say(f"not used by any node: the group {group}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():
-        given = "optional" if param.default is None else f"default {param.default}"
-        state = "needed" if param.required else given
-        say(f"  {name:<{width}}  {param.kind:<8} {state}; {param.help}")
+        say(f"  {name:<{width}}  {param.kind:<8} {param.state}; {param.help}")
 
 
 def _written(graph: Graph, plan: Plan) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import say
+from tactograph.graph.commands import GraphName, say
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
-@click.argument("words", nargs=-1, metavar="GRAPH... [NAME=VALUE]...")
+@click.argument("words", nargs=-1, metavar="GRAPH... [NAME=VALUE]...", type=GraphName())
 @click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")

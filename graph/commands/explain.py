@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import (
+    GraphCommand,
+    RunOptions,
+    graph_argument,
+    run_options,
+    say,
+    values_argument,
+)
 
 
-@click.command("explain", short_help="Say where each node would run, and why.")
+@click.command("explain", cls=GraphCommand, short_help="Say where each node would run, and why.")
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
 @run_options
 def command(

@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import (
+    GraphCommand,
+    RunOptions,
+    graph_argument,
+    run_options,
+    say,
+    values_argument,
+)
 
 if TYPE_CHECKING:
     from types import FrameType
 
+    from tactograph.graph.commands.progress_line import ProgressLine
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
 
 
-@click.command("run", short_help="Run a graph.")
+@click.command("run", cls=GraphCommand, short_help="Run a graph.")
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @run_options
 @click.option(
     "--repeats",
@@ -112,11 +121,18 @@ def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
 
 def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
     """Run the graph over all its items."""
+    from tactograph.graph.commands.progress_line import ProgressLine
+
+    with ProgressLine(wanted=not wanted.quiet) as line, _without_output(wanted.quiet):
+        _run_all(wanted, line, cache)
+
+
+def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     from tactograph.graph.errors import InputError
     from tactograph.graph.run.keep_values import read_kept, with_kept, write_kept
+    from tactograph.graph.run.keys import key_of
     from tactograph.graph.run.typed_values import read_words
 
-    repeats, quiet = wanted.repeats, wanted.quiet
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
     kept = read_kept(wanted.keep) if wanted.keep is not None else {}
@@ -129,30 +145,53 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
     trace = pipeline.trace() if wanted.trace_file is not None else None
     default = read.params["out"].default if "out" in read.params else "."
     folder = Path(str(given.get("out", default))) / "kept"
-    for line in pipeline.plan.brief_fallbacks:
-        say(f"fallback: {line}", err=True)
+    for fallback in pipeline.plan.brief_fallbacks:
+        line.say(f"fallback: {fallback}", err=True)
+    if wanted.options.strict and not wanted.quiet and pipeline.plan.without_kernel:
+        nodes = ", ".join(pipeline.plan.without_kernel)
+        line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
+    times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
+    line.recall(times)
+    line.stage_of = lambda: pipeline.stage
     told: set[str] = set()
     count = 0
     with pipeline, _stoppable(pipeline) as stop_if_asked:
-        for count, result in enumerate(pipeline.items(repeats), start=1):
+        for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
             for warning in result.warnings:
                 if warning not in told:
-                    say(f"warning: {warning}", err=True)
+                    line.say(f"warning: {warning}", err=True)
             # A camera's fault is reported whenever it comes back.
             told = {*(() if pipeline.endless else told), *result.warnings}
             if kept:
                 write_kept(result, kept, folder / str(count))
-            if not quiet and (not pipeline.endless or count == 1):
-                say(_summary(count, result))
+            if not wanted.quiet and (not pipeline.endless or count == 1):
+                line.say(_summary(count, result))
+            if count > 1:
+                line.forget_times()
+            if pipeline.endless:
+                line.end()
             stop_if_asked()
         # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
         if not count:
             raise InputError(f"{read.name}: its stream ended before a first item came")
+    line.end()
+    if count == 1:
+        line.keep(times)
     if trace is not None and wanted.trace_file is not None:
         trace.write(wanted.trace_file)
     ending = _ending(pipeline, told) if wanted.until is None else ""
-    if ending and not quiet:
+    if ending and not wanted.quiet:
         say(ending)
+
+
+@contextmanager
+def _without_output(quiet: bool) -> Iterator[None]:
+    """Let nodes print nothing, such as the figures of a live stream, if `quiet`."""
+    with ExitStack() as closing:
+        if quiet:
+            nowhere = closing.enter_context(Path(os.devnull).open("w"))
+            closing.enter_context(redirect_stdout(nowhere))
+        yield
 
 
 def _ports_of(graph: Graph, node: str) -> dict[str, str]:

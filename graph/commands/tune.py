@@ -8,12 +8,14 @@ import socket
 
 import click
 
-from tactograph.graph.commands import graph_argument, say
+from tactograph.graph.commands import GraphCommand, graph_argument, say, values_argument
 
 
-@click.command("tune", short_help="Change a graph in the browser, and see what it gives.")
+@click.command(
+    "tune", cls=GraphCommand, short_help="Change a graph in the browser, and see what it gives."
+)
 @graph_argument
-@click.argument("values", nargs=-1, metavar="[NAME=VALUE]...")
+@values_argument
 @click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
 @click.option(
     "--backend",

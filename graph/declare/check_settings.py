@@ -121,12 +121,20 @@ def _parts(annotation: Any) -> list[Any]:
 
 
 def _split_commas(value: Any) -> Any:
-    return value.split(",") if isinstance(value, str) else value
+    return _words(value) if isinstance(value, str) else value
+
+
+def _words(text: str) -> list[str]:
+    """``a,b``, also written as a list of a graph file: ``[a, b]``."""
+    inside = text.strip()
+    if inside.startswith("[") and inside.endswith("]"):
+        inside = inside[1:-1]
+    return [word.strip() for word in inside.split(",")] if inside.strip() else []
 
 
 def _split_numbers(value: Any) -> Any:
     if isinstance(value, str):
-        return [_scalar_of(part.strip()) for part in value.split(",")]
+        return [_scalar_of(part) for part in _words(value)]
     if isinstance(value, list | tuple):
         for part in value:
             _only_number(part)

@@ -113,6 +113,7 @@ class Node:
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
     make_rehearsal: Callable[..., Any] | None = None
+    check_handed_in: Callable[[Any, str], None] | None = None
     is_idle: Callable[..., bool] | None = None
     kernel_package: str = "tactograph.kernels"
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
@@ -321,3 +322,12 @@ class Node:
         """
         self.make_rehearsal = function
         return function
+
+    def handed_in(self, check: Callable[[Any, str], None]) -> Callable[[Any, str], None]:
+        """Register a check of the images that a caller hands in for an item of this source.
+
+        It is called with the K x H x W array as it came and with the source's name in the
+        graph; it raises `InputError`, or calls `warn`.
+        """
+        self.check_handed_in = check
+        return check

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import typing
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any, Literal
 
 import annotated_types
@@ -153,7 +154,8 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
     for device in devices:
         poisoned, device.poison = device.poison, RUBBISH
         try:
-            found, after = _on_device(node, device, case, inputs, wanted)
+            launch = _named(f"the kernel of {node.name}, case {case}")
+            found, after = launch(node, device, case, inputs, wanted)
         finally:
             device.poison = poisoned
         changed = _changed(after, kept)
@@ -163,6 +165,16 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
         if wrong:
             return wrong
     return None
+
+
+def _named(name: str) -> Callable[..., Any]:
+    """`_on_device` under another name.
+
+    A kernel that goes out of bounds may end the process; all that Python's fault handler, which
+    pytest turns on, then tells are the names of the functions that were being run.
+    """
+    code = _on_device.__code__.replace(co_name=name, co_qualname=name)
+    return FunctionType(code, globals())
 
 
 def _difference(

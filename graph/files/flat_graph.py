@@ -31,6 +31,13 @@ class Param:
     required: bool = True
     default: Any = None
 
+    @property
+    def state(self) -> str:
+        """Whether it has to be given, in words."""
+        if self.required:
+            return "needed"
+        return "optional" if self.default is None else f"default {self.default}"
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -131,7 +138,7 @@ class Graph:
         }
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_svg import to_svg
+        from tactograph.graph.plan.draw_folded import to_folded_svg
         from tactograph.graph.plan.make_plan import make_plan
 
         anywhere = replace(
@@ -139,7 +146,7 @@ class Graph:
             prefer=("numpy",),
             nodes={name: replace(entry, backend=None) for name, entry in self.nodes.items()},
         )
-        return to_svg(make_plan(anywhere, self.placeholders, device=None))
+        return to_folded_svg(make_plan(anywhere, self.placeholders, device=None))
 
     @property
     def placeholders(self) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from tactograph.graph.errors import GraphError, InputError, printable
+from tactograph.graph.files.yaml_errors import in_words
 
 Path_ = tuple[str | int, ...]
 MAX_BYTES = 100_000
@@ -110,10 +111,7 @@ def _parsed(text: str, name: str) -> Document:
     try:
         root = yaml.compose(text)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        place = f"{name}:{mark.line + 1}:{mark.column + 1}" if mark else name
-        problem = (error.problem or "").partition("\n")[0]
-        raise GraphError(f"{place}: not YAML: {problem or error.context}") from None
+        raise GraphError(in_words(error, name)) from None
     except YAMLError as error:
         first = str(error).partition("\n")[0]
         raise GraphError(f"{name}: not YAML: {first}") from None

@@ -11,8 +11,9 @@ from html import escape
 from typing import NamedTuple
 
 from tactograph.graph.plan.draft import Task
-from tactograph.graph.plan.draw import COLOURS, edges, recalls, use_of
+from tactograph.graph.plan.draw import COLOURS
 from tactograph.graph.plan.plan import Plan, Step
+from tactograph.graph.plan.sketch import edges, recalls, use_of
 
 WIDTH, HEIGHT = 150, 34
 """Of a box, in px."""

@@ -121,6 +121,22 @@ class Plan:
                 )
         return lines
 
+    @property
+    def without_kernel(self) -> list[str]:
+        """The nodes that the preferred back end has no kernel for; only the host reads and writes.
+
+        They run on the host by design, which is no fallback.
+        """
+        preferred = self.graph.prefer[0]
+        if preferred == "numpy":
+            return []
+        made = {
+            node_id: task.node
+            for node_id, task in self.tasks.items()
+            if not (task.stand_in or task.filled or task.node.source or task.node.sink)
+        }
+        return [node_id for node_id, node in made.items() if preferred not in node.implementations]
+
     def _fallen(self) -> dict[Placement, list[str]]:
         """The nodes that fell back, by what became of them and why."""
         alike: dict[Placement, list[str]] = {}

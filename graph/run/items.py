@@ -66,6 +66,7 @@ class Items:
         self._nothing: Known = {}
         self._only: Collection[str] | None = None
         self._is_first = True
+        self.stage = ""
         self.trace: Trace | None = None
 
     def keep(self, cache: Cache) -> None:
@@ -150,6 +151,7 @@ class Items:
         self.begin()
         with collect_warnings([]):
             self._compute(self._stream[0], self._known, given)
+        self.stage = ""
         self.forget()
 
     def forget(self) -> None:
@@ -237,6 +239,7 @@ class Items:
                 except EndOfStream:
                     # The other sinks take this item, too.
                     self.ended = True
+            self.stage = ""
         return known, total
 
     def _repeated(
@@ -311,6 +314,7 @@ class Items:
                     device.drop(step.release)
             if device is not None:
                 doing = ""
+                self.stage = "waiting for the device"
                 self.times.update(device.finish())
                 if self.trace is not None:
                     for name, start, end in device.spans():
@@ -338,6 +342,7 @@ class Items:
     def _execute(self, step: Step, known: Known, given: Mapping[str, Any]) -> Known:
         """Run one step; return the sizes that are known behind it."""
         device = self._device
+        self.stage = step.name
         if step.kind in ("upload", "download"):
             assert device is not None
             device.transfer(step)

@@ -50,7 +50,8 @@ def load(
     device
         A part of the name of the OpenCL device to use.
     strict
-        Refuse to run if a node would fall back to another back end.
+        Refuse to run if a node would fall back to another back end.  Nodes that are written for
+        the host alone are no fallback; ``pipeline.plan.without_kernel`` names them.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -46,7 +47,7 @@ class Pipeline:
         self._items = Items(plan, device)
         if cache is not None:
             self._items.keep(cache)
-        self._has_run = False
+        self._has_run = self._has_warned = False
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stream: SourceStream | None = None
@@ -61,13 +62,15 @@ class Pipeline:
         ----------
         **stand_ins
             By source node: a K x H x W stack of images.  Unsigned integers count as
-            fractions of their full scale, floats as they are.
+            fractions of their full scale, floats as they are.  What image files are refused
+            or warned of, arrays are too; floats have to lie within 0..1.
 
         Raises
         ------
         InputError
-            If a source that the pipeline was planned without is missing, sizes clash, the
-            pipeline was closed, or another thread is using it.
+            If a source that the pipeline was planned without is missing, an array is no stack
+            of images that it takes, sizes clash, the pipeline was closed, or another thread is
+            using it.
         """
         if self._source is not None:
             raise InputError(
@@ -75,11 +78,18 @@ class Pipeline:
                 "go through items()"
             )
         with self._turn:
-            stacks = self._stand_ins.check(stand_ins)
+            told: list[str] = []
+            with collect_warnings(told):
+                stacks = self._stand_ins.check(stand_ins)
             if self._items.keeps:  # what is kept must not change with the caller's arrays
                 stacks = {name: own(stack) for name, stack in stacks.items()}
             self._items.prepare()
             self._items.begin()
+            self._items.notes += told
+            # Once: in a loop over a camera's frames, the figures differ from frame to frame.
+            for line in () if self._has_warned else told:
+                warnings.warn(line, stacklevel=2)
+            self._has_warned |= bool(told)
             self._has_run = False
             result = self._items.item(self._stand_ins.item(stacks))
             # What a node passes on is still the caller's own memory.
@@ -297,14 +307,21 @@ class Pipeline:
             return self._items.trace
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_svg import to_svg
+        from tactograph.graph.plan.draw_folded import to_folded_svg
 
-        return to_svg(self.plan, self._items.times)
+        return to_folded_svg(self.plan, self._items.times)
 
     @property
     def buffers(self) -> int:
         """How many buffers were ever allocated on the device; a steady stream adds none."""
         return self._device.buffers if self._device is not None else 0
+
+    @property
+    def stage(self) -> str:
+        """What is being done, for another thread to show; "" between items."""
+        name = self._items.stage
+        task = self.plan.tasks.get(name)
+        return name if task is None else f"{name} ({task.node.name})"
 
     @property
     def endless(self) -> bool:

@@ -41,7 +41,17 @@ class StandIns:
                 f"{self._plan.graph.name}: arrays are needed for {self.names}, "
                 f"and were given for {sorted(arrays)}"
             )
-        return {name: _checked_stack(array).view() for name, array in arrays.items()}
+        return {name: self._checked(name, array).view() for name, array in arrays.items()}
+
+    def _checked(self, name: str, array: Any) -> NDArray[Any]:
+        """K x H x W: 8 or 16 bits as they came, everything else as float32."""
+        stack = _images(array)
+        check = self._plan.tasks[name].node.check_handed_in
+        if check is not None:
+            check(stack, name)
+        if stack.dtype in (np.uint8, np.uint16):
+            return stack
+        return as_fractions(stack) if stack.dtype.kind == "u" else np.asarray(stack, np.float32)
 
     def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         """What the nodes would have yielded."""
@@ -52,13 +62,13 @@ class StandIns:
         return stack if record is None else record(stack)
 
 
-def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
-    """K x H x W: 8 or 16 bits as they came, everything else as float32."""
+def _images(array: Any) -> NDArray[Any]:
+    """K x H x W, unsigned integers or finite floats."""
     found = np.asarray(array)
-    if found.ndim == 3 and found.shape[2] in (3, 4) and found.shape[0] > MOST_LIGHTS:
+    if found.ndim == 3 and found.shape[2] <= MOST_LIGHTS < found.shape[0]:
         raise InputError(
-            f"a stack of images is K x H x W; {found.shape} looks like a colour image, H x W x 3: "
-            "np.moveaxis(image[..., :3], 2, 0) makes a light of each channel"
+            f"a stack of images is K x H x W; {found.shape} looks like H x W x K: "
+            "np.moveaxis(stack, -1, 0) puts the lights first"
         )
     if found.ndim == 4 and found.shape[3] in (3, 4):
         raise InputError(
@@ -74,12 +84,11 @@ def _checked_stack(array: NDArray[Any]) -> NDArray[Any]:
         raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
     if not found.size:
         raise InputError(f"a stack of images of shape {found.shape} holds no pixel")
-    if found.dtype in (np.uint8, np.uint16):
-        return found
-    if found.dtype.kind == "u":
-        return as_fractions(found)
-    if found.dtype.kind != "f":
-        raise InputError(f"a stack of images is of unsigned integers or floats, not {found.dtype}")
-    if not np.isfinite(found).all():
+    if found.dtype.kind not in "uf":
+        cure = "; stack.astype(np.uint8) if they are 8 bit" if found.dtype.kind == "i" else ""
+        raise InputError(
+            f"a stack of images is of unsigned integers or floats, not {found.dtype}{cure}"
+        )
+    if found.dtype.kind == "f" and not np.isfinite(found).all():
         raise InputError("the stack of images holds NaN or infinite values")
-    return np.asarray(found, np.float32)
+    return found

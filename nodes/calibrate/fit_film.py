@@ -43,7 +43,7 @@ from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.capture._sheet import SheetLight, SheetMask
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.light._film import FilmPart, matt_film
 from tactograph.nodes.light._radiosity import cell_grid
 from tactograph.nodes.light.film_bounce import CELLS
 
@@ -101,7 +101,7 @@ def fit_film(
     camera_mm: Annotated[float, Gt(0)] | None = None,
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
-    without: tuple[str, ...] = (),
+    without: tuple[FilmPart, ...] = (),
 ) -> FilmFit:
     """Fit equation F1 (`light/_film`) to balls, with those of its parts that the presses support.
 
@@ -164,7 +164,7 @@ def fit_film(
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
     tall = balls.radius - np.sqrt(np.maximum(balls.radius**2 - balls.rim**2, 0))
-    closed = set(without)
+    closed: set[str] = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
         closed.add("camera")
     if np.median(balls.rim) < RESOLVED * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel:

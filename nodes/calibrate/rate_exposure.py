@@ -6,6 +6,7 @@ import numpy as np
 
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, Light, Metrics
+from tactograph.nodes.calibrate._light_fit import is_uniform
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.capture._sheet import SheetLight, cut
 
@@ -15,11 +16,22 @@ FEWEST = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
 ALIKE = 0.1
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
+_TAKEN = "the flat frame", "take both with the same exposure, gain and LED currents"
+_MODELLED = (
+    "a plain film under the LEDs that were found, as no flat frame was given",
+    "give one, flat=DIR",
+)
+"""What the film is compared with, and what to do."""
 
 
 @node
 def rate_exposure(
-    light: SheetLight, flat: Light, circle: BallCircles, of: BallPress, names: list[str]
+    light: SheetLight,
+    flat: Light,
+    taken: Light,
+    circle: BallCircles,
+    of: BallPress,
+    names: list[str],
 ) -> Metrics:
     """Return by how much the untouched film of the presses differs from the flat frame; warn of it.
 
@@ -33,6 +45,8 @@ def rate_exposure(
         K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
     flat
         K x H x W, the film at rest.
+    taken
+        K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken.
     circle, of
         The balls: x, y and contact radius in px of their press, B x 3, and the number of that
         press, B.
@@ -45,15 +59,16 @@ def rate_exposure(
         ``rest_departure_percent``, the largest of all presses and LEDs, with its sign.
     """
     presses = cut(light, flat.shape[1])
+    compared, cure = _TAKEN if not is_uniform(taken) else _MODELLED
     found = [
-        _departure(press, circle[of == number], number, names)
+        _departure(press, circle[of == number], names[number], compared, cure)
         for number, press in enumerate(presses)
     ]
     worst = max(found, key=abs, default=0.0)
     return {"rest_departure_percent": 100 * worst}
 
 
-def _departure(press: F4, circles: F4, number: int, names: list[str]) -> float:
+def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> float:
     """Light of the film at rest less 1, of the LED that departs most."""
     rows, columns = press.shape[1:]
     y, x = np.mgrid[:rows, :columns]
@@ -68,9 +83,9 @@ def _departure(press: F4, circles: F4, number: int, names: list[str]) -> float:
     if abs(level) > ALIKE:
         more = "brighter" if level > 0 else "darker"
         # A single press has no name.
-        where = f"{names[number]}: under" if names[number] else "under"
+        where = f"{name}: under" if name else "under"
         warn(
-            f"{where} LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than the "
-            "flat frame: take both with the same exposure, gain and LED currents"
+            f"{where} LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than "
+            f"{compared}: {cure}"
         )
     return level

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -226,35 +227,59 @@ def normalised(stack: NDArray[Any], files: list[Path], bits: int | None) -> NDAr
     return np.asarray(stack / np.float32(2 ** (bits or _bits(stack)) - 1), np.float32)
 
 
-def check_exposed(stack: NDArray[Any], files: list[Path], bits: int | None) -> None:
-    """Refuse images that are dark or hold too large values; warn of saturated ones."""
-    full = 2 ** (bits or _bits(stack)) - 1
-    for plane, file in zip(stack, files, strict=True):
-        brightest = int(plane.max())
-        if brightest == 0:
-            raise InputError(f"{file}: all black; is the LED on and the lens cap off?")
-        if brightest > full:
-            raise InputError(f"{file}: has values up to {brightest}, but bits: {bits}")
-        _check_bright(plane, full, file)
-        saturated = np.count_nonzero(plane >= full) / plane.size if brightest == full else 0.0
+def check_exposed(
+    stack: NDArray[Any],
+    names: Sequence[Path | str],
+    bits: int | None,
+    *,
+    how_depth: str = "say 'bits: {bits}'",
+) -> None:
+    """Refuse images that are dark or hold too large values; warn of saturated ones.
+
+    Parameters
+    ----------
+    stack
+        K x H x W, unsigned integers, or floats as fractions of full scale.
+    names
+        Of the K images, for messages.
+    bits
+        Depth of the integers; None: that of their type.
+    how_depth
+        What to do if only `bits` of them, up to `full`, are in use.
+    """
+    counts = stack.dtype.kind == "u"
+    full = 2 ** (bits or _bits(stack)) - 1 if counts else 1
+    brightest = [plane.max().item() for plane in stack]
+    shallow = ""
+    if counts and full > 4095 and max(brightest) < 4096:
+        found = 8 if max(brightest) < 256 else 12
+        shallow = f"if it is {found} bit, {how_depth.format(bits=found, full=2**found - 1)}"
+    for plane, name, most in zip(stack, names, brightest, strict=True):
+        if most == 0:
+            raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
+        if most > full:
+            raise InputError(f"{name}: has values up to {most}, but bits: {bits}")
+        _check_bright(plane, full, name, shallow)
+        saturated = np.count_nonzero(plane >= full) / plane.size if most == full else 0.0
         if saturated > 1e-3:
-            warn(f"{file}: {saturated:.1%} of the pixels are saturated; expose shorter")
-        if stack.dtype == np.uint16 and bits is None and brightest < 4096:
-            warn(f"{file}: 16 bit, but no value above 4095; if it is 12 bit, say 'bits: 12'")
+            warn(f"{name}: {saturated:.1%} of the pixels are saturated; expose shorter")
+    if shallow and bits is None:
+        warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**found - 1}; {shallow}")
 
 
-def _check_bright(plane: NDArray[Any], full: int, file: Path) -> None:
+def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:
     """Refuse dark images, whose noise would give a flat height."""
-    seen, least = plane[::4, ::4], max(DARKEST * full, FEWEST_COUNTS)
+    counts = FEWEST_COUNTS if plane.dtype.kind == "u" else 0
+    seen, least = plane[::4, ::4], max(DARKEST * full, counts)
     # With two per cent above the limit, the slow percentile need not be computed.
     if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:
         return
     light = float(np.percentile(seen, 99))
     if light >= least:
         return
-    hint = "; if it is 12 bit, say 'bits: 12'" if full > 4095 and light > DARKEST * 4095 else ""
+    hint = f"; {shallow}" if shallow and light > DARKEST * 4095 else ""
     raise InputError(
-        f"{file}: too dark to measure, {light:g} of {full}; is the LED on and the lens cap off, "
+        f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
         f"and the exposure long enough?{hint}"
     )
 

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from tactograph.graph import FRACTIONS, InputError, Whole, node
 from tactograph.graph.files.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
+from tactograph.nodes.capture._image_arrays import check_handed_in
 from tactograph.nodes.capture._image_files import (
     Crop,
     Leds,
@@ -137,6 +138,9 @@ def read_capture(
         )
     for one in inside:
         yield _read(one, layout, lights, one.name, whole)
+
+
+read_capture.handed_in(check_handed_in)
 
 
 def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArray[Any]:

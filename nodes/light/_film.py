@@ -24,7 +24,7 @@ physical part remains.  P_0 is the film at rest that the same pixel sees.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ from numpy.typing import NDArray
 from tactograph.nodes import Film
 from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
 
+FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
+"""What equation F1 adds to a matt film, in parts that a model may do without."""
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
 UNEVEN = 0.03

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from tactograph.graph import node
 from tactograph.nodes import Film
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.light._film import FilmPart, matt_film
 
-PARTS = {
+PARTS: dict[FilmPart, tuple[str, ...]] = {
     "diffuse": ("diffuse", "gain"),
     "lobe": ("base", "roughness", "refraction"),
     "harmonics": ("harmonics",),
@@ -22,7 +20,7 @@ PARTS = {
 def simplify_film(
     film: Film,
     *,
-    without: tuple[Literal["diffuse", "lobe", "harmonics", "bounce", "camera"], ...] = (),
+    without: tuple[FilmPart, ...] = (),
 ) -> Film:
     """Return the film with parts of equation F1 (`light/_film`) switched off.
 

@@ -18,6 +18,7 @@ from annotated_types import Ge
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
 from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.capture._image_arrays import check_handed_in
 from tactograph.nodes.capture._image_files import MOST_PIXELS
 from tactograph.nodes.capture.read_capture import MOST_LEDS
 from tactograph.nodes.live._assemble import Assembler, Refresh
@@ -82,6 +83,9 @@ def replay(
         yield from _one_shot(source, every)
     else:
         yield from _flashed(source, every, first, calibration, refresh)
+
+
+replay.handed_in(check_handed_in)
 
 
 def _paced(

@@ -239,6 +239,16 @@ def test_a_fallback_is_one_line_on_the_terminal(
     )
 
 
+def test_strict_names_what_has_no_kernel_and_runs_it(
+    toys: list[str], tactograph: Command, write: Write
+) -> None:
+    done = tactograph("run", write(STREAM), "--strict")
+    assert done.code == 0
+    assert done.err == "written for the host alone, so no fallback: score\n"
+    assert tactograph("run", write(STREAM), "--strict", "--quiet").err == ""
+    assert tactograph("run", write(STREAM), "--strict", "--backend", "numpy").err == ""
+
+
 def test_a_result_holds_where_everything_ran_and_every_fallback(
     tactograph: Command,
     write: Write,
@@ -490,7 +500,7 @@ def test_explain_says_what_was_taken_out(
 
 
 @pytest.mark.parametrize(
-    ("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart LR"), (".svg", "<svg ")]
+    ("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart TB"), (".svg", "<svg ")]
 )
 def test_draw_writes_a_file(tactograph: Command, tmp_path: Path, suffix: str, start: str) -> None:
     file = tmp_path / f"plan{suffix}"

@@ -353,6 +353,12 @@ def noted(image: Light) -> None:
 
 
 @node
+def talking(image: Light) -> None:
+    """A sink that prints, as those of live graphs do."""
+    print(f"a figure: {image.mean():g}")
+
+
+@node
 def noticed(image: Light, *, text: str = "a warning") -> Light:
     """Warns of something."""
     warn(text)
@@ -446,5 +452,5 @@ TOYS = (
     "filed", "strips", "halves", "bright", "enough",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
     "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",
-    "whole_touches",
+    "whole_touches", "talking",
 )  # fmt: skip

@@ -69,7 +69,7 @@ def test_three_leds_go_on_when_one_is_burnt_out(sensor: Path) -> None:
     with open_pipeline(read_graph("live"), given(sensor, port="none")) as camera:
         result = next(itertools.islice(camera.items(), 20, None))
     image = next(made for value, made in result.item.items() if value.port == "image").copy()
-    image[1] = 0
+    image[1] = 0.03 * image.max()  # hardly more than what is refused as dark
     three = load("reconstruct", calibration=str(sensor / "cal.npz"))(frames=image)
     assert np.sqrt(np.mean((three["height"] - result["height"]) ** 2)) < 0.02
 

@@ -339,6 +339,18 @@ def test_failed_captures_are_done_again_only_when_asked(
     np.testing.assert_array_equal(lit(opened(tmp_path / "out.zarr"), 2), expected(captures[2]))
 
 
+def test_what_failed_before_is_not_told_as_finished(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> None:
+    words = ["batch", graph, "--over", over, "--out", tmp_path / "out.zarr"]
+    (captures[2] / "led2.png").write_bytes(b"no image")
+    number = len(captures)
+    assert f"{number} captures, 0 of them finished before; " in tactograph(*words).out
+    said = f"{number} captures, {number - 1} of them finished before, 1 failed"
+    assert f"{said} (not done again); " in tactograph(*words).out
+    assert f"{said} (done again); " in tactograph(*words, "--retry-failed").out
+
+
 def test_images_of_another_size_fail_and_leave_the_store_as_it_was(
     tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:

@@ -39,7 +39,7 @@ def test_defaults_are_filled_in() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("corner", [[3, 4], "3,4", (3, 4)])
+@pytest.mark.parametrize("corner", [[3, 4], "3,4", (3, 4), "[3, 4]", " [3,4] "])
 def test_a_tuple_may_be_a_list_or_words_with_commas(corner: Any) -> None:
     assert check(corner=corner)["corner"] == (3, 4)
 

@@ -13,18 +13,20 @@ import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tactograph.graph.plan.draw import edges, to_dot, to_mermaid, use_of
+from tactograph.graph.plan.draw import to_dot, to_mermaid
+from tactograph.graph.plan.draw_folded import to_folded_svg
 from tactograph.graph.plan.draw_svg import to_svg
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sketch import edges, folded_sketch, use_of
 from tests.graph.conftest import SLOPES, Write
 from tests.graph.plan.plans import planned
 
 
 def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
     plan = planned(write(SLOPES), device)
-    dot = to_dot(plan)
-    mermaid = to_mermaid(plan)
+    dot = to_dot(plan, every=True)
+    mermaid = to_mermaid(plan, every=True)
     assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
     for step in plan.steps:
         assert dot.count(f'\n  "{step.name}" [label=') == 1
@@ -54,7 +56,9 @@ def grouped() -> Plan:
 
 def test_the_nodes_of_a_use_are_drawn_together() -> None:
     plan = grouped()
-    assert [line.split(" [")[0].strip() for line in to_dot(plan).splitlines()[3:12]] == [
+    assert [
+        line.split(" [")[0].strip() for line in to_dot(plan, every=True).splitlines()[3:12]
+    ] == [
         '"shape"',
         '"ball"',
         'subgraph "cluster_use" { label="use"; color="#999999"; fontsize=10;',
@@ -65,7 +69,7 @@ def test_the_nodes_of_a_use_are_drawn_together() -> None:
         "}",
         '"shape" -> "ball"',
     ]
-    mermaid = to_mermaid(plan)
+    mermaid = to_mermaid(plan, every=True)
     assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
         ('use_use["use"]', ""),
         ('use_use_a["use.a"]', ""),
@@ -180,3 +184,52 @@ def test_a_frame_of_the_svg_holds_the_steps_of_a_use_and_no_other(
 def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
     svg = to_svg(planned(write(SLOPES, "a<b&c.yaml"), None))
     assert ElementTree.fromstring(svg)[0].text == "a<b&c"
+
+
+def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
+    plan = planned("reconstruct", device)
+    boxes = {box.name: box for box in folded_sketch(plan).boxes}
+    assert boxes["pass_1"].what == "pass: 6 nodes"
+    assert not [name for name in boxes if "." in name]
+    assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
+    outside = [name for name in plan.tasks if "." not in name]
+    assert boxes.keys() == {*outside, *plan.graph.uses}
+    for drawn_as in (to_dot(plan), to_mermaid(plan), to_folded_svg(plan)):
+        assert "pass: 6 nodes" in drawn_as
+
+
+def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
+    names = [box.name for box in folded_sketch(planned("precise", device)).boxes]
+    assert "pass_1" not in names
+    assert {"pass_1.label", "gloss", "pass_2"} <= {*names}
+
+
+@pytest.mark.parametrize("name", ["reconstruct", "precise", "calibrate", "live"])
+def test_a_folded_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
+    name: str, device: OpenCL
+) -> None:
+    plan = planned(name, device)
+    svg = to_folded_svg(plan)
+    assert float(re.search(r'width="(\d+)"', svg)[1]) < 1500  # type: ignore[index]
+    rect = r'<rect x="([\d.]+)" y="([\d.]+)" width="(\d+)" height="(\d+)"'
+    boxes = [Box(*map(float, found)) for found in re.findall(r"<g [^>]*>\n" + rect, svg)]
+    assert len(boxes) == len(folded_sketch(plan).boxes)
+    for number, box in enumerate(boxes):
+        assert not any(box.meets(other) for other in boxes[number + 1 :])
+    ways = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?V([\d.]+)" fill="none" stroke="#777"', svg)
+    assert ways
+    assert all(float(start) < float(end) for start, end in ways)
+
+
+def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
+    plan = planned("reconstruct", device)
+    svg = to_folded_svg(plan, {"pass_1.label": 2.0, "pass_1.slope": 1.0, "label": 8.0})
+    assert "pass: 6 nodes, 3 ms" in svg
+    assert "label_lights, 8 ms" in svg
+
+
+def test_a_value_of_the_item_before_is_a_dashed_way_back(device: OpenCL) -> None:
+    plan = planned("reconstruct_follow_drift", device)
+    back = folded_sketch(plan).recalls
+    assert back
+    assert to_folded_svg(plan).count("stroke-dasharray") == len(back)

@@ -17,6 +17,7 @@ from tactograph.graph.errors import DeviceError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.source_stream import SourceStream
 from tests.graph.conftest import SLOPES, STREAM, Write
 
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
@@ -44,6 +45,17 @@ def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
         list(pipeline.items())
     found = [call for call in toys if call != "at_rest"]
     assert found == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
+
+
+def test_nothing_is_being_done_while_a_source_waits(
+    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
+    pipeline = opened(write(text), "opencl")
+    stages: list[str] = []
+    monkeypatch.setattr(SourceStream, "next", lambda stream: stages.append(pipeline.stage))
+    assert list(pipeline.items()) == []
+    assert stages == [""]
 
 
 @BACKENDS
@@ -160,7 +172,7 @@ def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> No
         (np.zeros((3, 0, 5), np.float32), "holds no pixel"),
         (np.full((3, 4, 5), np.nan), "holds NaN or infinite values"),
         (np.full((3, 4, 5), np.inf), "holds NaN or infinite values"),
-        (np.zeros((3, 4, 5), np.int16), "unsigned integers or floats, not int16"),
+        (np.zeros((3, 4, 5), np.int16), r"not int16; stack\.astype\(np\.uint8\)"),
         (np.zeros((3, 4, 5), bool), "unsigned integers or floats, not bool"),
         (np.zeros((3, 4, 5), complex), "unsigned integers or floats, not complex128"),
         (np.zeros((3, 4, 5), object), "unsigned integers or floats, not object"),
@@ -268,7 +280,7 @@ outputs: {lit: lit}
 """
     pipeline = load(write(text), backend="opencl")
     for shape in ((3, 4, 5), (4, 9, 7), (3, 1, 1)):
-        assert pipeline(frames=np.ones(shape, np.float32))["lit"].shape == shape[1:]
+        assert pipeline(frames=np.full(shape, 0.5, np.float32))["lit"].shape == shape[1:]
 
 
 @BACKENDS

@@ -183,7 +183,9 @@ def test_names_of_own_nodes_are_their_own() -> None:
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ((480, 640, 3), r"looks like a colour image, H x W x 3: np\.moveaxis"),
+        ((480, 640, 3), r"looks like H x W x K: np\.moveaxis\(stack, -1, 0\)"),
+        ((480, 640, 4), r"looks like H x W x K: np\.moveaxis\(stack, -1, 0\)"),
+        ((480, 640, 6), r"looks like H x W x K: np\.moveaxis\(stack, -1, 0\)"),
         ((4, 48, 64, 3), r"looks like K colour images: stack\[\.\.\., 1\]"),
         ((48, 64), r"not one image of \(48, 64\): np\.stack"),
     ],

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tactograph.graph import GraphError
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate._film_fit import (
     ALIKE,
@@ -207,6 +209,18 @@ def test_parts_that_are_left_out_are_not_tried() -> None:
     found = fitted(film, FOUR, without=("diffuse", "harmonics", "lobe", "bounce"))
     assert not any("diffuse" in m or "harmonics" in m for m in tried(found))
     assert not found.film.diffuse.any()
+
+
+@pytest.mark.parametrize("typed", ["[lobe,bounce]", "[lobe, bounce]", "lobe,bounce"])
+def test_parts_to_leave_out_may_be_typed_as_a_list_or_with_commas(typed: object) -> None:
+    settings = check_settings(fit_film, {"without": typed}, lambda name: name)
+    assert settings["without"] == ("lobe", "bounce")
+
+
+@pytest.mark.parametrize("typed", ["lobes", "[lobe, bonce]", "lobe;bounce"])
+def test_a_part_that_the_model_has_not_is_refused(typed: str) -> None:
+    with pytest.raises(GraphError, match=r"input should be 'diffuse', 'lobe', .* or 'camera'"):
+        check_settings(fit_film, {"without": typed}, lambda name: name)
 
 
 def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:

@@ -10,6 +10,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rate_exposure import rate_exposure
 
 FLAT = np.full((4, 40, 60), 0.5, np.float32)
+TAKEN = FLAT + np.linspace(0, 0.1, 60, dtype=np.float32)
 CIRCLE, OF = np.array([[30, 20, 8]], np.float32), np.zeros(1, np.int32)
 
 
@@ -20,10 +21,12 @@ def press(level: float, dark: float = 1.0) -> F4:
     return light
 
 
-def rated(light: F4, circle: F4 = CIRCLE, names: tuple[str, ...] = ("ball",)) -> tuple[float, str]:
+def rated(
+    light: F4, circle: F4 = CIRCLE, names: tuple[str, ...] = ("ball",), taken: F4 = TAKEN
+) -> tuple[float, str]:
     notes: list[str] = []
     with collect_warnings(notes):
-        found = rate_exposure(light, FLAT, circle, OF, [*names])
+        found = rate_exposure(light, FLAT, taken, circle, OF, [*names])
     return found["rest_departure_percent"], "; ".join(notes)
 
 
@@ -39,6 +42,12 @@ def test_another_exposure_is_told(level: float, word: str) -> None:
     assert departure == pytest.approx(100 * (level - 1), rel=1e-3)
     assert word in said
     assert "same exposure" in said
+
+
+def test_where_no_flat_frame_was_given_none_is_blamed() -> None:
+    _, said = rated(press(1.25), taken=np.ones_like(FLAT))
+    assert "brighter than a plain film under the LEDs that were found" in said
+    assert said.endswith("as no flat frame was given: give one, flat=DIR")
 
 
 def test_one_led_of_one_press_is_named() -> None:

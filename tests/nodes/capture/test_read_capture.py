@@ -240,9 +240,21 @@ def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images) -> No
         read_one(write(tmp_path, images))
 
 
-def test_what_is_dark_for_its_container_is_told_of_bits(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"too dark to measure.*say 'bits: 12'"):
-        read_one(write(tmp_path, dark(250, np.uint16)))
+@pytest.mark.parametrize(("counts", "bits"), [(250, 8), (320, 12)])
+def test_what_is_dark_for_its_container_is_told_of_bits(
+    tmp_path: Path, counts: int, bits: int
+) -> None:
+    with pytest.raises(InputError, match=rf"too dark to measure.*say 'bits: {bits}'"):
+        read_one(write(tmp_path, dark(counts, np.uint16)))
+
+
+def test_a_dim_led_among_bright_ones_does_not_look_like_fewer_bits(tmp_path: Path) -> None:
+    images = IMAGES.astype(np.uint16) * 256
+    images[1] //= 16
+    notes: list[str] = []
+    with collect_warnings(notes):
+        read_one(write(tmp_path, images))
+    assert notes == []
 
 
 def test_dim_light_in_many_bits_is_read(tmp_path: Path) -> None:

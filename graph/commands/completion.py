@@ -1,0 +1,82 @@
+"""What a shell may complete: graphs, their params, and values of these.
+
+A shell's script comes from click: ``eval "$(_TACTOGRAPH_COMPLETE=bash_source tactograph)"``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from click.shell_completion import BashComplete, CompletionItem, add_completion_class
+
+from tactograph.graph.errors import TactographError
+from tactograph.graph.files.flat_graph import Graph, Param
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+
+
+class _Bash(BashComplete):
+    """Click's script, but no blank follows a name whose value is still to come."""
+
+    source_template = BashComplete.source_template.replace(
+        "    return 0", "    [[ $COMPREPLY == *= ]] && compopt -o nospace\n    return 0"
+    )
+
+
+add_completion_class(_Bash)
+
+
+def complete_graph(begun: str) -> list[CompletionItem]:
+    """The graphs that ship and begin so; else files."""
+    found = [CompletionItem(name) for name in shipped_names() if name.startswith(begun)]
+    return found or [CompletionItem(begun, type="file")]
+
+
+def complete_value(graph: str | None, said: Sequence[str], begun: str) -> list[CompletionItem]:
+    """What can follow the words behind a graph: ``name=``, or a value.
+
+    zsh and fish give ``name=begun`` as one word; bash makes three of it.
+    """
+    read = _read(graph)
+    if read is None:
+        return []
+    name, equals, text = begun.partition("=")
+    if equals and name in read.params:
+        found = _words(read.params[name])
+        found = _files(text) if found is None else found
+        return [CompletionItem(f"{name}={value}") for value in found if value.startswith(text)]
+    before = said[-2] if len(said) > 1 and said[-1] == "=" else said[-1] if said else ""
+    if before in read.params:
+        found = _words(read.params[before])
+        if found is None:
+            return [CompletionItem(begun, type="file")]
+        return [CompletionItem(value) for value in found if value.startswith(begun)]
+    taken = {word.partition("=")[0] for word in said}
+    return [
+        CompletionItem(f"{name}=", help=param.help)
+        for name, param in read.params.items()
+        if name.startswith(begun) and name not in taken
+    ]
+
+
+def _read(graph: str | None) -> Graph | None:
+    try:
+        return None if graph is None else read_graph(graph)
+    except TactographError:
+        return None
+
+
+def _words(param: Param) -> list[str] | None:
+    """The values of a param, None where files are."""
+    if param.kind == "path":
+        return None
+    return ["true", "false"] if param.kind == "flag" else []
+
+
+def _files(begun: str) -> list[str]:
+    folder, slash, name = begun.rpartition("/")
+    try:
+        there = [f for f in Path(folder + slash).iterdir() if f.name.startswith(name)]
+    except OSError:
+        return []
+    return sorted(f"{folder}{slash}{f.name}{'/' if f.is_dir() else ''}" for f in there)

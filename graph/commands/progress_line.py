@@ -1,0 +1,147 @@
+"""One line on a terminal, from two seconds on: what is being done, and the time that is left.
+
+The time left is what the same graph took from this stage on when it last ran, by the disk cache.
+Where it has not run yet, or a run has several items, it is left out.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from tactograph.graph.commands import say
+from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+START_S = 2.0
+"""A run that ends sooner shows nothing."""
+EVERY_S = 0.2
+FOLDER = "times"
+"""In the cache: by graph, when each stage began, in s from the start; under END, the end."""
+END = ""
+
+
+class ProgressLine:
+    """Shows what `stage_of` returns, on standard error if that is a terminal; "" shows nothing.
+
+    Parameters
+    ----------
+    wanted
+        False: it shows nothing.
+    """
+
+    def __init__(self, *, wanted: bool = True) -> None:
+        self.stage_of: Callable[[], str] = lambda: "reading and compiling"
+        self._shown = wanted and sys.stderr.isatty()
+        self._start = time.monotonic()
+        self._begun: dict[str, float] = {}
+        self._before: dict[str, float] = {}
+        self._end: float | None = None
+        self._bar: Progress | None = None
+        self._lock = threading.Lock()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def recall(self, key: str) -> None:
+        """Know the times of the last run of this key."""
+        folder = cache_folder()
+        body = folder and read_cached(folder / FOLDER / f"{key}{SUFFIX}")
+        with suppress(ValueError):
+            self._before = json.loads(body or "{}")
+
+    def keep(self, key: str) -> None:
+        """Let the next run of this key know the times of this one."""
+        folder, taken = cache_folder(), time.monotonic() - self._start
+        if folder is not None and self._shown and taken > START_S:
+            body = json.dumps({**self._begun, END: taken}).encode()
+            write_cached(folder / FOLDER / f"{key}{SUFFIX}", body)
+
+    def forget_times(self) -> None:
+        """Tell no time left: what is done is not what was done before."""
+        self._before, self._end = {}, None
+
+    def say(self, text: str, *, err: bool = False) -> None:
+        """Print text where the line stood."""
+        with self._lock:
+            self._hide()
+            say(text, err=err)
+
+    def end(self) -> None:
+        """Take the line away for good."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._hide()
+
+    def left(self, stage: str, now: float) -> float | None:
+        """Seconds to the end of the run, `now` after its start; None if that is not known."""
+        if stage in self._before and END in self._before:
+            self._end = self._begun.get(stage, now) + self._before[END] - self._before[stage]
+        return None if self._end is None else max(self._end - now, 0.0)
+
+    def _watch(self) -> None:
+        while not self._over.wait(EVERY_S):
+            now, stage = time.monotonic() - self._start, self.stage_of()
+            self._begun.setdefault(stage, now)
+            with self._lock:
+                if stage and now > START_S:
+                    self._draw(stage, now)
+                else:
+                    self._hide()
+
+    def _draw(self, stage: str, now: float) -> None:
+        left = self.left(stage, now)
+        if self._bar is None:
+            self._bar = _make_bar()
+        self._bar.update(
+            self._bar.task_ids[0],
+            description=stage,
+            total=None if left is None else now + left,
+            completed=now,
+            left="" if left is None else f"{left:.0f} s left",
+        )
+        self._bar.start()
+        self._bar.refresh()
+
+    def _hide(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __enter__(self) -> ProgressLine:
+        if self._shown:
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.end()
+
+
+def _make_bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    bar = Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.fields[left]}"),
+        console=Console(stderr=True, force_terminal=True),
+        transient=True,
+        auto_refresh=False,
+        redirect_stdout=False,
+        redirect_stderr=False,
+    )
+    bar.add_task("", total=None, left="")
+    return bar

@@ -1,0 +1,204 @@
+"""Draw a plan as SVG for a page: layers from top to bottom, uses of groups folded to a box.
+
+Layered drawing as usual (Sugiyama): a box stands one layer below the last that it reads; an edge
+that passes layers goes through a place in each, and all edges from one box share these; sweeps
+order the layers so that few edges cross, and then move boxes towards their neighbours.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from tactograph.graph.plan.draw import COLOURS
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sketch import Box, Edge, folded_sketch
+
+WIDTH, HEIGHT = 150, 34
+"""Of a box, in px."""
+BETWEEN = 30
+"""From one layer to the next."""
+GAP, LANE = 16, 14
+"""Between boxes of a layer, and the width that a passing edge takes."""
+EDGE = 20
+SWEEPS = 12
+
+Spot = tuple[str, int]
+"""Where a box, or the trunk of edges from it, is in a layer."""
+Joined = dict[Spot, tuple[list[Spot], list[Spot]]]
+"""What each spot is joined to, above and below."""
+
+
+def to_folded_svg(plan: Plan, times: Mapping[str, float] | None = None) -> str:
+    """The plan as an SVG image, boxes coloured by back end, with `times` in ms where known."""
+    sketch = folded_sketch(plan)
+    layer = _layers(sketch.boxes, sketch.edges)
+    segments = _segments(layer, sketch.edges)
+    layers = _ordered(layer, segments)
+    centre = _centres(layers, layer, segments)
+    left = min((x for x in centre.values()), default=0.0) - WIDTH / 2 - EDGE
+    centre = {spot: x - left for spot, x in centre.items()}
+    right = max(centre.values(), default=0.0) + WIDTH / 2 + EDGE + (60 if sketch.recalls else 0)
+    bottom = 2 * EDGE + len(layers) * (HEIGHT + BETWEEN) - BETWEEN
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right:.0f} {bottom}" '
+        f'width="{right:.0f}" height="{bottom}" font-family="sans-serif" font-size="11">',
+        f"<title>{escape(plan.graph.name)}</title>",
+        '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="6" '
+        'markerHeight="6" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
+        f'<rect width="{right:.0f}" height="{bottom}" fill="white"/>',
+    ]
+    for (upper, lower), ports in segments.items():
+        arrives = upper[0] != lower[0]
+        start = centre[upper], _top(upper[1]) + HEIGHT
+        end = centre[lower], _top(lower[1]) + (0 if arrives else HEIGHT)
+        lines.append(_drawn_segment(start, end, ports, arrives=arrives))
+    for a, b, port in sketch.recalls:
+        lines.append(_drawn_recall((a, layer[a]), (b, layer[b]), port, centre))
+    for box in sketch.boxes:
+        lines += _drawn_box(box, centre[box.name, layer[box.name]], layer[box.name], times or {})
+    return "\n".join([*lines, "</svg>", ""])
+
+
+def _top(layer: int) -> int:
+    return EDGE + layer * (HEIGHT + BETWEEN)
+
+
+def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
+    """The layer of each box; one that reads nothing stands just above the first that reads it."""
+    before: dict[str, list[str]] = {}
+    after: dict[str, list[str]] = {}
+    for a, b, _ in edges:
+        before.setdefault(b, []).append(a)
+        after.setdefault(a, []).append(b)
+    layer: dict[str, int] = {}
+    for box in boxes:
+        layer[box.name] = 1 + max((layer[a] for a in before.get(box.name, ())), default=-1)
+    for box in boxes:
+        if box.name not in before and box.name in after:
+            layer[box.name] = min(layer[b] for b in after[box.name]) - 1
+    return layer
+
+
+def _segments(layer: Mapping[str, int], edges: Sequence[Edge]) -> dict[tuple[Spot, Spot], str]:
+    """The edges cut at each layer that they pass, with their ports; those of one box share."""
+    found: dict[tuple[Spot, Spot], dict[str, None]] = {}
+    for a, b, port in edges:
+        way = [(a, at) for at in range(layer[a], layer[b])] + [(b, layer[b])]
+        for spots in itertools.pairwise(way):
+            found.setdefault(spots, {})[port] = None
+    return {spots: ", ".join(ports) for spots, ports in found.items()}
+
+
+def _neighbours(segments: Mapping[tuple[Spot, Spot], str]) -> Joined:
+    found: Joined = {}
+    for a, b in segments:
+        found.setdefault(a, ([], []))[1].append(b)
+        found.setdefault(b, ([], []))[0].append(a)
+    return found
+
+
+def _ordered(
+    layer: Mapping[str, int], segments: Mapping[tuple[Spot, Spot], str]
+) -> list[list[Spot]]:
+    """The spots of each layer, ordered by the mean place of what they are joined to."""
+    spots = dict.fromkeys([(name, at) for name, at in layer.items()])
+    spots |= dict.fromkeys(spot for pair in segments for spot in pair)
+    layers: list[list[Spot]] = [[] for _ in range(1 + max(layer.values(), default=-1))]
+    for spot in spots:
+        layers[spot[1]].append(spot)
+    joined = _neighbours(segments)
+    for sweep in range(SWEEPS):
+        up = sweep % 2
+        for number in range(len(layers))[:: -1 if up else 1]:
+            place = {s: (i + 0.5) / len(row) for row in layers for i, s in enumerate(row)}
+            towards = {s: joined.get(s, ([], []))[up] or [s] for s in layers[number]}
+            mean = {s: sum(place[o] for o in others) / len(others) for s, others in towards.items()}
+            layers[number].sort(key=mean.__getitem__)
+    return layers
+
+
+def _centres(
+    layers: Sequence[Sequence[Spot]],
+    layer: Mapping[str, int],
+    segments: Mapping[tuple[Spot, Spot], str],
+) -> dict[Spot, float]:
+    """Where each spot's middle is, in px: near its neighbours', and apart from those beside it."""
+    joined = _neighbours(segments)
+
+    def apart(a: Spot, b: Spot) -> float:
+        sizes = [WIDTH + GAP if layer[spot[0]] == spot[1] else LANE for spot in (a, b)]
+        return sum(sizes) / 2
+
+    centre: dict[Spot, float] = {}
+    for row in layers:
+        at = 0.0
+        for before, spot in zip([None, *row], row, strict=False):
+            at += 0 if before is None else apart(before, spot)
+            centre[spot] = at
+        for spot in row:
+            centre[spot] -= at / 2
+    for sweep in range(SWEEPS):
+        for row in layers[:: -1 if sweep % 2 else 1]:
+            wanted = []
+            for spot in row:
+                above, below = joined.get(spot, ([], []))
+                others = [*above, *below] or [spot]
+                wanted.append(sum(centre[o] for o in others) / len(others))
+            offsets = [0.0]
+            for a, b in itertools.pairwise(row):
+                offsets.append(offsets[-1] + apart(a, b))
+            free = _increasing([w - o for w, o in zip(wanted, offsets, strict=True)])
+            centre |= {s: f + o for s, f, o in zip(row, free, offsets, strict=True)}
+    return centre
+
+
+def _increasing(wanted: Sequence[float]) -> list[float]:
+    """The numbers nearest to those wanted, by least squares, of which none is below the last."""
+    blocks: list[tuple[float, int]] = []
+    for value in wanted:
+        mean, size = value, 1
+        while blocks and blocks[-1][0] > mean:
+            before, count = blocks.pop()
+            mean, size = (before * count + mean * size) / (count + size), count + size
+        blocks.append((mean, size))
+    return [mean for mean, size in blocks for _ in range(size)]
+
+
+def _drawn_segment(
+    start: tuple[float, float], end: tuple[float, float], ports: str, *, arrives: bool
+) -> str:
+    (x1, y1), (x2, y2) = start, end
+    bend = y1 + BETWEEN
+    # Straight down past the boxes of a layer, and across between two.
+    way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}V{y2}"
+    tip = ' marker-end="url(#tip)"' if arrives else ""
+    return f'<path d="{way}" fill="none" stroke="#777"{tip}><title>{escape(ports)}</title></path>'
+
+
+def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float]) -> str:
+    x1, y1 = centre[start], _top(start[1]) + HEIGHT - 8
+    x2, y2 = centre[end], _top(end[1]) + 8
+    out = max(x1, x2) + WIDTH / 2 + 60
+    way = f"M{x1 + WIDTH / 2:.1f} {y1}C{out:.1f} {y1} {out:.1f} {y2} {x2 + WIDTH / 2:.1f} {y2}"
+    return (
+        f'<path d="{way}" fill="none" stroke="#777" stroke-dasharray="4 3" '
+        f'marker-end="url(#tip)"><title>previous {escape(port)}</title></path>'
+    )
+
+
+def _drawn_box(box: Box, x: float, layer: int, times: Mapping[str, float]) -> list[str]:
+    y, name = _top(layer), escape(box.name)
+    inside = [ms for node, ms in times.items() if f"{node}.".startswith(f"{box.name}.")]
+    what = f"{box.what}, {sum(inside):.2g} ms" if any(inside) else box.what
+    rim = ' stroke-width="2.5"' if box.kind == "use" else ""
+    middle = f'x="{x:.1f}" text-anchor="middle"'
+    return [
+        f'<g data-node="{name}">',
+        f'<rect x="{x - WIDTH / 2:.1f}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
+        f'fill="{COLOURS[box.backend]}" stroke="#555"{rim}/>',
+        f'<text {middle} y="{y + 14}" font-weight="bold">{name}</text>',
+        f'<text {middle} y="{y + 27}">{escape(what)}</text>',
+        "</g>",
+    ]

@@ -1,0 +1,50 @@
+"""The page of the Python interface names all that there is, and nothing else."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from dataclasses import fields
+
+import pytest
+
+import tactograph.graph
+from tactograph.graph import Pipeline, load
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.result import Result
+from tests.conftest import ROOT
+
+PAGE = (ROOT / "docs" / "python_reference.md").read_text(encoding="utf-8")
+NAMED = {word for code in re.findall(r"`([^`]+)`", PAGE) for word in re.findall(r"[\w.]+", code)}
+
+
+def public(kind: type) -> set[str]:
+    return {name for name in vars(kind) if not name.startswith("_")}
+
+
+def test_every_public_name_of_the_engine_is_there() -> None:
+    assert {*tactograph.graph.__all__} <= NAMED
+
+
+def test_every_argument_of_load_has_its_row() -> None:
+    rows = re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)
+    assert set(inspect.signature(load).parameters) <= set(rows)
+
+
+def test_everything_of_a_pipeline_and_a_result_is_there() -> None:
+    assert {f"pipeline.{name}" for name in public(Pipeline)} <= NAMED
+    assert {f"out.{field.name}" for field in fields(Result)} <= NAMED
+
+
+@pytest.mark.parametrize(
+    ("prefix", "there"),
+    [
+        ("pipeline", public(Pipeline) | {"plan"}),
+        ("out", {field.name for field in fields(Result)}),
+        ("plan", {field.name for field in fields(Plan)} | public(Plan)),
+    ],
+)
+def test_nothing_is_named_that_is_not_there(prefix: str, there: set[str]) -> None:
+    named = {name.split(".")[1] for name in NAMED if name.startswith(f"{prefix}.")}
+    assert named
+    assert named <= there

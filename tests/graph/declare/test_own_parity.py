@@ -1,0 +1,53 @@
+"""A test of one's own node, in a file of its own: what it tells of a kernel that is wrong."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+TEST = """
+from tactograph.graph import node, parity
+from tactograph.nodes import Light
+
+
+@node
+def astray(light: Light) -> Light:
+    return light
+
+
+astray.opencl(grid="K H W", source='''
+#include "common.clh"
+__kernel void astray(
+    __global const float *restrict light, __global float *restrict out,
+    const int K, const int H, const int W)
+{{
+    GRID_3(k, y, x, K, H, W)
+    const long i = (k * H + y) * W + x;
+    out[i + {beyond}] = light[i];
+}}
+''')
+
+
+def test_astray() -> None:
+    parity.check(astray)
+"""
+
+
+def outcome(folder: Path, beyond: str) -> subprocess.CompletedProcess[str]:
+    file = folder / "test_astray.py"
+    file.write_text(TEST.format(beyond=beyond))
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(file)]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_a_kernel_in_the_test_s_own_file_is_compared(tmp_path: Path) -> None:
+    done = outcome(tmp_path, "0")
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_kernel_that_ends_the_process_is_named_with_its_case(tmp_path: Path) -> None:
+    """A store terabytes beyond the buffer: no driver forgives it on a CPU."""
+    done = outcome(tmp_path, "(1L << 40)")
+    assert done.returncode < 0, "killed by a signal"
+    assert "the kernel of astray, case K4xH1xW1-random-default" in done.stdout + done.stderr

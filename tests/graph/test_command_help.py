@@ -1,0 +1,121 @@
+"""What the command line tells of itself: help on graphs, near misses, completion in a shell."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.files.read_graph import shipped_names
+from tests.graph.conftest import STREAM, Command, Write
+
+COMMAND = """
+import sys
+from tactograph.graph.command import main
+sys.argv = ["tactograph"]
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("grpahs", "did you mean 'graphs'?"),
+        ("comapre", "did you mean 'compare'?"),
+        ("paper", "'tactograph run paper'"),
+        ("mine.yaml", "'tactograph run mine.yaml'"),
+    ],
+)
+def test_a_near_miss_of_a_command_is_answered_with_what_was_meant(
+    tactograph: Command, typed: str, said: str
+) -> None:
+    done = tactograph(typed)
+    assert done.code == 2
+    assert said in done.err
+
+
+def test_a_near_miss_of_an_option_is_answered_with_what_was_meant(tactograph: Command) -> None:
+    done = tactograph("run", "paper", "--quite")
+    assert done.code == 2
+    assert "--quiet" in done.err
+
+
+@pytest.mark.parametrize("command", ["run", "batch", "explain", "bench", "tune"])
+def test_help_behind_a_graph_lists_what_the_graph_takes(
+    tactograph: Command, write: Write, command: str
+) -> None:
+    text = STREAM.replace("default: 3}", "default: 3, help: so many touches}")
+    file = write(text.replace("params:", "params:\n  place: {kind: path, help: a folder}"))
+    words = " ".join(tactograph(command, file, "--help").out.split())
+    assert "place=PATH needed; a folder count=INTEGER default 3; so many touches" in words
+
+
+def test_help_without_a_graph_lists_options_alone(tactograph: Command) -> None:
+    done = tactograph("run", "--device", "x", "--help")
+    assert done.code == 0
+    assert "Params of" not in done.out
+
+
+def test_help_on_a_graph_that_is_not_there_says_so(tactograph: Command) -> None:
+    done = tactograph("run", "calibrat", "--help")
+    assert done.code == 2
+    assert "did you mean 'calibrate'?" in done.err
+
+
+def completed(shell: str, words: str, number: int) -> list[str]:
+    """What a shell is told, with the words behind the command's name and the number of the last."""
+    asked = words if shell != "fish" else words.rpartition(" ")[2]
+    told = {
+        "COMP_WORDS": f"tactograph {words}",
+        "COMP_CWORD": asked if shell == "fish" else str(number),
+        "_TACTOGRAPH_COMPLETE": f"{shell}_complete",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND],
+        env={**os.environ, **told}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "number", "offered"),
+    [
+        ("grap", 1, {"plain,graphs"}),
+        ("run paper_no_f", 2, {"plain,paper_no_flat"}),
+        ("run paper cal", 3, {"plain,calibration="}),
+        ("run paper capture = x cal", 6, {"plain,calibration="}),
+        ("run paper capture = x", 5, {"file,x"}),
+        ("run live ambient = fa", 5, {"plain,false"}),
+        ("run nowhere x", 3, set()),
+        ("compare paper paper_no_f", 3, {"plain,paper_no_flat"}),
+    ],
+)
+def test_bash_completes_graphs_params_and_values(
+    words: str, number: int, offered: set[str]
+) -> None:
+    assert set(completed("bash", words, number)) == offered
+
+
+def test_a_shell_that_keeps_a_word_whole_completes_the_value_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "touches").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert completed("fish", "run paper capture=tou", 3) == ["plain,capture=touches/"]
+
+
+def test_every_graph_is_offered() -> None:
+    offered = completed("bash", "run ", 2)
+    assert offered == [f"plain,{name}" for name in shipped_names()]
+
+
+def test_no_blank_follows_a_name_whose_value_is_still_to_come() -> None:
+    script = subprocess.run(
+        [sys.executable, "-c", COMMAND],
+        env={**os.environ, "_TACTOGRAPH_COMPLETE": "bash_source"},
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    assert "compopt -o nospace" in script

@@ -1,0 +1,108 @@
+"""What is being done is shown on a terminal, and nowhere else."""
+
+from __future__ import annotations
+
+import io
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.commands import progress_line
+from tactograph.graph.commands.progress_line import ProgressLine
+from tactograph.graph.files import read_graph
+from tests.graph.conftest import STREAM, Command, Write
+
+
+class Terminal(io.StringIO):
+    """Remembers what was written, and when a word comes."""
+
+    def __init__(self, word: str) -> None:
+        super().__init__()
+        self._word = word
+        self.came = threading.Event()
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> int:
+        written = super().write(text)
+        if self._word in self.getvalue():
+            self.came.set()
+        return written
+
+
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(progress_line, "START_S", 0.0)
+    monkeypatch.setattr(progress_line, "EVERY_S", 0.001)
+    monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
+
+
+def shown(monkeypatch: pytest.MonkeyPatch, line_of: str, word: str, key: str = "one") -> str:
+    """What a terminal saw of a run in one stage, once a word had come."""
+    terminal = Terminal(word)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with ProgressLine() as line:
+        line.recall(key)
+        line.stage_of = lambda: line_of
+        assert terminal.came.wait(60)
+        line.end()
+        line.keep(key)
+    return terminal.getvalue()
+
+
+def test_a_first_run_shows_its_stage_and_a_second_one_also_the_time_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert "s left" not in shown(monkeypatch, "model (fit_film)", "model (fit_film)")
+    assert "model (fit_film)" in shown(monkeypatch, "model (fit_film)", "s left")
+
+
+def test_another_graph_s_times_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown(monkeypatch, "model", "model", key="one")
+    assert "s left" not in shown(monkeypatch, "model", "model", key="another")
+
+
+def test_the_time_left_is_what_the_last_run_took_from_this_stage_on() -> None:
+    line = ProgressLine(wanted=False)
+    line._before = {"read": 0.0, "fit": 4.0, "": 10.0}
+    line._begun = {"read": 0.0, "fit": 5.0}
+    assert line.left("fit", 7.0) == pytest.approx(4)
+    assert line.left("a stage that was too short to be seen", 8.0) == pytest.approx(3)
+    assert line.left("fit", 20.0) == 0
+    line.forget_times()
+    assert line.left("fit", 7.0) is None
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
+    toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch, quiet: bool
+) -> None:
+    terminal, read = Terminal("reading and compiling"), read_graph.read_graph
+
+    def wait_and_read(graph: str) -> object:
+        if not quiet:
+            assert terminal.came.wait(60)
+        return read(graph)
+
+    monkeypatch.setattr(read_graph, "read_graph", wait_and_read)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    words = ["--quiet"] if quiet else []
+    assert tactograph("run", write(STREAM), "--backend", "numpy", *words).code == 0
+    assert ("reading and compiling" in terminal.getvalue()) != quiet
+
+
+def test_a_pipe_gets_none_of_it(
+    toys: list[str], tactograph: Command, write: Write, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert tactograph("run", write(STREAM), "--backend", "numpy").err == ""
+
+
+def test_quiet_keeps_what_nodes_print_to_themselves(
+    toys: list[str], tactograph: Command, write: Write
+) -> None:
+    text = STREAM.replace("op: noted", "op: talking")
+    assert "a figure" in tactograph("run", write(text), "--backend", "numpy").out
+    assert tactograph("run", write(text), "--backend", "numpy", "--quiet").out == ""
