@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -21,29 +22,31 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import brightness_share, places, vectors_at
+from tactograph.nodes.light._near_light import places, vectors_at
+from tactograph.nodes.shadow._normals import (
+    dot,
+    linear_normal,
+    normals_of_pair,
+    slope_variance,
+    tangent_products,
+    turned_normal,
+    visible,
+)
 
-FLATTEST = np.float32(0.02)
-"""Smallest n_z of a normal: the camera sees no steeper film."""
-LONGEST = np.float32(0.3)
-"""Longest Gauss-Newton step, in radians."""
-AT_REST = np.float32(0.999)
+AT_REST = 0.999
 """A pair's normal with a larger n_z is the film at rest: two lights are not 1 by accident."""
-ALIKE = np.float32(0.02)
+ALIKE = 0.02
 """Smallest difference of the dark LEDs' light that decides between a pair's two normals."""
-MILD = np.float32(0.01)
-"""Variance of a normal, over n_z^2, up to which the bias by noise is fully corrected."""
-SINGULAR = np.float32(1e-4)
-"""Sine squared of the angle between two lights' gradients below which they count as one."""
-FAINTEST = np.float32(0.08)
+FAINTEST = 0.08
 """Lower bound on the expected light, of which a shadow has less than half."""
-STRAY = np.float32(0.015)
+STRAY = 0.015
 """Light in a shadow that is no noise: from the film, and ambient light not fully subtracted."""
-SHADE = np.float32(0.1)
+SHADE = 0.1
 """Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
 at a grazing angle, and the bright LEDs as shadows of still brighter light."""
-UNKNOWN = np.float32(1e12)
-ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
+LEDS = np.arange(8, dtype=np.uint8)
+Leds = NDArray[np.bool_]
+"""Of K LEDs, those that are meant; or K x N of them, for N pixels."""
 
 
 class Labelled(NamedTuple):
@@ -58,24 +61,24 @@ class Labelled(NamedTuple):
 
 
 class Pixels(NamedTuple):
-    """N pixels: light, its standard deviation and weight, the LEDs below the floor (each K x N),
-    the vectors of equation N1 (3 x K x N), and the prior slope (2 x N)."""
+    """N pixels: light and one over its variance (K x N), the LEDs below the floor, the vectors of
+    equation N1 (3 x K x N), and the prior slope (2 x N)."""
 
     light: F4
-    sigma: F4
     weight: F4
-    dark: NDArray[np.bool_]
+    dark: Leds
     vectors: F4
     prior: F4
 
     def at(self, where: NDArray[np.intp]) -> Pixels:
-        return Pixels(*(part[..., where] for part in self))
+        parts: Any = (part.take(where, axis=-1) for part in self)
+        return Pixels(*parts)
 
 
 class Choice(NamedTuple):
-    """For N pixels: the LEDs that count (K x N), what that costs, and the normals (3 x N)."""
+    """For N pixels: the LEDs used, what that costs, and the normals (3 x N)."""
 
-    used: NDArray[np.bool_]
+    used: Labels
     cost: F4
     misfit: F4
     normal: F4
@@ -83,21 +86,10 @@ class Choice(NamedTuple):
 
     def take(self, tried: Choice, where: NDArray[np.intp]) -> None:
         """Replace what costs more than what was tried on some pixels."""
-        better = tried.cost < self.cost[where]
-        for part, other in zip(self, tried, strict=True):
-            part[..., where[better]] = other[..., better]
-
-
-class Rules(NamedTuple):
-    """The node's parameters."""
-
-    pair: str
-    dark: int
-    floor: np.float32
-    price: np.float32
-    one_sided: np.float32
-    steepest: np.float32
-    uneven: np.float32
+        better = np.flatnonzero(tried.cost < self.cost[where])
+        parts: Any = zip(self, tried, strict=True)
+        for part, other in parts:
+            part[..., where[better]] = other.take(better, axis=-1)
 
 
 @node(
@@ -183,17 +175,22 @@ def label_lights(
         than half of what the slope predicts); ``misfit``, the sum of squares of the chosen
         subset.
     """
-    rules = Rules(pair, dark, *map(np.float32, (floor, price, one_sided, steepest, uneven)))
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
 
     def label_rows(rows: slice) -> Labelled:
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
-        images = light[:, rows], sigma[:, rows], vectors, prior[:, rows]
-        pixels = _pixels(*(image.reshape(*image.shape[:-2], -1) for image in images), rules)
-        made = _outputs(pixels, _cheapest(pixels, rules), rules)
+        images = light[:, rows], np.maximum(sigma[:, rows], 1e-5), vectors, prior[:, rows]
+        m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
+        pixels = Pixels(m, 1 / (spread * spread), (m < floor * spread) & (dark > 0), v, expected)
+        best = _cheapest(pixels, pair, dark, price, one_sided, uneven)
+        slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
+        weight = pixels.weight * (best.used >> LEDS[: len(m), None] & 1)
+        told = np.where(np.bitwise_count(best.used) > 2, np.float32(uneven), 0)
+        variance = slope_variance(v, m, weight, best.normal, slope, told)
+        made: Any = slope, twin, variance, best.used, _shadow(pixels, best), best.misfit
         return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
 
-    blocks = in_blocks(label_rows, *height.shape)
+    blocks = in_blocks(label_rows, y.size, light[:, 0].size)
     return Labelled(*(np.concatenate(parts, axis=-2) for parts in zip(*blocks, strict=True)))
 
 
@@ -210,200 +207,81 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     return {"lights": lights.astype(np.float32), "sigma": sigma.astype(np.float32)}
 
 
-def _pixels(light: F4, sigma: F4, vectors: F4, prior: F4, rules: Rules) -> Pixels:
-    sigma = np.maximum(sigma, np.float32(1e-5))
-    dark = (light < rules.floor * sigma) & (rules.dark > 0)
-    return Pixels(light, sigma, ONE / (sigma * sigma), dark, vectors, prior)
-
-
-def _cheapest(pixels: Pixels, rules: Rules) -> Choice:
+def _cheapest(
+    pixels: Pixels, pair: str, dark: int, price: float, one_sided: float, uneven: float
+) -> Choice:
     """For each set of LEDs: solve, find the cost; take the least.
 
     Leaving out LEDs costs at least their price and their light.  So a set is tried only where
     nothing cheaper is known: most pixels are explained by all LEDs.
     """
-    count, size = pixels.light.shape
+    leds, size = pixels.light.shape
     level = np.repeat(np.array([[0], [0], [1]], np.float32), size, axis=1)
-    none, infinite = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
-    best = Choice(np.zeros((count, size), bool), infinite, none, level, level.copy())
-    glow = np.where(pixels.dark, ZERO, np.square(pixels.light / SHADE))
-    dark = _bits(pixels.dark)
-    most = np.bitwise_count(dark) + rules.dark
-    for number in range(count - 1):
-        price = rules.price * np.float32(number)
-        open_ = np.flatnonzero((best.cost > price) & (number <= most))
-        for left_out in (s for s in range(1 << count) if s.bit_count() == number):
-            lit = np.array([not left_out >> k & 1 for k in range(count)])
-            least = price + glow[~lit][:, open_].sum(axis=0)
-            where = open_[(dark[open_] | left_out == left_out) & (best.cost[open_] > least)]
+    none, unknown = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
+    best = Choice(np.zeros(size, np.uint8), unknown, none, level, level.copy())
+    glow = np.where(pixels.dark, 0, np.square(pixels.light / SHADE))
+    most = np.count_nonzero(pixels.dark, axis=0) + dark
+    for number in range(leds - 1):
+        open_ = np.flatnonzero((number <= most) & (best.cost > price * number))
+        for left_out in combinations(range(leds), number):
+            lit = np.array([k not in left_out for k in range(leds)])
+            least = price * number + glow[~lit][:, open_].sum(axis=0)
+            allowed = ~pixels.dark[lit][:, open_].any(axis=0)
+            where = open_[allowed & (best.cost[open_] > least)]
             if where.size:
-                best.take(_explain(pixels.at(where), lit, rules), where)
+                tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven)
+                best.take(tried, where)
     return best
 
 
-def _explain(pixels: Pixels, lit: NDArray[np.bool_], rules: Rules) -> Choice:
-    """Solve for the normal by some LEDs, and find what leaving out the others costs."""
-    number = np.count_nonzero(lit)
+def _explain(
+    pixels: Pixels, lit: Leds, pair: str, price: float, one_sided: float, uneven: float
+) -> Choice:
+    """Solve for the normal by the LEDs that are lit, and find what leaving out the others costs."""
+    number, v, light = np.count_nonzero(lit), pixels.vectors, pixels.light
     weight = pixels.weight * lit[:, None]
-    if number > 2:
-        start = _linear(pixels, weight)
-        judged = normal = twin = _turned(pixels, weight, start, rules.uneven)
-        if number == 3:
-            judged = _turned(pixels, weight, start, ZERO)
-    else:
-        normal, twin = _pair(pixels, lit, rules.pair)
+    if number == 2:
+        normal, twin = _pair(pixels, lit, pair)
         judged = normal
-    uneven = rules.uneven if number > 3 else ZERO
-    misfit = _products(pixels, weight, judged, uneven)[3, 3]
-    light, sigma = pixels.light[~lit], pixels.sigma[~lit]
-    over = light - np.maximum(_dot(pixels.vectors[:, ~lit], judged), ZERO)
-    bright = np.maximum(over / np.sqrt(sigma * sigma + STRAY * STRAY) + rules.one_sided, ZERO)
-    shadows = np.where(pixels.dark[~lit], ZERO, bright * bright + np.square(light / SHADE))
-    cost = misfit + rules.price * np.float32(len(light)) + shadows.sum(axis=0)
-    used = np.repeat(lit[:, None], cost.size, axis=1)
-    return Choice(used, cost, misfit, normal, twin)
+    else:
+        start = linear_normal(v, light, weight)
+        judged = normal = twin = turned_normal(v, light, weight, start, uneven)
+        if number == 3:
+            judged = turned_normal(v, light, weight, start, 0)
+    misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
+    over = light - np.maximum(dot(v, judged), 0)
+    bright = np.maximum(over / np.sqrt(1 / pixels.weight + STRAY**2) + one_sided, 0)
+    no_shadow = bright * bright + np.square(light / SHADE)
+    unlikely = np.where(lit[:, None] | pixels.dark, 0, no_shadow).sum(axis=0)
+    cost = misfit + price * (len(lit) - number) + unlikely
+    return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
 
 
-def _linear(pixels: Pixels, weight: F4) -> F4:
-    """The direction of n with least squares of m - n.v, by Cramer's rule."""
-    v, share = pixels.vectors, weight / weight.sum(axis=0)
-    a = np.einsum("ikn,kn,jkn->ijn", v, share, v)
-    b = np.einsum("ikn,kn,kn->in", v, share, pixels.light)
-    n = _cross(a[1], a[2]) * b[0] + _cross(a[2], a[0]) * b[1] + _cross(a[0], a[1]) * b[2]
-    return _visible(_unit(n))
-
-
-def _products(pixels: Pixels, weight: F4, n: F4, uneven: F4 | np.float32) -> F4:
-    """Return the 4 x 4 products a'Wb of what an LED's light tells near a normal n.
-
-    The columns a, b are the derivatives J of n.v_k by the two tangents (n_z, 0, -n_x) and
-    (0, n_z, -n_y), the light n.v_k, and the residual m_k - n.v_k.  W is the inverse of the
-    light's covariance: sigma_k^2, and the film's brightness, which all LEDs share.
-    """
-    x, y, z = n
-    vx, vy, vz = v = pixels.vectors
-    shown = _dot(v, n)
-    columns = np.stack([vx * z - vz * x, vy * z - vz * y, shown, pixels.light - shown])
-    sums = np.einsum("akn,kn,bkn->abn", columns, weight, columns)
-    along = sums[2]
-    return sums - brightness_share(along[2], ONE, uneven) * along[:, None] * along
-
-
-def _turned(pixels: Pixels, weight: F4, n: F4, uneven: np.float32) -> F4:
-    """One Gauss-Newton step in the tangent plane, to a normal that noise does not bias.
-
-    With noise of covariance C = (J'WJ)^-1, the metric G of the tangents, and f = C u for the
-    products u of J with the light, a step from the linear solution goes too far by
-    C (G f) + f tr(C G) / 2 on average, which off the axis of the LEDs turns the film at rest
-    into a bowl.  Also, p and q come out too large by C (p, q).
-    """
-    x, y, z = n
-    products = _products(pixels, weight, n, uneven)
-    along, rest = products[:2, 2], products[:2, 3]
-    c = _inverse(products[:2, :2], np.float32(1e-6))
-    g = np.array([[z * z + x * x, x * y], [x * y, z * z + y * y]])
-    spread = np.einsum("abn,abn->n", c, g)
-    mild = MILD * z * z / np.maximum(spread, MILD * z * z)
-    bias = HALF * spread * along + _times(g, _times(c, along)) + n[:2] / z
-    turn = _times(c, rest - mild * bias)
-    s, t = turn * (LONGEST / np.maximum(np.sqrt(np.square(turn).sum(axis=0)), LONGEST))
-    return _unit(_visible(np.array([x + s * z, y + t * z, z - s * x - t * y])))
-
-
-def _pair(pixels: Pixels, lit: NDArray[np.bool_], pair: str) -> tuple[F4, F4]:
-    """The two unit normals that two LEDs allow, the likelier first."""
-    first, second = _two_normals(pixels.vectors[:, lit], pixels.light[lit])
+def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
+    """The two normals that two LEDs allow, the likelier first."""
+    first, second = normals_of_pair(pixels.vectors[:, lit], pixels.light[lit])
     flatter = first[2] >= second[2]
     if pair == "prior":
         p, q = pixels.prior
-        towards = np.array([-p, -q, np.ones_like(p)])
-        take = _dot(first, towards) >= _dot(second, towards)
+        likelier = dot(first, (-p, -q, 1)) >= dot(second, (-p, -q, 1))
     else:
-        behind = pixels.vectors[:, ~lit]
-        a, b = (_lit_behind(behind, n) for n in (first, second))
-        take = np.where(np.abs(a - b) < ALIKE, flatter, a < b)
-    take = np.where(np.maximum(first[2], second[2]) > AT_REST, flatter, take)
-    return _visible(np.where(take, first, second)), _visible(np.where(take, second, first))
-
-
-def _two_normals(v: F4, light: F4) -> tuple[F4, F4]:
-    """Unit n with n.v = m for two LEDs; the nearest, twice, where noise leaves none."""
-    a, b = v[:, 0], v[:, 1]
-    aa, ab, bb = _dot(a, a), _dot(a, b), _dot(b, b)
-    determinant = np.maximum(aa * bb - ab * ab, np.float32(1e-9))
-    s, t = bb * light[0] - ab * light[1], aa * light[1] - ab * light[0]
-    base = (a * s + b * t) / determinant
-    beyond = np.sqrt(np.maximum(ONE - _dot(base, base), ZERO) / determinant)
-    across = _cross(a, b) * beyond
-    return _unit(base + across), _unit(base - across)
+        one, other = (_lit_behind(pixels.vectors[:, ~lit], n) for n in (first, second))
+        likelier = np.where(np.abs(one - other) < ALIKE, flatter, one < other)
+    take = np.where(np.maximum(first[2], second[2]) > AT_REST, flatter, likelier)
+    return visible(np.where(take, first, second)), visible(np.where(take, second, first))
 
 
 def _lit_behind(vectors: F4, n: F4) -> F4:
     """The light that the dark LEDs would give; plenty for a normal that the camera cannot see."""
-    lit = np.maximum(_dot(vectors, n), ZERO).sum(axis=0)
-    return np.asarray(lit + np.where(n[2] < np.float32(0.05), np.float32(10), ZERO))
+    return np.maximum(dot(vectors, n), 0).sum(axis=0) + np.where(n[2] < 0.05, 10, 0)
 
 
-def _outputs(pixels: Pixels, best: Choice, rules: Rules) -> Labelled:
-    slope, twin = _slope(best.normal, rules), _slope(best.twin, rules)
-    expected = np.maximum(_dot(pixels.vectors, best.normal), FAINTEST)
-    dim = _bits((pixels.light < HALF * expected) & ~best.used)
-    used = _bits(best.used)
-    shadow = np.where(used == 0, _bits(pixels.dark), dim)
-    variance = _variance(pixels, best, slope, rules.uneven)
-    return Labelled(slope, twin, variance, used, shadow, best.misfit)
+def _shadow(pixels: Pixels, best: Choice) -> Labels:
+    """The LEDs whose light is missing; where the slope is not known, those below the floor."""
+    expected = np.maximum(dot(pixels.vectors, best.normal), FAINTEST)
+    missing = _labels(pixels.light < expected / 2) & ~best.used
+    return np.where(best.used == 0, _labels(pixels.dark), missing)
 
 
-def _slope(n: F4, rules: Rules) -> F4:
-    return np.asarray(-n[:2] / np.maximum(n[2], ONE / rules.steepest))
-
-
-def _variance(pixels: Pixels, best: Choice, slope: F4, uneven: np.float32) -> F4:
-    """(J'WJ)^-1 of the tangent plane, carried to p and q.
-
-    d(p, q) = -((1 + p^2, p q), (p q, 1 + q^2)) d(s, t).
-    """
-    weight = np.where(best.used, pixels.weight, ZERO)
-    unevens = np.where(np.count_nonzero(best.used, axis=0) > 2, uneven, ZERO)
-    h = _products(pixels, weight, best.normal, unevens)[:2, :2]
-    known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > SINGULAR * h[0, 0] * h[1, 1]
-    p, q = slope
-    carry = np.array([[ONE + p * p, p * q], [p * q, ONE + q * q]])
-    c = _inverse(np.where(known, h, np.eye(2, dtype=np.float32)[..., None]), ZERO)
-    return np.where(known, np.einsum("abn,bcn,acn->an", carry, c, carry), UNKNOWN)
-
-
-def _inverse(h: F4, soft: np.float32) -> F4:
-    """The inverse of symmetric 2 x 2 matrices, kept finite by a share of the trace."""
-    (xx, xy), (_, yy) = h
-    determinant = xx * yy - xy * xy + soft * (xx + yy) ** 2 + TINY
-    return np.array([[yy, -xy], [-xy, xx]]) / determinant
-
-
-def _times(a: F4, b: F4) -> F4:
-    """A 2 x 2 matrix times a vector."""
-    return np.asarray(a[:, 0] * b[0] + a[:, 1] * b[1])
-
-
-def _dot(a: F4, b: F4) -> F4:
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-def _cross(a: F4, b: F4) -> F4:
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
-
-
-def _unit(n: F4) -> F4:
-    return n / (np.sqrt(_dot(n, n)) + TINY)
-
-
-def _visible(n: F4) -> F4:
-    """Normals that the camera can see."""
-    return np.array([n[0], n[1], np.maximum(n[2], FLATTEST)])
-
-
-def _bits(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Flags of up to 8 LEDs as labels: bit k-1 for LED k."""
-    return np.packbits(flags, axis=0, bitorder="little")[0]
+def _labels(leds: Leds) -> Labels:
+    return (leds.T << LEDS[: len(leds)]).sum(axis=-1, dtype=np.uint8).T
