@@ -31,8 +31,7 @@ def linear_normal(v: F4, light: F4, weight: F4) -> F4:
     share = weight / weight.sum(axis=0)
     a = np.einsum("ikn,kn,jkn->ijn", v, share, v)
     b = np.einsum("ikn,kn,kn->in", v, share, light)
-    n = _cross(a[1], a[2]) * b[0] + _cross(a[2], a[0]) * b[1] + _cross(a[0], a[1]) * b[2]
-    return visible(_unit(n))
+    return visible(_unit(times(cofactors(a), b)))
 
 
 def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
@@ -63,9 +62,9 @@ def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
     c = _inverse(products[:2, :2], 1e-6)
     g = np.array([[z * z + x * x, x * y], [x * y, z * z + y * y]])
     spread = np.einsum("abn,abn->n", c, g)
-    bias = _times(g, _times(c, shown)) + spread * shown / 2 + n[:2] / z
+    bias = times(g, times(c, shown)) + spread * shown / 2 + n[:2] / z
     mild = MILD * z * z / np.maximum(spread, MILD * z * z)
-    turn = _times(c, residual - mild * bias)
+    turn = times(c, residual - mild * bias)
     s, t = turn * (LONGEST / np.maximum(np.hypot(*turn), LONGEST))
     return _unit(visible(np.array([x + s * z, y + t * z, z - s * x - t * y])))
 
@@ -105,7 +104,7 @@ def _cross(a: F4, b: F4) -> F4:
 
 
 def _unit(n: F4) -> F4:
-    return n * (1 / (np.sqrt(dot(n, n)) + TINY))
+    return n * np.reciprocal(np.sqrt(dot(n, n)) + TINY)
 
 
 def _inverse(h: F4, soft: float) -> F4:
@@ -115,5 +114,11 @@ def _inverse(h: F4, soft: float) -> F4:
     return np.array([[yy, -xy], [-xy, xx]]) / determinant
 
 
-def _times(a: F4, b: F4) -> F4:
-    return a[:, 0] * b[0] + a[:, 1] * b[1]
+def cofactors(a: Any) -> Any:
+    """Of symmetric 3 x 3 matrices: their inverse times their determinant."""
+    return np.array([_cross(a[1], a[2]), _cross(a[2], a[0]), _cross(a[0], a[1])])
+
+
+def times(a: Any, b: Any) -> Any:
+    """Matrices times vectors."""
+    return np.einsum("ijn,jn->in", a, b)

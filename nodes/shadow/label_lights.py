@@ -44,9 +44,9 @@ STRAY = 0.015
 SHADE = 0.1
 """Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
 at a grazing angle, and the bright LEDs as shadows of still brighter light."""
-LEDS = np.arange(8, dtype=np.uint8)
+UP = np.array([[0], [0], [1]], np.float32)
 Leds = NDArray[np.bool_]
-"""Of K LEDs, those that are meant; or K x N of them, for N pixels."""
+"""Which of K LEDs are meant, for all pixels or for each (K x N)."""
 
 
 class Labelled(NamedTuple):
@@ -66,7 +66,7 @@ class Pixels(NamedTuple):
 
     light: F4
     weight: F4
-    dark: Leds
+    below: Leds
     vectors: F4
     prior: F4
 
@@ -181,13 +181,12 @@ def label_lights(
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], np.maximum(sigma[:, rows], 1e-5), vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        pixels = Pixels(m, 1 / (spread * spread), (m < floor * spread) & (dark > 0), v, expected)
+        below = (m < floor * spread) & (dark > 0)
+        pixels = Pixels(m, np.reciprocal(spread * spread), below, v, expected)
         best = _cheapest(pixels, pair, dark, price, one_sided, uneven)
         slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
-        weight = pixels.weight * (best.used >> LEDS[: len(m), None] & 1)
-        told = np.where(np.bitwise_count(best.used) > 2, np.float32(uneven), 0)
-        variance = slope_variance(v, m, weight, best.normal, slope, told)
-        made: Any = slope, twin, variance, best.used, _shadow(pixels, best), best.misfit
+        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best)
+        made: Any = slope, twin, variance, best.used, shadow, best.misfit
         return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
 
     blocks = in_blocks(label_rows, y.size, light[:, 0].size)
@@ -216,18 +215,18 @@ def _cheapest(
     nothing cheaper is known: most pixels are explained by all LEDs.
     """
     leds, size = pixels.light.shape
-    level = np.repeat(np.array([[0], [0], [1]], np.float32), size, axis=1)
-    none, unknown = np.zeros(size, np.float32), np.full(size, np.inf, np.float32)
-    best = Choice(np.zeros(size, np.uint8), unknown, none, level, level.copy())
-    glow = np.where(pixels.dark, 0, np.square(pixels.light / SHADE))
-    most = np.count_nonzero(pixels.dark, axis=0) + dark
+    level, none = np.repeat(UP, size, axis=1), np.zeros(size, np.float32)
+    best = Choice(np.zeros(size, np.uint8), none + np.inf, none, level, level.copy())
+    glow = np.where(pixels.below, 0, np.square(pixels.light / SHADE))
+    forced = _labels(pixels.below)
+    most = np.bitwise_count(forced) + np.uint8(dark)
     for number in range(leds - 1):
-        open_ = np.flatnonzero((number <= most) & (best.cost > price * number))
+        open_ = np.flatnonzero((best.cost > price * number) & (number <= most))
+        open_glow, open_forced = glow.take(open_, axis=1), forced[open_]
         for left_out in combinations(range(leds), number):
             lit = np.array([k not in left_out for k in range(leds)])
-            least = price * number + glow[~lit][:, open_].sum(axis=0)
-            allowed = ~pixels.dark[lit][:, open_].any(axis=0)
-            where = open_[allowed & (best.cost[open_] > least)]
+            least = price * number + ~lit @ open_glow
+            where = open_[(open_forced & _labels(lit) == 0) & (best.cost[open_] > least)]
             if where.size:
                 tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven)
                 best.take(tried, where)
@@ -249,11 +248,10 @@ def _explain(
         if number == 3:
             judged = turned_normal(v, light, weight, start, 0)
     misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
-    over = light - np.maximum(dot(v, judged), 0)
-    bright = np.maximum(over / np.sqrt(1 / pixels.weight + STRAY**2) + one_sided, 0)
-    no_shadow = bright * bright + np.square(light / SHADE)
-    unlikely = np.where(lit[:, None] | pixels.dark, 0, no_shadow).sum(axis=0)
-    cost = misfit + price * (len(lit) - number) + unlikely
+    dark, spread = light[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY**2)
+    over = (dark - np.maximum(dot(v[:, ~lit], judged), 0)) / spread
+    bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / SHADE)
+    cost = misfit + price * len(dark) + np.where(pixels.below[~lit], 0, bright).sum(axis=0)
     return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
 
 
@@ -280,8 +278,17 @@ def _shadow(pixels: Pixels, best: Choice) -> Labels:
     """The LEDs whose light is missing; where the slope is not known, those below the floor."""
     expected = np.maximum(dot(pixels.vectors, best.normal), FAINTEST)
     missing = _labels(pixels.light < expected / 2) & ~best.used
-    return np.where(best.used == 0, _labels(pixels.dark), missing)
+    return np.where(best.used == 0, _labels(pixels.below), missing)
+
+
+def _variance(pixels: Pixels, best: Choice, slope: F4, uneven: float) -> F4:
+    """The variance of the slope that follows from that of the light."""
+    used = best.used >> np.arange(len(pixels.light), dtype=np.uint8)[:, None] & 1
+    unevens = np.where(np.bitwise_count(best.used) > 2, np.float32(uneven), 0)
+    weight = pixels.weight * used
+    return slope_variance(pixels.vectors, pixels.light, weight, best.normal, slope, unevens)
 
 
 def _labels(leds: Leds) -> Labels:
-    return (leds.T << LEDS[: len(leds)]).sum(axis=-1, dtype=np.uint8).T
+    """The labels, bit k-1 for LED k."""
+    return (leds.T << np.arange(len(leds), dtype=np.uint8)).sum(axis=-1, dtype=np.uint8).T
