@@ -173,7 +173,7 @@ def label_lights(
         of the light, 1e12 where not known; ``used``, bit k-1 set where the slope rests on LED
         k; ``shadow``, bit k-1 set where LED k does not light the pixel (not used, and less
         than half of what the slope predicts); ``misfit``, the sum of squares of the chosen
-        subset.
+        subset.  NumPy makes all, ``wanted`` or not; a kernel leaves out what nobody reads.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
 
@@ -245,6 +245,7 @@ def _explain(
     else:
         start = linear_normal(v, light, weight)
         judged = normal = twin = turned_normal(v, light, weight, start, uneven)
+        # Among three LEDs only |n| = 1 can reveal a shadow, so their brightness counts.
         if number == 3:
             judged = turned_normal(v, light, weight, start, 0)
     misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
@@ -271,7 +272,7 @@ def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
 
 def _lit_behind(vectors: F4, n: F4) -> F4:
     """The light that the dark LEDs would give; plenty for a normal that the camera cannot see."""
-    return np.maximum(dot(vectors, n), 0).sum(axis=0) + np.where(n[2] < 0.05, 10, 0)
+    return np.maximum(dot(vectors, n), 0).sum(axis=0) + np.float32(10) * (n[2] < 0.05)
 
 
 def _shadow(pixels: Pixels, best: Choice) -> Labels:
