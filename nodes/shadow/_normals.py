@@ -3,6 +3,9 @@
 Arrays are planes of N pixels: vectors v of equation N1 (`_near_light`) 3 x K x N, light m and
 weight (one over its variance; 0 for an LED that does not count) K x N, and normals 3 x N.  The
 tangents of a normal n are (n_z, 0, -n_x) and (0, n_z, -n_y).
+
+The kernel of `label_lights` sums w v v' = A and w m v once, and has the products of the tangents T
+near any normal from these: J'WJ = T'AT.
 """
 
 from __future__ import annotations

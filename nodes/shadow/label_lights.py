@@ -84,8 +84,8 @@ class Choice(NamedTuple):
     normal: F4
     twin: F4
 
-    def take(self, tried: Choice, where: NDArray[np.intp]) -> None:
-        """Replace what costs more than what was tried on some pixels."""
+    def improve(self, tried: Choice, where: NDArray[np.intp]) -> None:
+        """Take what was tried on some pixels, where it costs less."""
         better = np.flatnonzero(tried.cost < self.cost[where])
         parts: Any = zip(self, tried, strict=True)
         for part, other in parts:
@@ -229,7 +229,7 @@ def _cheapest(
             where = open_[(open_forced & _labels(lit) == 0) & (best.cost[open_] > least)]
             if where.size:
                 tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven)
-                best.take(tried, where)
+                best.improve(tried, where)
     return best
 
 
