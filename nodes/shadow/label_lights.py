@@ -221,12 +221,11 @@ def _cheapest(
     forced = _labels(pixels.below)
     most = np.bitwise_count(forced) + np.uint8(dark)
     for number in range(leds - 1):
-        open_ = np.flatnonzero((best.cost > price * number) & (number <= most))
-        open_glow, open_forced = glow.take(open_, axis=1), forced[open_]
         for left_out in combinations(range(leds), number):
             lit = np.array([k not in left_out for k in range(leds)])
-            least = price * number + ~lit @ open_glow
-            where = open_[(open_forced & _labels(lit) == 0) & (best.cost[open_] > least)]
+            least = price * number + ~lit @ glow
+            allowed = (forced & _labels(lit) == 0) & (number <= most)
+            where = np.flatnonzero(allowed & (best.cost > least))
             if where.size:
                 tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven)
                 best.improve(tried, where)
