@@ -51,7 +51,7 @@ TURN = 0.02
 """Radians by which a normal is turned for the derivative of a coat's light."""
 LONGEST = 0.3
 """Longest step of a normal, in radians."""
-FLATTEST = 0.1
+FLATTEST_TRIED = 0.1
 """Smallest n_z of a normal that is tried."""
 DIM, LIT = 0.05, 0.2
 """Matt light at which an LED begins to count for the normal, and at which it counts in full."""
@@ -215,7 +215,7 @@ def turned(
     shrink = LONGEST / np.maximum(np.sqrt(s * s + t * t), LONGEST)
     s, t = s * shrink, t * shrink
     new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
-    np.maximum(new[2], FLATTEST, out=new[2])
+    np.maximum(new[2], FLATTEST_TRIED, out=new[2])
     return _unit(new)
 
 

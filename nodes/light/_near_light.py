@@ -54,7 +54,9 @@ def expected_light(vectors: F4, slope: F4) -> F4:
     return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
 
 
-def brightness_share(whole: F4, scale: F4 | np.float32, uneven: np.float32) -> F4:
+def brightness_share(
+    whole: F4, scale: F4 | np.float32 | float, uneven: F4 | np.float32 | float
+) -> F4:
     """Return how much of a square along n.v an unknown brightness explains (Woodbury's identity).
 
     `whole` is the sum of the squares of n.v over their variances, times `scale`; `uneven` is the

@@ -7,14 +7,18 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
+from tactograph.nodes.light._bilinear import bilinear
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._only_read import only_read
 
 GROUP, BLOCK = 64, 16
+STEP = 0.5
+"""Along a ray, in px."""
+TINY = 1e-6
 
 
 @node(
@@ -53,23 +57,49 @@ def cast_shadows(
     ndarray
         H x W, bit k-1 set where LED k does not light the pixel.
     """
-    from tactograph.nodes.shadow._ray_loops import cast
-
-    out = np.zeros(height.shape, np.uint8)
+    labels = np.zeros(height.shape, np.uint8)
     window = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
-    surface, top = only_read(height), height.max()
-    size = np.float32(pixel)
-    for k, (x, y, z) in enumerate(lights):
+    for k, led in enumerate(lights):
         asked: Mask = np.ones(height.shape, np.uint8)
         if seen is not None:
             asked = np.asarray(cv2.dilate(np.ascontiguousarray(seen >> k & 1), window), np.uint8)
-        led = np.array([x / size, y / size, z], np.float32)
+        labels |= _shadow(height, led / np.array([pixel, pixel, 1], np.float32), asked) << k
+    return labels
 
-        def cast_in(rows: slice, led: F4 = led, asked: Mask = asked, bit: int = 1 << k) -> None:
-            cast(rows.start, rows.stop, surface, led, asked, top, bit, out)
 
-        in_blocks(cast_in, *height.shape)
-    return out
+def _shadow(height: F4, led: F4, asked: Mask) -> Mask:
+    """1 where the height keeps off the light of an LED (in px and mm); 0 where nobody asked."""
+    shadow = np.zeros(height.shape, np.uint8)
+    row, column = np.nonzero(asked)
+
+    def cast(part: slice) -> None:
+        here = row[part], column[part]
+        shadow[here] = _is_blocked(height, led, *here)
+
+    in_blocks(cast, row.size)
+    return shadow
+
+
+def _is_blocked(
+    height: F4, led: F4, row: NDArray[np.intp], column: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Whether the surface rises above the rays from some pixels to an LED."""
+    rows, columns = height.shape
+    x, y, z = column.astype(np.float32), row.astype(np.float32), height[row, column]
+    dx = led[0] - (x - np.float32(0.5) * (columns - 1))
+    dy = led[1] - (y - np.float32(0.5) * (rows - 1))
+    plan = np.sqrt(dx * dx + dy * dy) + TINY
+    ux, uy, climb = dx / plan, dy / plan, (led[2] - z) / plan
+    blocked, going, top = np.zeros(row.size, bool), np.arange(row.size), height.max()
+    for t in np.arange(STEP, rows + columns, STEP, dtype=np.float32):
+        px, py, ray = (start[going] + t * by[going] for start, by in ((x, ux), (y, uy), (z, climb)))
+        inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
+        hit = inside & (bilinear(height, px, py) > ray)
+        blocked[going[hit]] = True
+        going = going[inside & ~hit & (ray < top)]
+        if not going.size:
+            break
+    return blocked
 
 
 @cast_shadows.opencl()

@@ -6,17 +6,27 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import expected_light, light_vectors
-from tactograph.nodes.shadow._pieces import images_of, room_for
+from tactograph.nodes.light._near_light import (
+    expected_light,
+    light_vectors,
+    places,
+    vectors_at,
+)
+from tactograph.nodes.shadow._normals import cofactors, dot, times
 
 FEWEST = 3
 """LEDs that must remain: two would allow two normals."""
+SOFTLY = 1e-6
+"""Share of the trace that keeps the equations of nearly parallel lights solvable."""
 UNKNOWN = np.float32(1e3)
 """Standard deviation of a light that carries no information."""
+UP = np.array([[0], [0], [1]])
+F8 = NDArray[np.float64]
 
 
 class Highlights(NamedTuple):
@@ -24,15 +34,6 @@ class Highlights(NamedTuple):
 
     highlight: Labels
     sigma: Light
-
-
-class Limits(NamedTuple):
-    """The node's parameters; `near` is the cosine of the lobe's angle."""
-
-    unlikely: np.float32
-    likely: np.float32
-    excess: np.float32
-    near: np.float32
 
 
 @node(
@@ -86,23 +87,25 @@ def label_highlights(
         H x W, bit k-1 set where LED k is mirrored; K x H x W, `sigma`, raised to 1000 there,
         so that `label_lights` ignores that light without calling it a shadow.
     """
-    from tactograph.nodes.shadow._highlight_loops import mark
-
-    count = len(light)
-    highlight = np.zeros(height.shape, np.uint8)
-    images = images_of(light, sigma, lights, height, pixel)
+    x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     near = np.cos(np.deg2rad(np.float32(lobe_deg)))
-    limits = Limits(*map(np.float32, (unlikely, likely, excess, near)))
+    highlight = np.zeros(height.shape, np.uint8)
 
-    def mark_rows(rows: slice) -> None:
-        mark(rows.start, rows.stop, images, limits, room_for(count), highlight)
+    def mark(rows: slice) -> None:
+        v = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
+        m, weight = light[:, rows], 1 / np.maximum(np.square(sigma[:, rows]), 1e-10)
+        # If level film explains the light, the best normal explains it, too.
+        where = (weight * np.square(m - v[2])).sum(axis=0) > unlikely
+        # Double precision, because lights may be nearly parallel.
+        seen: Any = (np.ascontiguousarray(part[..., where], np.float64) for part in (v, m, weight))
+        highlight[rows][where] = _mirrored(
+            *seen, unlikely=unlikely, likely=likely, excess=excess, near=near
+        )
 
-    if count > FEWEST:
-        in_blocks(mark_rows, *height.shape)
-    raised = sigma.copy()
-    for k, plane in enumerate(raised):
-        plane[(highlight >> k & 1) > 0] = UNKNOWN
-    return Highlights(highlight, raised)
+    if len(light) > FEWEST:
+        in_blocks(mark, y.size, light[:, 0].size)
+    bits = highlight >> np.arange(len(light), dtype=np.uint8)[:, None, None] & 1
+    return Highlights(highlight, np.where(bits, UNKNOWN, sigma))
 
 
 label_highlights.opencl(grid="H W", lanes="grid")
@@ -127,3 +130,45 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "height": height,
         "pixel": 0.1,
     }
+
+
+def _mirrored(
+    v: F8, light: F8, weight: F8, *, unlikely: float, likely: float, excess: float, near: float
+) -> NDArray[np.uint8]:
+    """The bit of the LED, if any, that is brighter than the others allow, for each of N pixels.
+
+    Leave each LED out in turn.  The one without which the others fit best is a highlight if it is
+    bright and the film faces half-way to the camera, within an angle of cosine ``near``.
+    """
+    marked, least = np.zeros(light.shape[1], np.uint8), np.full(light.shape[1], np.inf)
+    for k, towards in enumerate(v.swapaxes(0, 1)):
+        others = weight.copy()
+        others[k] = 0
+        normal, covariance, misfit = _fit(v, light, others)
+        predicted = dot(towards, times(covariance, towards))
+        bright = light[k] - dot(towards, normal) > excess * np.sqrt(1 / weight[k] + predicted)
+        half_way = towards / np.linalg.norm(towards, axis=0) + UP
+        facing = dot(half_way, normal) > near * np.linalg.norm(half_way, axis=0)
+        found = bright & facing & (misfit < likely)
+        marked = np.where(misfit < least, found * np.uint8(1 << k), marked)
+        least = np.minimum(misfit, least)
+    return np.where(_fit(v, light, weight)[2] > unlikely, marked, np.uint8(0))
+
+
+def _fit(v: F8, light: F8, weight: F8) -> tuple[F8, F8, F8]:
+    """Least squares, then the nearest normal of unit length in the metric of the noise.
+
+    For N pixels the normals 3 x N, the covariances 3 x 3 x N of the least squares, and the
+    chi-squares.
+    """
+    moments = np.einsum("ikn,kn,jkn->ijn", v, weight, v)
+    moments += SOFTLY * np.eye(3)[..., None] * np.trace(moments)
+    covariance = cofactors(moments)
+    covariance /= dot(moments[0], covariance[0])
+    free = times(covariance, np.einsum("ikn,kn,kn->in", v, weight, light))
+    length = np.linalg.norm(free, axis=0)
+    unit = free / np.maximum(length, 1e-6)
+    along = times(covariance, unit)
+    normal = free - along * (length - 1) / np.maximum(dot(unit, along), 1e-12)
+    normal /= np.maximum(np.linalg.norm(normal, axis=0), 1e-6)
+    return normal, covariance, (weight * np.square(light - dot(v, normal))).sum(axis=0)

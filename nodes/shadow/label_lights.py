@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -21,8 +22,31 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._only_read import only_read
-from tactograph.nodes.shadow._pieces import images_of, room_for
+from tactograph.nodes.light._near_light import places, vectors_at
+from tactograph.nodes.shadow._normals import (
+    dot,
+    linear_normal,
+    normals_of_pair,
+    slope_variance,
+    tangent_products,
+    turned_normal,
+    visible,
+)
+
+AT_REST = 0.999
+"""A pair's normal with a larger n_z is the film at rest: two lights are not 1 by accident."""
+ALIKE = 0.02
+"""Smallest difference of the dark LEDs' light that decides between a pair's two normals."""
+FAINTEST = 0.08
+"""Lower bound on the expected light, of which a shadow has less than half."""
+STRAY = 0.015
+"""Light in a shadow that is no noise: from the film, and ambient light not fully subtracted."""
+SHADE = 0.1
+"""Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
+at a grazing angle, and the bright LEDs as shadows of still brighter light."""
+UP = np.array([[0], [0], [1]], np.float32)
+Leds = NDArray[np.bool_]
+"""Which of K LEDs are meant, for all pixels or for each (K x N)."""
 
 
 class Labelled(NamedTuple):
@@ -36,17 +60,36 @@ class Labelled(NamedTuple):
     misfit: Annotated[F4, Port("H W", "1")]
 
 
-class Rules(NamedTuple):
-    """The node's parameters, and the sets of LEDs that may be left out."""
+class Pixels(NamedTuple):
+    """N pixels: light and one over its variance (K x N), the LEDs below the floor, the vectors of
+    equation N1 (3 x K x N), and the prior slope (2 x N)."""
 
-    by_prior: bool
-    dark: int
-    floor: np.float32
-    price: np.float32
-    one_sided: np.float32
-    steepest: np.float32
-    uneven: np.float32
-    sets: NDArray[np.int64]
+    light: F4
+    weight: F4
+    below: Leds
+    vectors: F4
+    prior: F4
+
+    def at(self, where: NDArray[np.intp]) -> Pixels:
+        parts: Any = (part.take(where, axis=-1) for part in self)
+        return Pixels(*parts)
+
+
+class Choice(NamedTuple):
+    """For N pixels: the LEDs used, what that costs, and the normals (3 x N)."""
+
+    used: Labels
+    cost: F4
+    misfit: F4
+    normal: F4
+    twin: F4
+
+    def improve(self, tried: Choice, where: NDArray[np.intp]) -> None:
+        """Take what was tried on some pixels, where it costs less."""
+        better = np.flatnonzero(tried.cost < self.cost[where])
+        parts: Any = zip(self, tried, strict=True)
+        for part, other in parts:
+            part[..., where[better]] = other.take(better, axis=-1)
 
 
 @node(
@@ -130,22 +173,24 @@ def label_lights(
         of the light, 1e12 where not known; ``used``, bit k-1 set where the slope rests on LED
         k; ``shadow``, bit k-1 set where LED k does not light the pixel (not used, and less
         than half of what the slope predicts); ``misfit``, the sum of squares of the chosen
-        subset.
+        subset.  NumPy makes all, ``wanted`` or not; a kernel leaves out what nobody reads.
     """
-    from tactograph.nodes.shadow._label_loops import label
+    x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
 
-    numbers = map(np.float32, (floor, price, one_sided, steepest, uneven))
-    told: list[Any] = [pair == "prior", dark, *numbers, _sets(len(light))]
-    rules = Rules(*told)
-    images, believed = images_of(light, sigma, lights, height, pixel), only_read(prior)
-    made = _room_for(height.shape, wanted)
+    def label_rows(rows: slice) -> Labelled:
+        vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
+        images = light[:, rows], np.maximum(sigma[:, rows], 1e-5), vectors, prior[:, rows]
+        m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
+        below = (m < floor * spread) & (dark > 0)
+        pixels = Pixels(m, np.reciprocal(spread * spread), below, v, expected)
+        best = _cheapest(pixels, pair, dark, price, one_sided, uneven)
+        slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
+        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best)
+        made: Any = slope, twin, variance, best.used, shadow, best.misfit
+        return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
 
-    def label_rows(rows: slice) -> None:
-        label(rows.start, rows.stop, images, believed, rules, room_for(len(light)), made)
-
-    in_blocks(label_rows, *height.shape)
-    unwanted: dict[str, Any] = {name: None for name in made._fields if name not in wanted}
-    return made._replace(**unwanted)
+    blocks = in_blocks(label_rows, y.size, light[:, 0].size)
+    return Labelled(*(np.concatenate(parts, axis=-2) for parts in zip(*blocks, strict=True)))
 
 
 label_lights.opencl(grid="H W", lanes="grid")
@@ -161,18 +206,89 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     return {"lights": lights.astype(np.float32), "sigma": sigma.astype(np.float32)}
 
 
-def _room_for(shape: tuple[int, int], wanted: Wanted) -> Labelled:
-    """Arrays for the outputs that are wanted; the others are empty."""
-    sizes = dict(zip("HW", shape, strict=True))
-    planes: list[Any] = []
-    for name in Labelled._fields:
-        whole = label_lights.output_shape(name, sizes)
-        size = whole if name in wanted else (0,) * len(whole)
-        planes.append(np.empty(size, label_lights.outputs[name].dtype))
-    return Labelled(*planes)
+def _cheapest(
+    pixels: Pixels, pair: str, dark: int, price: float, one_sided: float, uneven: float
+) -> Choice:
+    """For each set of LEDs: solve, find the cost; take the least.
+
+    Leaving out LEDs costs at least their price and their light.  So a set is tried only where
+    nothing cheaper is known: most pixels are explained by all LEDs.
+    """
+    leds, size = pixels.light.shape
+    level, none = np.repeat(UP, size, axis=1), np.zeros(size, np.float32)
+    best = Choice(np.zeros(size, np.uint8), none + np.inf, none, level, level.copy())
+    glow = np.where(pixels.below, 0, np.square(pixels.light / SHADE))
+    forced = _labels(pixels.below)
+    most = np.bitwise_count(forced) + np.uint8(dark)
+    for number in range(leds - 1):
+        for left_out in combinations(range(leds), number):
+            lit = np.array([k not in left_out for k in range(leds)])
+            least = price * number + ~lit @ glow
+            allowed = (forced & _labels(lit) == 0) & (number <= most)
+            where = np.flatnonzero(allowed & (best.cost > least))
+            if where.size:
+                tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven)
+                best.improve(tried, where)
+    return best
 
 
-def _sets(count: int) -> NDArray[np.int64]:
-    """The sets of LEDs that may be left out, small ones first; two LEDs must remain."""
-    sets = [s for s in range(1 << count) if s.bit_count() <= count - 2]
-    return np.array(sorted(sets, key=lambda s: (s.bit_count(), s)), np.int64)
+def _explain(
+    pixels: Pixels, lit: Leds, pair: str, price: float, one_sided: float, uneven: float
+) -> Choice:
+    """Solve for the normal by the LEDs that are lit, and find what leaving out the others costs."""
+    number, v, light = np.count_nonzero(lit), pixels.vectors, pixels.light
+    weight = pixels.weight * lit[:, None]
+    if number == 2:
+        normal, twin = _pair(pixels, lit, pair)
+        judged = normal
+    else:
+        start = linear_normal(v, light, weight)
+        judged = normal = twin = turned_normal(v, light, weight, start, uneven)
+        # Among three LEDs only |n| = 1 can reveal a shadow, so their brightness counts.
+        if number == 3:
+            judged = turned_normal(v, light, weight, start, 0)
+    misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
+    dark, spread = light[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY**2)
+    over = (dark - np.maximum(dot(v[:, ~lit], judged), 0)) / spread
+    bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / SHADE)
+    cost = misfit + price * len(dark) + np.where(pixels.below[~lit], 0, bright).sum(axis=0)
+    return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
+
+
+def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
+    """The two normals that two LEDs allow, the likelier first."""
+    first, second = normals_of_pair(pixels.vectors[:, lit], pixels.light[lit])
+    flatter = first[2] >= second[2]
+    if pair == "prior":
+        p, q = pixels.prior
+        likelier = dot(first, (-p, -q, 1)) >= dot(second, (-p, -q, 1))
+    else:
+        one, other = (_lit_behind(pixels.vectors[:, ~lit], n) for n in (first, second))
+        likelier = np.where(np.abs(one - other) < ALIKE, flatter, one < other)
+    take = np.where(np.maximum(first[2], second[2]) > AT_REST, flatter, likelier)
+    return visible(np.where(take, first, second)), visible(np.where(take, second, first))
+
+
+def _lit_behind(vectors: F4, n: F4) -> F4:
+    """The light that the dark LEDs would give; plenty for a normal that the camera cannot see."""
+    return np.maximum(dot(vectors, n), 0).sum(axis=0) + np.float32(10) * (n[2] < 0.05)
+
+
+def _shadow(pixels: Pixels, best: Choice) -> Labels:
+    """The LEDs whose light is missing; where the slope is not known, those below the floor."""
+    expected = np.maximum(dot(pixels.vectors, best.normal), FAINTEST)
+    missing = _labels(pixels.light < expected / 2) & ~best.used
+    return np.where(best.used == 0, _labels(pixels.below), missing)
+
+
+def _variance(pixels: Pixels, best: Choice, slope: F4, uneven: float) -> F4:
+    """The variance of the slope that follows from that of the light."""
+    used = best.used >> np.arange(len(pixels.light), dtype=np.uint8)[:, None] & 1
+    unevens = np.where(np.bitwise_count(best.used) > 2, np.float32(uneven), 0)
+    weight = pixels.weight * used
+    return slope_variance(pixels.vectors, pixels.light, weight, best.normal, slope, unevens)
+
+
+def _labels(leds: Leds) -> Labels:
+    """The labels, bit k-1 for LED k."""
+    return (leds.T << np.arange(len(leds), dtype=np.uint8)).sum(axis=-1, dtype=np.uint8).T

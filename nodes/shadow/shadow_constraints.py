@@ -20,14 +20,17 @@ from tactograph.nodes import (
     ShadowRises,
     Slope,
 )
-from tactograph.nodes.light._near_light import places
-from tactograph.nodes.light._only_read import only_read
+from tactograph.nodes.light._bilinear import bilinear
+from tactograph.nodes.light._near_light import expected_light, light_vectors
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 HALF = np.float32(0.5)
+FAINTEST = np.float32(0.02)
 STEEPEST = np.float32(3)
+FARTHEST_END = np.float32(1.5)
+NEAREST_EDGE = np.float32(1.2)
 OUTSIDE = np.float32(-1e6)
 SPAN, SPAN_OF_LANES = 16, 64
 """Pixels of a row in which one work-item looks for the ends of shadows."""
@@ -48,20 +51,6 @@ class Rays(NamedTuple):
 
     def only(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Rays:
         return Rays(*(part[keep] for part in self))
-
-
-class LedFilm(NamedTuple):
-    """One LED's light on the film, and what predicts it without shadow (`_near_light`, N1)."""
-
-    light: F4
-    """H x W."""
-    slope: F4
-    height: F4
-    led: F4
-    """In mm."""
-    x: F4
-    """W, in mm from the middle of the image."""
-    y: F4
 
 
 @node(
@@ -116,14 +105,15 @@ def shadow_constraints(
         C measurements; none where nothing casts a shadow.
     """
     known = np.bitwise_count(used) >= 2
-    x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     found = []
     for k, led in enumerate(lights):
         dark = (shadow >> k & 1).astype(bool)
         rays = _ends(dark, known, led / np.float32(pixel))
         if rays.row.size:
-            film = LedFilm(*map(only_read, (light[k], slope, height, led, x, y)))
-            ends = _march(rays, film, dark, np.float32(step_px), longest_px)
+            vectors = light_vectors(lights[k : k + 1], height, pixel)
+            expected = np.maximum(expected_light(vectors, slope)[0], FAINTEST)
+            share = np.clip(light[k] / expected, 0, 1)
+            ends = _march(rays, dark, share, np.float32(step_px), longest_px)
             measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
             found.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
     if not found:
@@ -181,16 +171,31 @@ def _measure(
 
 
 def _march(
-    rays: Rays, film: LedFilm, dark: NDArray[np.bool_], step: np.float32, longest: float
+    rays: Rays, dark: NDArray[np.bool_], share: F4, step: np.float32, longest: float
 ) -> tuple[F4, F4]:
     """The distances along each ray, in px, of the shadow's end and of the edge that casts it.
 
-    The edge is `OUTSIDE` where there is none within the frame and the longest shadow.
+    The shadow ends where the share of its light that the film gets falls below a half.  The edge
+    is `OUTSIDE` where there is none within the frame and the longest shadow.
     """
-    from tactograph.nodes.shadow._ray_loops import march
-
+    rows, columns = dark.shape
+    darkness = dark.astype(np.float32)
     end, edge = np.full(rays.row.size, HALF), np.full(rays.row.size, OUTSIDE)
-    march(rays, film, dark.view(np.uint8), step, float(longest), end, edge)
+    going, before, t = np.arange(rays.row.size), bilinear(share, rays.column, rays.row), step
+    while going.size and t <= longest:
+        x, y = rays.only(going).at(t)
+        inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
+        going, x, y, before = going[inside], x[inside], y[inside], before[inside]
+        if t - step < FARTHEST_END:
+            now = bilinear(share, x, y)
+            falls = (now < HALF) & (before >= HALF)
+            back = step * (HALF - now) / np.maximum(before - now, np.float32(1e-6))
+            end[going[falls]] = np.clip(t - back, 0, FARTHEST_END)[falls]
+            before = now
+        lit = (t > NEAREST_EDGE) & (bilinear(darkness, x, y) < HALF)
+        edge[going[lit]] = t
+        going, before = going[~lit], before[~lit]
+        t += step
     return end, edge
 
 

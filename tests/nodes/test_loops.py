@@ -14,13 +14,9 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, make_inputs
 
 LOOPS = {
-    "cast_shadows": ["shadow._ray_loops"],
     "film_bounce": ["light._sweep_loops"],
     "height_error": ["height._error_loops", "height._spring_loops", "height._system_loops"],
     "integrate_weighted": ["height._spring_loops", "height._system_loops"],
-    "label_highlights": ["shadow._highlight_loops"],
-    "label_lights": ["shadow._label_loops"],
-    "shadow_constraints": ["shadow._ray_loops"],
 }
 
 

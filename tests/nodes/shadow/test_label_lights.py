@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactograph.graph import Wanted
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.parity import Case, compare
 from tactograph.nodes import F4
@@ -210,16 +209,6 @@ def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int)
     setting = {name: p.default for name, p in label_lights.parameters.items()}
     case = Case({"K": count, "H": 31, "W": 37}, "random", "default", setting)
     assert compare(label_lights, device, case) is None
-
-
-def test_leaving_out_what_nobody_reads_changes_nothing_else() -> None:
-    rng = np.random.default_rng(3)
-    light = rng.uniform(0, 1.5, (4, 6, 8)).astype(np.float32)
-    whole = label(light)
-    part = label(light, wanted=Wanted(frozenset({"slope", "shadow"})))
-    assert np.array_equal(part.slope, whole.slope)
-    assert np.array_equal(part.shadow, whole.shadow)
-    assert part.twin is part.variance is part.used is part.misfit is None
 
 
 def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,127 @@
+"""Normals from the light of near LEDs: by least squares, and by two LEDs alone.
+
+Arrays are planes of N pixels: vectors v of equation N1 (`_near_light`) 3 x K x N, light m and
+weight (one over its variance; 0 for an LED that does not count) K x N, and normals 3 x N.  The
+tangents of a normal n are (n_z, 0, -n_x) and (0, n_z, -n_y).
+
+The kernel of `label_lights` sums w v v' = A and w m v once, and has the products of the tangents T
+near any normal from these: J'WJ = T'AT.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tactograph.nodes import F4
+from tactograph.nodes.light._near_light import brightness_share
+
+FLATTEST = 0.02
+"""Smallest n_z of a normal: the camera sees no steeper film."""
+LONGEST = 0.3
+"""Longest Gauss-Newton step, in radians."""
+MILD = 0.01
+"""Variance of a normal, over n_z^2, up to which the bias by noise is fully corrected."""
+SINGULAR = 1e-4
+"""Sine squared of the angle between two lights' gradients below which they count as one."""
+UNKNOWN = 1e12
+TINY = 1e-20
+
+
+def linear_normal(v: F4, light: F4, weight: F4) -> F4:
+    """The direction of the n that leaves the least squares of m - n.v, by Cramer's rule."""
+    share = weight / weight.sum(axis=0)
+    a = np.einsum("ikn,kn,jkn->ijn", v, share, v)
+    b = np.einsum("ikn,kn,kn->in", v, share, light)
+    return visible(_unit(times(cofactors(a), b)))
+
+
+def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
+    """Return the 4 x 4 products a'Wb of what the light tells near a normal n.
+
+    a and b are the derivatives J of n.v_k by the two tangents, the light n.v_k itself, and the
+    residual m_k - n.v_k.  W is the inverse of the light's covariance: the variance of each LED,
+    and that of the film's brightness, which all LEDs share (``uneven``, standard deviation).
+    """
+    x, y, z = n
+    shown = dot(v, n)
+    columns = np.stack([v[0] * z - v[2] * x, v[1] * z - v[2] * y, shown, light - shown])
+    sums = np.einsum("akn,kn,bkn->abn", columns, weight, columns)
+    return sums - brightness_share(sums[2, 2], 1, uneven) * sums[2, :, None] * sums[2]
+
+
+def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
+    """One Gauss-Newton step in the tangent plane, to a normal that noise does not bias.
+
+    With the covariance C = (J'WJ)^-1, the metric G of the tangents, and f = C u for the products
+    u of J with the light, a step from the linear solution goes too far by C (G f) + f tr(C G) / 2
+    on average, which off the axis of the LEDs turns the film at rest into a bowl.  Also, p and q
+    come out too large by C (p, q).
+    """
+    x, y, z = n
+    products = tangent_products(v, light, weight, n, uneven)
+    shown, residual = products[:2, 2], products[:2, 3]
+    c = _inverse(products[:2, :2], 1e-6)
+    g = np.array([[z * z + x * x, x * y], [x * y, z * z + y * y]])
+    spread = np.einsum("abn,abn->n", c, g)
+    bias = times(g, times(c, shown)) + spread * shown / 2 + n[:2] / z
+    mild = MILD * z * z / np.maximum(spread, MILD * z * z)
+    turn = times(c, residual - mild * bias)
+    s, t = turn * (LONGEST / np.maximum(np.hypot(*turn), LONGEST))
+    return _unit(visible(np.array([x + s * z, y + t * z, z - s * x - t * y])))
+
+
+def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
+    """The two unit normals n with n.v = m for two LEDs; the nearest, twice, if there are none."""
+    (a, b), (of_a, of_b) = v.swapaxes(0, 1), light
+    aa, ab, bb = dot(a, a), dot(a, b), dot(b, b)
+    determinant = np.maximum(aa * bb - ab * ab, 1e-9)
+    s, t = (bb * of_a - ab * of_b) / determinant, (aa * of_b - ab * of_a) / determinant
+    base = a * s + b * t
+    across = _cross(a, b) * np.sqrt(np.maximum(1 - dot(base, base), 0) / determinant)
+    return _unit(base + across), _unit(base - across)
+
+
+def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
+    """(J'WJ)^-1 of the tangent plane, carried to p and q by ((1 + p^2, p q), (p q, 1 + q^2))."""
+    h = tangent_products(v, light, weight, n, uneven)[:2, :2]
+    known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > SINGULAR * h[0, 0] * h[1, 1]
+    p, q = slope
+    carry = np.array([[1 + p * p, p * q], [p * q, 1 + q * q]])
+    c = _inverse(np.where(known, h, np.eye(2, dtype=np.float32)[..., None]), 0)
+    return np.where(known, np.einsum("abn,bcn,acn->an", carry, c, carry), np.float32(UNKNOWN))
+
+
+def visible(n: F4) -> F4:
+    """Normals that the camera can see."""
+    return np.array([n[0], n[1], np.maximum(n[2], FLATTEST)])
+
+
+def dot(a: Any, b: Any) -> F4:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: F4, b: F4) -> F4:
+    return np.array([a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))])
+
+
+def _unit(n: F4) -> F4:
+    return n * np.reciprocal(np.sqrt(dot(n, n)) + TINY)
+
+
+def _inverse(h: F4, soft: float) -> F4:
+    """The inverse of symmetric 2 x 2 matrices, kept finite by a share of the trace."""
+    (xx, xy), (_, yy) = h
+    determinant = xx * yy - xy * xy + soft * np.square(xx + yy) + TINY
+    return np.array([[yy, -xy], [-xy, xx]]) / determinant
+
+
+def cofactors(a: Any) -> Any:
+    """Of symmetric 3 x 3 matrices: their inverse times their determinant."""
+    return np.array([_cross(a[1], a[2]), _cross(a[2], a[0]), _cross(a[0], a[1])])
+
+
+def times(a: Any, b: Any) -> Any:
+    """Matrices times vectors."""
+    return np.einsum("ijn,jn->in", a, b)

@@ -1,0 +1,50 @@
+"""A constant that stands in Python and in OpenCL C under one name is the same number in both."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from tactograph.graph.backends.kernel_source import kernel_source
+from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node import Node
+
+NUMBER = re.compile(r"^#define (\w+) (-?[\d.]+(?:e-?\d+)?)f?$", re.MULTILINE)
+KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
+
+
+def modules_of(node: Node) -> Iterator[ModuleType]:
+    """A node's module, and the private ones of its room that it takes names from."""
+    own = sys.modules[node.function.__module__]
+    yield own
+    private = own.__name__.rpartition(".")[0] + "._"
+    taken = {getattr(value, "__module__", None) or "" for value in vars(own).values()}
+    yield from (sys.modules[name] for name in sorted(taken) if name.startswith(private))
+
+
+def shared_constants(node: Node) -> dict[str, tuple[float, float]]:
+    """What both sides call by one name: the number in Python, and that in the kernel's source."""
+    found: dict[str, tuple[float, float]] = {}
+    for name, number in NUMBER.findall(kernel_source(node)):
+        here = next((m for m in modules_of(node) if hasattr(m, name)), None)
+        if here is not None:
+            found[name] = float(np.float32(getattr(here, name))), float(np.float32(number))
+    return found
+
+
+@pytest.mark.parametrize("name", KERNEL_NODES)
+def test_both_sides_hold_the_same_constants(name: str) -> None:
+    shared = shared_constants(find_node(name))
+    assert {n: python for n, (python, _) in shared.items()} == {
+        n: kernel for n, (_, kernel) in shared.items()
+    }
+
+
+def test_constants_of_a_node_and_of_its_rooms_modules_are_compared() -> None:
+    shared = shared_constants(find_node("label_lights"))
+    assert {"AT_REST", "SHADE", "STRAY", "LONGEST", "SINGULAR", "FLATTEST"} <= shared.keys()
