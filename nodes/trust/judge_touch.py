@@ -43,7 +43,7 @@ def judge_touch(
     shadow: Labels | None = None,
     lights: LightPositions | None = None,
     misfit: Misfit | None = None,
-    uneven: Uneven = 0.0,
+    uneven: Uneven | None = None,
     *,
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
     rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
@@ -97,7 +97,7 @@ def judge_touch(
     checks = {"curl": check_curl(curl), "rest": check_rest(light, drift, height)}
     if departure is not None and slope is not None:
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
-        rim_error = rim_height * tall / light_error(misfit, uneven)
+        rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
         touched = Touched(departure, slope, used, matt, shadow)
         checks["light"] = check_light(touched, len(light), rim_error)
     trust = 1 / (1 + max(check.figure for check in checks.values()) ** STEEPNESS)
