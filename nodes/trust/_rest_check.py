@@ -20,7 +20,12 @@ MAX_DEPTH, MIN_HEIGHT_MM = 0.6, 0.05
 """Depth below the film at rest, over the greatest height or this height if that is less."""
 
 
-def check_rest(light: F4, drift: Drift | None, height: F4) -> Check:
+MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.025, 0.9, 0.05
+"""Half the range of changes that a tilt of the film would explain to this share, where nothing
+stands out by this height."""
+
+
+def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = None) -> Check:
     """Return how far the film at rest is from that of the flat frame.
 
     Parameters
@@ -31,6 +36,8 @@ def check_rest(light: F4, drift: Drift | None, height: F4) -> Check:
         K x 6, as `film_drift` found it; None: no drift is taken out.
     height
         H x W in mm.
+    lights
+        K x 3 in mm; None: a tilt of the film is not looked for.
     """
     dark = float((light < DARK).all(axis=0).mean())
     if drift is not None and (drift[:, 0] != 1).any():
@@ -72,7 +79,24 @@ def check_rest(light: F4, drift: Drift | None, height: F4) -> Check:
             "that they are not turned)",
         ),
     ]
+    if lights is not None and float(np.ptp(height)) < FLAT_MM:
+        checks.append(_tilt(change, lights))
     return max(checks, key=lambda check: check.figure)
+
+
+def _tilt(change: F4, lights: F4) -> Check:
+    """Whether the LEDs changed as a tilt of the whole film changes them."""
+    towards = lights[:, :2] / lights[:, 2:]
+    design = np.column_stack([np.ones(len(lights)), towards])
+    tilt = np.linalg.lstsq(design, change, rcond=None)[0][1:]
+    tilted, varied = towards @ tilt, change - change.mean()
+    explained = float(np.square(tilted - tilted.mean()).sum() / max(np.square(varied).sum(), 1e-12))
+    figure = float(np.ptp(tilted)) / 2 / MAX_TILT if explained > MIN_EXPLAINED else 0.0
+    return Check(
+        figure,
+        "the LEDs changed as if the whole film was tilted (a touch that reaches all borders has no "
+        "known zero and tilt; if nothing touches, check the LEDs)",
+    )
 
 
 def _border(light: F4) -> F4:

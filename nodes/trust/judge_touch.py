@@ -94,7 +94,7 @@ def judge_touch(
     InputError
         If all three checks fail, unless `force`.
     """
-    checks = {"curl": check_curl(curl), "rest": check_rest(light, drift, height)}
+    checks = {"curl": check_curl(curl), "rest": check_rest(light, drift, height, lights)}
     if departure is not None and slope is not None:
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
         rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)

@@ -35,7 +35,7 @@ def slope_curl(
     *,
     factor: CellSide = 1,
     cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
-    share: Annotated[float, Gt(0)] = 0.05,
+    share: Annotated[float, Gt(0)] = 0.15,
     least: Annotated[float, Gt(0)] = 0.001,
 ) -> CoarseCurl:
     """Return the squared curl of the slopes between four cells, over its expected square.
