@@ -54,9 +54,9 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
 def _measured(height: Height, mask: NDArray[np.uint8], pixel: float) -> Metrics:
     left, top, width, rows = cv2.boundingRect(mask)
     part = slice(top, top + rows), slice(left, left + width)
-    weight = mask[part].astype(np.float32)
-    depth = height[part] * weight
-    moments = cv2.moments(weight)
+    depth = height[part] * mask[part]
+    # Bytes: of floats, cv2.moments takes two columns for the corners of a polygon.
+    moments = cv2.moments(mask[part])
     area = moments["m00"]
     x, y = left + moments["m10"] / area, top + moments["m01"] / area
     mean = float(depth.sum()) / area

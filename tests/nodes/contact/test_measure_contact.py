@@ -88,6 +88,21 @@ def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_seen() -> None:
     assert figures["contact_major_mm/c1"] == pytest.approx(4 * 30 / np.sqrt(12) * PIXEL)
 
 
+@pytest.mark.parametrize("wide", [1, 2, 3])
+@pytest.mark.parametrize("tall", [1, 2, 40])
+def test_a_contact_of_few_columns_or_rows_is_measured_like_any_other(wide: int, tall: int) -> None:
+    height = np.zeros((ROWS, COLUMNS), np.float32)
+    height[100 : 100 + tall, 50 : 50 + wide] = 0.1
+    figures = measure_contact(height, (height > 0).astype(np.uint8), PIXEL)
+    assert figures["contact_area_mm2/c1"] == pytest.approx(wide * tall * PIXEL**2)
+    assert figures["contact_volume_mm3/c1"] == pytest.approx(0.1 * wide * tall * PIXEL**2)
+    assert figures["contact_x_px/c1"] == pytest.approx(50 + (wide - 1) / 2)
+    assert figures["contact_y_px/c1"] == pytest.approx(100 + (tall - 1) / 2)
+    assert figures["contact_major_mm/c1"] == pytest.approx(
+        4 * max(wide, tall) / np.sqrt(12) * PIXEL
+    )
+
+
 def test_no_contact_is_a_figure_too() -> None:
     level = np.zeros((ROWS, COLUMNS), np.float32)
     assert measure_contact(level, find_contact(level), PIXEL) == {"contacts": 0.0}
