@@ -71,7 +71,7 @@ def write_variant(file: Path, base: Graph, source: str, changes: list[Change], t
     Raises
     ------
     InputError
-        If nothing was changed, or the file is one that the variant extends.
+        If nothing was changed, or the file's name is no graph file's.
     WriteError
         If it cannot be written.
     """
@@ -81,8 +81,6 @@ def write_variant(file: Path, base: Graph, source: str, changes: list[Change], t
         raise InputError(f"{file}: the name of a graph file has to end in .yaml")
     named = source in shipped_names() or (source.count("/") == 1 and not source.endswith(".yaml"))
     if not named or Path(source).is_file():
-        if file.resolve() == Path(source).resolve():
-            raise InputError(f"{file}: is the graph that was changed; give another name")
         source = os.path.relpath(source, file.parent)
         source = source if "/" in source or source.endswith((".yaml", ".yml")) else f"./{source}"
     document = CommentedMap(format=FORMAT, extends=source, title=title)

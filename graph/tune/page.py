@@ -21,6 +21,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe, range_of
 from tactograph.graph.errors import TactographError
+from tactograph.graph.files.flat_graph import Entry, Graph
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import shipped_names
 from tactograph.graph.files.strict_yaml import parse_scalar
@@ -40,6 +41,7 @@ SLIDE_EVERY_S = 0.02
 """How often a slider that is drawn says where it is; NiceGUI's own does so 20 times a second."""
 DRAW_EVERY_S = 0.5
 """How often the drawing takes up new times, and the file is looked at."""
+REPLACE = "Replace it"
 VIEWS = ("result", "beside", "wipe", "difference")
 AS_FILE = "as the graph says"
 LINES = ("#1f5fa8", "#d1495b")
@@ -72,7 +74,7 @@ class _Page:
         self.tuning = tuning
         self.seen = -1
         self.drawn = -1
-        self.node_shown: tuple[Any, ...] = ()
+        self.panel_shows: tuple[Graph, str | None, Entry | None] | None = None
         self.output = ""
         self.view = "result"
         self.row = self.column = 0.5
@@ -123,9 +125,9 @@ class _Page:
             now = tuning.asked.beside
             if now is not None:
                 beside.setdefault(now.name, now.name)
-            chosen = ui.select(beside, value=now.name if now else "", on_change=self._beside)
-            chosen.props("dark dense options-dense borderless data-testid=beside")
-            chosen.style("min-width: 150px")
+            self.beside = ui.select(beside, value=now.name if now else "", on_change=self._beside)
+            self.beside.props("dark dense options-dense borderless data-testid=beside")
+            self.beside.style("min-width: 150px")
             ui.button("Save", icon="save", on_click=self._ask_name).props(
                 "unelevated dense no-caps data-testid=save"
             ).style("padding: 4px 12px")
@@ -310,6 +312,7 @@ class _Page:
     def _node_panel(self) -> None:
         """Everything about the chosen node, made anew when another is chosen."""
         tuning, name = self.tuning, self.tuning.asked.node
+        self.panel_shows = self._chosen()
         self.panel.clear()
         self.inside, self.inside_of = None, ("", "")
         with self.panel:
@@ -329,7 +332,7 @@ class _Page:
                 ui.space()
                 if len(alike(tuning.graph, name)) > 1:
                     every = ui.switch("every use", value=tuning.every)
-                    every.props("dense data-testid=every").bind_value_to(tuning, "every")
+                    every.props("dense data-testid=every").bind_value(tuning, "every")
                     every.tooltip("what changes here changes in every use of the group")
                 backends = [AS_FILE, *sorted(node.backends)]
                 ui.select(
@@ -386,23 +389,26 @@ class _Page:
         ui.separator()
 
     def _control(self, node: str, name: str, control: Control, value: Any) -> None:
-        mark = f"data-testid=param-{name}"
+        # Set one by one: in a text of properties a value's quotes would end it.
+        mark = {"data-testid": f"param-{name}"}
         if control.kind == "choice":
-            ui.select(
+            choice = ui.select(
                 list(control.choices),
                 value=value,
                 on_change=lambda e: self._set(node, name, e.value),
-            ).props(f"dense options-dense {mark}")
+            )
+            choice.props("dense options-dense").props.update(mark)
             return
         if control.kind == "flag":
-            ui.switch(value=value, on_change=lambda e: self._set(node, name, e.value)).props(mark)
+            flag = ui.switch(value=value, on_change=lambda e: self._set(node, name, e.value))
+            flag.props.update(mark)
             return
-        words = _words(value)
         if control.kind == "slider":
-            slider = ui.element("input").classes("t-slider")
-            slider.props(f"type=range min=0 max=1000 value={round(control.place(value))} {mark}")
+            slider = ui.element("input").classes("t-slider").props("type=range min=0 max=1000")
+            slider.props.update(mark, value=str(round(control.place(value))))
         # Plain elements: NiceGUI's own send every value back, which a slider outruns.
-        field = ui.element("input").classes("t-field").props(f'value="{words}" {mark}-text')
+        field = ui.element("input").classes("t-field")
+        field.props.update({"data-testid": f"param-{name}-text", "value": _words(value)})
         if control.kind == "slider":
 
             def moved(event: events.GenericEventArguments) -> None:
@@ -414,10 +420,9 @@ class _Page:
 
         def typed(event: events.GenericEventArguments) -> None:
             text = str(event.args)
-            try:
-                self.tuning.set(node, name, parse_scalar(text) if "," not in text else text)
-            except TactographError as error:
-                ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
+            self._do(
+                lambda: self.tuning.set(node, name, parse_scalar(text) if "," not in text else text)
+            )
             now = self.tuning.settings(node)[name]
             self.follow.value(field, _words(now))
             if control.kind == "slider":
@@ -431,6 +436,8 @@ class _Page:
         name = self.tuning.asked.node
         if name is None or shown.plan is None or (shown.asked and shown.asked.node != name):
             return
+        if self.panel_shows is None or self.panel_shows[1] != name:
+            return  # another browser has chosen it: the panel follows
         task = shown.plan.tasks.get(name)
         if task is None or not task.node.outputs or not hasattr(self, "inside_picture"):
             return
@@ -466,6 +473,11 @@ class _Page:
         if self.inside is not None:
             self.follow.html(self.inside_under, escape(_under(self.inside, mouse)))
 
+    def _chosen(self) -> tuple[Graph, str | None, Entry | None]:
+        """What the panel is made of."""
+        node = self.tuning.asked.node
+        return self.tuning.base, node, self.tuning.graph.nodes.get(node) if node else None
+
     def _choose(self, name: str) -> None:
         if name in self.tuning.graph.nodes:
             self.tuning.look_at(name)
@@ -488,10 +500,15 @@ class _Page:
 
     def _play(self) -> None:
         self.tuning.play(not self.tuning.playing)
-        self.playing.props(f"icon={'pause' if self.tuning.playing else 'play_arrow'}")
+        self._follow_others()
 
     def _beside(self, event: events.ValueChangeEventArguments[Any]) -> None:
-        self._do(self.tuning.put_beside, event.value or None)
+        if event.value != self._name_beside():
+            self._do(self.tuning.put_beside, event.value or None)
+
+    def _name_beside(self) -> str:
+        beside = self.tuning.asked.beside
+        return beside.name if beside is not None else ""
 
     def _output_chosen(self, event: events.ValueChangeEventArguments[Any]) -> None:
         self.output = self.tuning.output = event.value
@@ -507,15 +524,24 @@ class _Page:
             change(*words)
         except TactographError as error:
             ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
+        self.panel_shows = self._chosen()
 
     def _seldom(self) -> None:
         """Take up what may come late: the file, and, where the hand rests, the drawing's times."""
-        base = self.tuning.base
-        if self.tuning.reload() and self.tuning.base is not base:
-            self._node_panel()
+        self.tuning.reload()
+        self._follow_others()
         shown = self.tuning.shown
         if shown.asked is not None and self.drawn != shown.number:
             self._draw_graph()
+
+    def _follow_others(self) -> None:
+        """Take up what the file, another browser or the stream's end has changed."""
+        now, shows = self._chosen(), self.panel_shows
+        if shows is None or now[0] is not shows[0] or now != shows:
+            self._node_panel()
+        self.beside.set_value(self._name_beside())
+        if not self.tuning.captures:
+            self.playing.set_icon("pause" if self.tuning.playing else "play_arrow")
 
     def _ask_name(self) -> None:
         with ui.dialog() as dialog, ui.card().style("min-width: 420px"):
@@ -523,19 +549,32 @@ class _Page:
             field = ui.input("file", value=f"{self.tuning.base.name}_tuned.yaml")
             field.classes("w-full").props("data-testid=file")
             ui.label("extends the graph and holds what differs from it").classes("t-help")
+            doubt = ui.label().classes("t-error").props("data-testid=doubt")
+            doubt.set_visibility(False)
 
             def save() -> None:
+                file, is_sure = Path(str(field.value)), button.text == REPLACE
+                if self.tuning.is_of_others(file) and not is_sure:
+                    doubt.set_text(f"{file} is there already, and was not saved here")
+                    ask(REPLACE)
+                    return
                 try:
-                    file = self.tuning.save(Path(str(field.value)))
+                    self.tuning.save(file, over_others=is_sure)
                 except TactographError as error:
                     ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
                     return
                 dialog.close()
                 ui.notify(f"saved and checked: {file}", type="positive")
 
+            def ask(words: str) -> None:
+                button.set_text(words)
+                doubt.set_visibility(words == REPLACE)
+
+            field.on_value_change(lambda: ask("Save"))
             with ui.row().classes("w-full justify-end"):
                 ui.button("Cancel", on_click=dialog.close).props("flat no-caps")
-                ui.button("Save", on_click=save).props("unelevated no-caps data-testid=write")
+                button = ui.button("Save", on_click=save)
+                button.props("unelevated no-caps data-testid=write")
         dialog.open()
 
     def _plane(self, result: Result | None, name: str) -> NDArray[Any] | None:

@@ -104,6 +104,7 @@ class Tuning:
         self._runners = [Runner(given, self._cache, backend, device) for _ in range(2)]
         self._files = files_of(self.base, {}) | {graph_file(source)}
         self._stamp: Stamp = stamp(self._files)
+        self._saved: dict[Path, Stamp] = {}
         self._unreadable = ""
         self._changed = threading.Condition()
         self._ended = False
@@ -219,17 +220,35 @@ class Tuning:
         }
         return changes_between(self.base, self.graph, defaults)
 
-    def save(self, file: Path) -> Path:
+    def is_of_others(self, file: Path) -> bool:
+        """Whether there is such a file that is not what `save` left there."""
+        return file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()])
+
+    def save(self, file: Path, *, over_others: bool = False) -> Path:
         """Write the variant, and check it.
+
+        Parameters
+        ----------
+        file
+            Its place.
+        over_others
+            Whether it may replace a file that is not what `save` left there.
 
         Raises
         ------
         InputError
-            If nothing was changed, or the file would replace what it extends.
+            If nothing was changed, or the file would replace what it extends, or another's.
         """
+        if file.resolve() in {read.resolve() for read in self._files}:
+            raise InputError(
+                f"{file}: is the graph that was changed, or one that it extends; give another name"
+            )
+        if not over_others and self.is_of_others(file):
+            raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"
         saved = write_variant(file, self.base, self.source, self.changes(), title)
         self._check(saved)
+        self._saved[file.resolve()] = stamp([file.resolve()])
         return file
 
     def reload(self) -> bool:

@@ -218,6 +218,44 @@ def test_what_is_saved_reads_back_as_what_is_shown(opened: Open, tmp_path: Path)
     assert len(file.read_text().splitlines()) == 8
 
 
+def test_a_file_of_others_is_replaced_only_if_that_was_said(opened: Open, tmp_path: Path) -> None:
+    tuning = opened()
+    tuning.set("high", "above", 5.0)
+    theirs = tmp_path / "theirs.yaml"
+    theirs.write_text("site_name: of others\n")
+    assert tuning.is_of_others(theirs)
+    with pytest.raises(InputError, match="is there already"):
+        tuning.save(theirs)
+    assert theirs.read_text() == "site_name: of others\n"
+    tuning.save(theirs, over_others=True)
+    assert read_graph(theirs).nodes == tuning.graph.nodes
+
+
+def test_a_file_that_was_saved_here_is_saved_again_unless_it_was_changed_since(
+    opened: Open, tmp_path: Path
+) -> None:
+    tuning = opened()
+    file = tmp_path / "kept.yaml"
+    for above in (5.0, 6.0):
+        tuning.set("high", "above", above)
+        tuning.save(file)
+    file.write_text(file.read_text() + "# a note by hand\n")
+    with pytest.raises(InputError, match="is there already"):
+        tuning.save(file)
+
+
+def test_no_graph_is_replaced_by_one_that_extends_it(
+    opened: Open, write: Write, tmp_path: Path
+) -> None:
+    base = Path(write(GRAPH, "base.yaml"))
+    tuning = opened("format: 1\nextends: base.yaml\n")
+    tuning.set("high", "above", 5.0)
+    for file in (base, Path(tuning.source), tmp_path / "." / "base.yaml"):
+        with pytest.raises(InputError, match="is the graph that was changed, or one that it ext"):
+            tuning.save(file, over_others=True)
+    assert base.read_text() == GRAPH
+
+
 def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(
     opened: Open,
 ) -> None:

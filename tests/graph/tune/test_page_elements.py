@@ -1,0 +1,122 @@
+"""The page's elements, without a browser: what they hold, and that two browsers see the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from nicegui import Client, ui
+from nicegui.page import page
+
+from tactograph.graph.tune.page import REPLACE, _Page
+from tactograph.graph.tune.tuning import Tuning
+from tests.graph.conftest import Write
+from tests.graph.tune.test_tuning import GRAPH
+
+HOSTILE = 'x" autofocus onfocus="alert(1)" data-y="'
+ATTRIBUTES = {"value", "data-testid"}
+
+
+class Seen:
+    """A page, and its elements by the name that tests know them by."""
+
+    def __init__(self, tuning: Tuning) -> None:
+        self.client = Client(page("/"))
+        with self.client:
+            self.page = _Page(tuning)
+
+    def choose(self, node: str) -> None:
+        with self.client:
+            self.page._choose(node)
+
+    def look(self) -> None:
+        """What the page's timers do."""
+        with self.client:
+            self.page._take_up(self.page.tuning.settled())
+            self.page._seldom()
+
+    def click(self, name: str) -> None:
+        with self.client:
+            for listener in self.element(name)._event_listeners.values():
+                if listener.handler is not None:
+                    listener.handler(None)
+
+    def element(self, name: str) -> ui.element:
+        return next(
+            element
+            for element in reversed([*self.client.elements.values()])
+            if element.props.get("data-testid") == name
+        )
+
+
+@pytest.fixture
+def opened() -> Iterator[Callable[[str], Tuning]]:
+    made: list[Tuning] = []
+
+    def make(source: str) -> Tuning:
+        made.append(Tuning(source, {}))
+        return made[-1]
+
+    yield make
+    for tuning in made:
+        tuning.close()
+
+
+def test_a_value_is_text_whatever_quotes_it_holds(
+    opened: Callable[[str], Tuning], write: Write
+) -> None:
+    graph = f"""
+format: 1
+nodes:
+  frames: {{op: read_capture, with: {{folder: {HOSTILE!r}}}}}
+outputs: {{light: frames.image}}
+"""
+    seen = Seen(opened(write(graph)))
+    seen.choose("frames")
+    field = seen.element("param-folder-text")
+    assert field.props["value"] == HOSTILE
+    assert {*field.props} == ATTRIBUTES
+
+
+def test_two_browsers_show_the_same_node_and_values(
+    opened: Callable[[str], Tuning], toys: list[str], write: Write
+) -> None:
+    tuning = opened(write(GRAPH))
+    one, two = Seen(tuning), Seen(tuning)
+    one.choose("fail")
+    two.choose("high")
+    for seen in (one, two):
+        seen.look()
+    assert one.element("node").text == "high"
+    tuning.set("high", "above", 5.0)
+    for seen in (one, two):
+        seen.look()
+        assert seen.element("param-above-text").props["value"] == "5"
+    file = Path(tuning.source)
+    file.write_text(GRAPH.replace("{image: twice}}\n  fail", "{image: seen}}\n  fail"))
+    for seen in (one, two):
+        seen.look()
+        assert seen.element("param-above-text").props["value"] == "1.5"
+
+
+def test_a_file_of_others_is_asked_for_before_it_is_replaced(
+    opened: Callable[[str], Tuning], toys: list[str], write: Write, tmp_path: Path
+) -> None:
+    tuning = opened(write(GRAPH))
+    tuning.set("high", "above", 5.0)
+    theirs, mine = tmp_path / "theirs.yaml", tmp_path / "mine.yaml"
+    theirs.write_text("theirs: 1\n")
+    seen = Seen(tuning)
+    seen.click("save")
+    field = seen.element("file")
+    field.set_value(str(theirs))
+    seen.click("write")
+    assert theirs.read_text() == "theirs: 1\n"
+    assert seen.element("write").text == REPLACE
+    field.set_value(str(mine))
+    assert seen.element("write").text == "Save", "it was asked about another file"
+    field.set_value(str(theirs))
+    seen.click("write")
+    seen.click("write")
+    assert "extends" in theirs.read_text()
