@@ -11,6 +11,8 @@ WINDOW = 10.0
 """Seconds for which bounds on the controller's clock are used."""
 DRIFT = 1e-4
 """Two quartz clocks drift apart by less than this (100 ppm)."""
+CONTRADICTION = 0.01
+"""Seconds by which two bounds may contradict each other; clocks of poor boards drift more."""
 
 
 class Clock:
@@ -24,20 +26,35 @@ class Clock:
     def __init__(self) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=256)
         self._difference: float | None = None
+        self._doubted = False
         self.error = math.inf
         """Half the interval: the largest possible error."""
 
-    def hear(self, controller: float, received: float, sent: float = -math.inf) -> None:
-        """Note that the controller's clock showed `controller` between `sent` and `received`."""
+    def hear(self, controller: float, received: float, sent: float = -math.inf) -> bool:
+        """Note that the controller's clock showed `controller` between `sent` and `received`.
+
+        Return False, and forget it, if the bounds of the last seconds contradict it.  If the
+        next does so too, as after the host slept, they are forgotten instead.
+        """
         bounds = self._bounds
-        bounds.append((received, sent - controller, received - controller))
-        while received - bounds[0][0] > WINDOW:
+        while bounds and received - bounds[0][0] > WINDOW:
             bounds.popleft()
+        bounds.append((received, sent - controller, received - controller))
         low = max(b[1] - DRIFT * (received - b[0]) for b in bounds)
         high = min(b[2] + DRIFT * (received - b[0]) for b in bounds)
+        if low - high > CONTRADICTION:
+            newest = bounds.pop()
+            if not self._doubted:
+                self._doubted = True
+                return False
+            self.forget()
+            bounds.append(newest)
+            _, low, high = newest
+        self._doubted = False
         if math.isfinite(low):
             self._difference = (low + high) / 2
             self.error = abs(high - low) / 2
+        return True
 
     def controller(self, host: float) -> float | None:
         """The controller's time at a time of time.monotonic(); None until it is known."""
@@ -52,6 +69,7 @@ class Clock:
         """Start again, after the controller was switched off or replaced."""
         self._bounds.clear()
         self._difference = None
+        self._doubted = False
         self.error = math.inf
 
 

@@ -18,7 +18,7 @@ from typing import Self
 
 from tactograph.graph import InputError, TactographError
 from tactograph.nodes.live._led_clock import Clock, Course
-from tactograph.nodes.live._led_line import PROTOCOL, Event
+from tactograph.nodes.live._led_line import PROTOCOL, Event, whole_number
 from tactograph.nodes.live._led_link import ControllerLostError, ControllerRefusedError, Heard, Link
 from tactograph.nodes.live._led_port import find_ports, holder, no_controller, open_port
 
@@ -37,6 +37,8 @@ BEAT = 0.2
 RETRY = 0.1
 """Seconds between two attempts to find it again."""
 FULL = 1000
+MOST_LEDS = 255
+"""Most LEDs that a controller may say it has."""
 
 
 @dataclass(frozen=True)
@@ -276,7 +278,7 @@ class LedController:
         heard = self._ask("status")
         with _intelligible():
             status = _status(heard)
-        self._hear(heard)
+        self._hear(1e-6 * status.time_us, heard.received, heard.sent)
         return status
 
     def step_at(self, host_time: float) -> int | None:
@@ -352,10 +354,10 @@ class LedController:
         with self._commands:
             heard = self._ask(wish)
             self._wish = wish
-            with _intelligible():
-                moment = 1e-6 * int(heard.values["t"])
-            with self._known:
-                self._hear(heard)
+            with self._known, _intelligible():
+                moment = 1e-6 * whole_number(heard.values["t"])
+                if not self._hear(moment, heard.received, heard.sent):
+                    raise ValueError
                 # A cycle's first event later gives the exact start of its first step.
                 self._courses.append(Course(moment, order, step, moment))
 
@@ -373,9 +375,14 @@ class LedController:
 
     # Answers and events
 
-    def _hear(self, heard: Heard) -> None:
-        with self._known, _intelligible():
-            self._clock.hear(1e-6 * int(heard.values["t"]), heard.received, heard.sent)
+    def _hear(self, moment: float, received: float, sent: float = -math.inf) -> bool:
+        """Take in a time of the controller's clock; False if it contradicts those before."""
+        with self._known:
+            if self._clock.hear(moment, received, sent):
+                return True
+            self._faults["clock jumped"] += 1
+            self._news.append("the LED controller's clock contradicts what it said before")
+            return False
 
     def _forget(self) -> None:
         self._clock.forget()
@@ -383,20 +390,28 @@ class LedController:
 
     def _event(self, event: Event, now: float) -> None:
         """Handle an event from the reading thread."""
-        with contextlib.suppress(ValueError, IndexError), self._known:
+        with self._counting_damage(), self._known:
             if event.name == "cycle":
-                began = 1e-6 * int(event.words[1])
-                self._clock.hear(began, now)
-                if self._courses:
+                began = 1e-6 * whole_number(event.words[1])
+                if self._hear(began, now) and self._courses:
                     self._courses[-1] = self._courses[-1].moved(began)
             elif event.name == "ready":
                 self._fail("controller reset", "the LED controller started anew")
                 self._forget()
                 self._woken.set()
             elif event.name == "watchdog":
-                self._courses.append(Course(1e-6 * int(event.words[0]), (0,)))
+                self._courses.append(Course(1e-6 * whole_number(event.words[0]), (0,)))
                 self._fail("host silent", "the LED controller heard nothing and switched off")
                 self._woken.set()
+
+    @contextlib.contextmanager
+    def _counting_damage(self) -> Iterator[None]:
+        """Count an event that violates the protocol as a bad line."""
+        try:
+            yield
+        except (ValueError, IndexError):
+            with self._known:
+                self._faults["bad line"] += 1
 
     # Monitoring
 
@@ -488,7 +503,8 @@ def _identified(link: Link, port: str, timeout_s: float) -> Identity:
             "(docs/hardware.md)"
         )
     try:
-        return Identity(PROTOCOL, values["firmware"], int(values["leds"]), values["uid"])
+        leds = whole_number(values["leds"], 1, MOST_LEDS)
+        return Identity(PROTOCOL, values["firmware"], leds, values["uid"])
     except (KeyError, ValueError):
         raise InputError(f"{port}: the controller does not say who it is") from None
 
@@ -512,17 +528,19 @@ def _status(heard: Heard) -> Status:
     burnt = value["open"]
     return Status(
         state=value["state"],
-        led=int(value["led"]),
-        step=int(value["step"]),
-        cycle=int(value["cycle"]),
-        last_step_us=int(value["last"]),
-        time_us=int(value["t"]),
-        bad_lines=int(value["bad"]),
-        watchdog=int(value["bitten"]),
+        led=whole_number(value["led"], 0, MOST_LEDS),
+        step=whole_number(value["step"], -1),
+        cycle=whole_number(value["cycle"], -1),
+        last_step_us=whole_number(value["last"]),
+        time_us=whole_number(value["t"]),
+        bad_lines=whole_number(value["bad"]),
+        watchdog=whole_number(value["bitten"]),
         burnt_out=None if burnt == "-" else _leds(burnt),
         round_trip_s=heard.received - heard.sent,
     )
 
 
 def _leds(words: str) -> tuple[int, ...]:
-    return () if words == "none" else tuple(int(word) for word in words.split(","))
+    if words == "none":
+        return ()
+    return tuple(whole_number(word, 1, MOST_LEDS) for word in words.split(","))

@@ -14,7 +14,9 @@ PROTOCOL = 1
 LONGEST = 400
 """Most bytes of a line."""
 _LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
-_NUMBER = re.compile(r"[0-9]{1,18}")
+MOST = 10**15
+"""Largest number in a line: 31 years in microseconds, which a float holds to 0.1 us."""
+_NUMBER = re.compile(r"-?[0-9]{1,16}")
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,30 @@ def unframe(line: bytes) -> str | None:
     return match[1].decode("ascii")
 
 
+def whole_number(word: str, least: int = 0, most: int = MOST) -> int:
+    """The whole number that `word` spells.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or out of its range.
+    """
+    if not _NUMBER.fullmatch(word) or not least <= int(word) <= most:
+        raise ValueError(f"{word[:20]} is no whole number from {least} to {most}")
+    return int(word)
+
+
 def parse(body: str) -> Answer | Event | None:
     """Parse a body from the controller; None if it does not follow the protocol."""
     words = body.split(" ")
     if words[0] == "!" and len(words) > 1:
         return Event(words[1], tuple(words[2:]))
-    if len(words) < 2 or not _NUMBER.fullmatch(words[0]):
+    try:
+        number = whole_number(words[0])
+    except ValueError:
         return None
-    number = int(words[0])
+    if len(words) < 2:
+        return None
     if words[1] == "no":
         return Answer(number, {}, " ".join(words[2:]) or "refused")
     pairs = [word.partition("=") for word in words[2:]]

@@ -132,6 +132,14 @@ class Link:
             return self._answer if come() else None
 
     def _read(self) -> None:
+        try:
+            self._take_in()
+        finally:
+            # Whatever ended it: requests that no thread reads answers of must not wait.
+            if not self._closing:
+                self._lose()
+
+    def _take_in(self) -> None:
         while not self._closing and not self.lost:
             try:
                 data = self._port.read(max(1, self._port.in_waiting))
@@ -146,8 +154,6 @@ class Link:
                     with self._changed:
                         self._answer = message, now
                         self._changed.notify_all()
-        if not self._closing:
-            self._lose()
 
     def _lose(self) -> None:
         with self._changed:

@@ -335,6 +335,49 @@ def test_garbage_and_lines_cut_off(
     assert flashing.faults["controller lost"] == 0
 
 
+HUGE = b"9" * 330
+
+
+@pytest.mark.parametrize("word", [HUGE, b"-1", b"1_0", b"1e3", b""])
+@pytest.mark.parametrize("event", [b"! cycle 1 ", b"! watchdog ", b"! cycle "])
+def test_an_event_whose_number_is_none_is_a_bad_line(
+    board: SimulatedController, flashing: LedController, event: bytes, word: bytes
+) -> None:
+    board.noise(frame((event + word).decode()))
+    wait_until(lambda: flashing.faults["bad line"] == 1)
+    assert flashing.connected
+    assert flashing.status().state == "cycle"
+
+
+def test_an_answer_whose_number_is_none_is_no_answer(
+    board: SimulatedController, controller: LedController
+) -> None:
+    def garble(line: bytes) -> bytes:
+        start, is_time, _ = line.partition(b" t=")
+        return frame((start[1:] + is_time + HUGE).decode()) if is_time else line
+
+    board.garble = garble
+    with pytest.raises(ControllerLostError, match="makes no sense"):
+        controller.status()
+    with pytest.raises(ControllerLostError, match="makes no sense"):
+        controller.set(1)
+    board.garble = None
+    wait_until(lambda: controller.connected)
+    controller.set(1)
+
+
+def test_a_time_that_contradicts_those_before_moves_no_clock(
+    board: SimulatedController, flashing: LedController
+) -> None:
+    wait_until(lambda: flashing.clock_error_s < 0.1)
+    soon = flashing.status().time_us + 957_000
+    board.noise(frame(f"! cycle 7 {soon}"))
+    wait_until(lambda: flashing.faults["clock jumped"] == 1)
+    assert flashing.clock_error_s < 0.1
+    assert "clock contradicts" in " ".join(flashing.news())
+    wait_until(lambda: in_step(board, flashing))
+
+
 def test_a_controller_that_hangs_for_a_while(
     board: SimulatedController, flashing: LedController, record_property: Any
 ) -> None:

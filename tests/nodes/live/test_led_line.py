@@ -67,6 +67,16 @@ def test_after_any_bytes_the_next_line_is_understood(end, noise: bytes, sizes: l
     assert said == (["7 ok t=12"] if end is board else [host.Answer(7, {"t": "12"})])
 
 
+@pytest.mark.parametrize("word", ["", "-1", "+1", " 1", "1_0", "1e3", "1.0", "9" * 330, "300", "٣"])
+def test_a_number_outside_its_range_or_in_another_spelling_is_none(word: str) -> None:
+    with pytest.raises(ValueError, match="whole number from 0 to 255"):
+        host.whole_number(word, 0, 255)
+
+
+def test_a_number_within_its_range_is_read() -> None:
+    assert [host.whole_number(word, -1) for word in ("-1", "0", "1" + "0" * 15)] == [-1, 0, 10**15]
+
+
 @UNTIMED
 @given(st.one_of(st.text(), BODIES, st.from_regex(r"[0-9]{1,3} (ok|no)( [a-z]*=?[0-9]*)*")))
 def test_any_text_is_an_answer_an_event_or_nothing(body: str) -> None:
