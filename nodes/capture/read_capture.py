@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from annotated_types import Gt, Interval, Len
+from annotated_types import Interval, Len
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -49,6 +49,10 @@ class Capture(NamedTuple):
     truth_shadow: Labels | None = None
 
 
+Length = Annotated[float, Interval(gt=0, le=1e6)]
+Place = Annotated[float, Interval(ge=-1e6, le=1e6)]
+
+
 class CaptureFile(BaseModel):
     """Entries of the optional ``capture.yaml`` beside the images.
 
@@ -59,9 +63,9 @@ class CaptureFile(BaseModel):
     lights: Lights | None = None
     leds: list[int] | None = None
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None
-    ball_radius_mm: Annotated[float, Gt(0)] | None = None
-    ball_center_px: Annotated[list[float], Len(2, 2)] | None = None
-    ball_contact_px: Annotated[float, Gt(0)] | None = None
+    ball_radius_mm: Length | None = None
+    ball_center_px: Annotated[list[Place], Len(2, 2)] | None = None
+    ball_contact_px: Length | None = None
 
 
 @dataclass(frozen=True)

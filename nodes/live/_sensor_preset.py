@@ -5,14 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Interval, Len
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from annotated_types import Interval, Len
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import InputError
 from tactograph.graph.files.strict_yaml import read_yaml
 
 FOLDER = Path(__file__).parent / "sensors"
+LARGEST = 1e9
+"""Of a number for the driver, in whatever unit it has there."""
+LONGEST_WAIT_S = 3600.0
+SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-6, 10.0
 Side = Annotated[int, Interval(ge=8, le=16384)]
+Setting = Annotated[float, Interval(ge=-LARGEST, le=LARGEST)]
 Share = Annotated[float, Interval(ge=0, le=1)]
 
 
@@ -25,11 +30,11 @@ class DriverSettings(_Part):
 
     width: Side | None = None
     height: Side | None = None
-    rate: Annotated[float, Gt(0)] | None = None
+    rate: Annotated[float, Interval(gt=0, le=LARGEST)] | None = None
     format: Annotated[str, Len(4, 4)] | None = None
-    exposure: float | None = None
-    gain: float | None = None
-    white_balance: float | None = None
+    exposure: Setting | None = None
+    gain: Setting | None = None
+    white_balance: Setting | None = None
 
 
 class SensorPreset(_Part):
@@ -42,8 +47,8 @@ class SensorPreset(_Part):
     crop: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)
     size: tuple[Side, Side]
     lights: Literal["bgr", "rgb"] = "bgr"
-    pixel_size_mm: Annotated[float, Gt(0)]
-    warm_up_s: Annotated[float, Ge(0)] = Field(default=0.0)
+    pixel_size_mm: Annotated[float, Interval(ge=SMALLEST_PIXEL_MM, le=LARGEST_PIXEL_MM)]
+    warm_up_s: Annotated[float, Interval(ge=0, le=LONGEST_WAIT_S)] = 0.0
 
 
 def read_preset(sensor: str) -> SensorPreset:

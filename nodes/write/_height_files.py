@@ -255,9 +255,10 @@ def read_png(file: Path) -> HeightFile:
         side = float(about.get("pixel_size_mm", math.nan))
     except (KeyError, TypeError):
         raise InputError(f"{file}: states no scale, so its grey levels are no heights") from None
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, OverflowError) as error:
         raise InputError(f"{file}: cannot be decoded: {error}") from None
-    height = np.asarray(offset + step * levels.astype(np.float64), np.float32)
+    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
+        height = np.asarray(offset + step * levels.astype(np.float64), np.float32)
     if "unknown_level" in about:
         height[levels == about["unknown_level"]] = np.nan
     return HeightFile(height, _square(side, side))

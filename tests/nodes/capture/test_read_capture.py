@@ -162,6 +162,15 @@ SPOIL = {
     "led3.png: all black": lambda d: cv2.imwrite(str(d / "led3.png"), 0 * IMAGES[0]),
     "needs from 3": lambda d: [(d / f"led{k}.png").unlink() for k in (3, 4)],
     "capture.yaml:1:1: bitz": lambda d: (d / "capture.yaml").write_text("bitz: 12\n"),
+    "capture.yaml:1:18: ball_center_px[0]": lambda d: (d / "capture.yaml").write_text(
+        "ball_center_px: [.inf, 5.0]\n"
+    ),
+    "capture.yaml:1:1: ball_radius_mm": lambda d: (d / "capture.yaml").write_text(
+        f"ball_radius_mm: {'9' * 330}\n"
+    ),
+    "capture.yaml:1:1: ball_contact_px": lambda d: (d / "capture.yaml").write_text(
+        "ball_contact_px: 1e300\n"
+    ),
     "truth_height_mm.npy: is 3 x 2": lambda d: np.save(
         d / "truth_height_mm.npy", np.zeros((2, 3), np.float32)
     ),

@@ -44,6 +44,19 @@ def test_a_mistake_is_told_with_its_place(text: str, says: str, tmp_path: Path) 
         read_preset(str(tmp_path / "mine.yaml"))
 
 
+@pytest.mark.parametrize("number", [".inf", ".nan", "1e300", "9" * 330])
+@pytest.mark.parametrize(
+    "place", ["pixel_size_mm", "warm_up_s", "camera.rate", "camera.exposure", "camera.gain"]
+)
+def test_a_number_that_no_camera_has_is_refused(place: str, number: str, tmp_path: Path) -> None:
+    part, _, name = place.rpartition(".")
+    entry = f"{name}: {number}" if not part else f"{part}: {{{name}: {number}}}"
+    usual = "" if name == "pixel_size_mm" else "pixel_size_mm: 0.1\n"
+    (tmp_path / "mine.yaml").write_text(f"format: 1\nsize: [320, 240]\n{usual}{entry}\n")
+    with pytest.raises(InputError, match=rf"mine\.yaml:\d:\d+: {place}: input should be"):
+        read_preset(str(tmp_path / "mine.yaml"))
+
+
 def test_an_unknown_sensor_is_told_with_those_there_are() -> None:
     with pytest.raises(InputError, match=r"sensor=mimi: is neither .* digit, gelsight_mini"):
         read_preset("mimi")

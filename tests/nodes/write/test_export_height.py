@@ -13,7 +13,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
@@ -24,6 +24,7 @@ from tactograph.nodes.write._height_files import (
     MESHES,
     PNG_TEXT,
     WRITERS,
+    read_height_file,
     read_tmd,
     write_tmd,
 )
@@ -253,6 +254,34 @@ def test_a_sur_that_asks_for_more_heights_than_a_sensor_has_is_refused(exported:
     (exported / "huge.sur").write_bytes(content)
     with pytest.raises(InputError, match="which no sensor has"):
         read_height(file=exported / "huge.sur")
+
+
+NO_NUMBERS = ["9" * 330, "1e300", "Infinity", "NaN"]
+
+
+def png_that_says(file: Path, **words: str) -> Path:
+    """A 16-bit PNG with such words about its scale."""
+    about = {"step": "1e-4", "offset": "-1", "pixel_size_mm": "0.1", **words}
+    text = PngImagePlugin.PngInfo()
+    text.add_text(PNG_TEXT, "{" + ", ".join(f'"{key}": {n}' for key, n in about.items()) + "}")
+    Image.fromarray(np.full((4, 5), 7, np.uint16)).save(file, pnginfo=text)
+    return file
+
+
+@pytest.mark.parametrize("number", NO_NUMBERS)
+@pytest.mark.parametrize("name", ["step", "offset"])
+def test_a_scale_that_is_no_number_of_mm_gives_no_height(
+    tmp_path: Path, name: str, number: str
+) -> None:
+    file = png_that_says(tmp_path / "height.png", **{name: number})
+    with pytest.raises(InputError, match=r"height\.png: (holds|cannot be decoded)"):
+        read_height(file=file)
+
+
+@pytest.mark.parametrize("number", NO_NUMBERS[1:])
+def test_a_pixel_size_that_is_no_number_of_mm_is_not_stated(tmp_path: Path, number: str) -> None:
+    file = png_that_says(tmp_path / "height.png", pixel_size_mm=number)
+    assert read_height_file(file).pixel is None
 
 
 def test_a_png_without_a_scale_is_no_height_map(tmp_path: Path) -> None:
