@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tactograph.graph.errors import InputError, WriteError
 from tactograph.graph.files.text_names import refuse_other_names
+
+STAGE = ".writing-"
+"""How the names of temporary folders begin."""
 
 
 @contextmanager
@@ -30,8 +34,23 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_files(folder: Path) -> Iterator[Path]:
+def atomic_files(
+    folder: Path, *, last: str = "", instead_of: Collection[str] = ()
+) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
+
+    A kill leaves the temporary folder, and, while files are moved, some of them new and some
+    old.  The next write into `folder` removes what a kill left.
+
+    Parameters
+    ----------
+    folder
+        Created if needed.
+    last
+        The name of a file that is moved after all others: one that vouches for them.
+    instead_of
+        Names of files in `folder` that go, before the last is moved, unless the block wrote
+        them anew.
 
     Raises
     ------
@@ -43,22 +62,67 @@ def atomic_files(folder: Path) -> Iterator[Path]:
     refuse_other_names(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+        _remove_leftovers(folder)
+        stage, lock = _new_stage(folder)
     except OSError as error:
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     try:
         yield stage
-        files = sorted(stage.iterdir())
-        for file in files:
-            _refuse_special(folder / file.name)
-        for file in files:
-            file.replace(folder / file.name)
+        names = sorted(file.name for file in stage.iterdir())
+        for name in names:
+            _refuse_special(folder / name)
+        for name in names:
+            if name != last:
+                (stage / name).replace(folder / name)
+        for name in {*instead_of} - {*names}:
+            (folder / name).unlink(missing_ok=True)
+        if last in names:
+            (stage / last).replace(folder / last)
     except OSError as error:
         if _is_elsewhere(error, folder):
             raise InputError(f"{error.filename}: {error.strerror or error}") from None
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def _new_stage(folder: Path) -> tuple[Path, int | None]:
+    """A temporary folder, and its lock where folders can be locked."""
+    while True:
+        stage = Path(tempfile.mkdtemp(prefix=STAGE, dir=folder))
+        try:
+            lock = _locked(stage)
+        except (BlockingIOError, FileNotFoundError):
+            continue  # another writer has taken it for a leftover
+        except (ImportError, OSError):
+            return stage, None
+        if stage.exists():
+            return stage, lock
+        os.close(lock)
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove temporary folders whose writers are dead: nobody holds their locks."""
+    for stage in folder.glob(f"{STAGE}*"):
+        with suppress(ImportError, OSError):
+            lock = _locked(stage)
+            shutil.rmtree(stage, ignore_errors=True)
+            os.close(lock)
+
+
+def _locked(folder: Path) -> int:
+    """Lock a folder for as long as the number that is returned stays open."""
+    import fcntl  # not on Windows
+
+    number = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(number)
+        raise
+    return number
 
 
 def _refuse_special(path: Path) -> None:

@@ -19,6 +19,7 @@ from tactograph.nodes import F4, I4, Height, Lens
 from tactograph.nodes.capture._image_files import MOST_PIXELS, read_heights
 from tactograph.nodes.contact._areal_surface import UM, areal_surface, surfalize
 from tactograph.nodes.write._film_places import film_places
+from tactograph.nodes.write._result_file import refuse_changed
 
 Format = Literal["npy", "tiff", "png", "tmd", "sur", "ply", "stl", "obj"]
 
@@ -217,11 +218,13 @@ WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
 
 def read_npy(file: Path) -> HeightFile:
     """A two-dimensional array of numbers, mm."""
+    refuse_changed(file)
     return HeightFile(read_heights(file))
 
 
 def read_tiff(file: Path) -> HeightFile:
     """A single channel of floats, mm."""
+    refuse_changed(file)
     image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise InputError(f"{file}: cannot be decoded, the file is damaged or no TIFF")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ from annotated_types import Interval
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.write._height_files import APART, LEAST_MM, MOST_MM, read_height_file
+from tactograph.nodes.write._result_file import RESULT, read_result
 
 
 @node
@@ -35,10 +35,10 @@ def read_pixel_size(
     InputError
         If neither says it, or the file is missing or damaged.
     """
-    result = height.parent / "result.json"
+    result = height.parent / RESULT
     stated, where = read_height_file(height).pixel, height
     if stated is None:
-        stated, where = _size_in(result), result
+        stated, where = _size_in(height.parent), result
     if mm is None:
         if stated is None:
             raise InputError(
@@ -53,11 +53,9 @@ def read_pixel_size(
     return mm
 
 
-def _size_in(result: Path) -> float | None:
-    """What a result says; None if it is no result, or one of before results said it."""
-    try:
-        size = json.loads(result.read_text(encoding="utf-8"))["pixel_size_mm"]
-    except (OSError, ValueError, KeyError, TypeError):
+def _size_in(folder: Path) -> float | None:
+    """What a folder's result says; None if it is no result, or one of before results said it."""
+    size = read_result(folder).get("pixel_size_mm")
+    if isinstance(size, bool) or not isinstance(size, int | float):
         return None
-    is_size = isinstance(size, int | float) and LEAST_MM <= size <= MOST_MM
-    return float(size) if is_size else None
+    return float(size) if LEAST_MM <= size <= MOST_MM else None

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 
 from tactograph.graph import Provenance, node, warn
-from tactograph.graph.errors import WriteError
 from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import (
     Confidence,
@@ -26,10 +25,10 @@ from tactograph.nodes import (
 from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.write._film_places import on_even_grid
 from tactograph.nodes.write._height_files import write_mesh, write_tiff
+from tactograph.nodes.write._result_file import RESULT, checksum, read_result
 
 FEWEST = 3
 """With this many LEDs a shadow leaves two, and two lights allow two slopes."""
-RESULT = "result.json"
 SOMETIMES = (
     *("height.ply", "height.png", "shadow_view.png", "error.npy", "error.png"),
     *("confidence.npy", "confidence.png", "highlight.png", "highlight_view.png"),
@@ -70,8 +69,9 @@ def write_result(
     and ``contact.png`` hold numbers and look black; beside each is a picture of them for
     people, ``shadow_view.png`` and so on.
 
-    ``result.json`` names these files.  Those that an earlier ``result.json`` in the folder names,
-    and that this result lacks, are removed.
+    ``result.json`` names these files, and a checksum of each but itself (CRC-32): a kill while
+    files are moved leaves one that does not match them, and `read_height` tells.  Files that an
+    earlier ``result.json`` in the folder names, and that this result lacks, are removed.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ def write_result(
         error = known[0] if known else None
         placed, vergence = None, 0.0
     place = folder / name if name else folder
-    earlier = _files_of(place / RESULT)
-    with atomic_files(place) as target:
+    earlier = _files_of(place)
+    with atomic_files(place, last=RESULT, instead_of=earlier) as target:
         np.save(target / "height.npy", height)
         write_tiff(target / "height.tiff", height, pixel)
         write_image(target / "shadow.png", shadow)
@@ -163,35 +163,20 @@ def write_result(
                 draw_highlight(highlight, image, target / "highlight_view.png")
             if contact is not None:
                 draw_contact(contact, image, target / "contact_view.png")
-        files = sorted([*(file.name for file in target.iterdir()), RESULT])
+        checksums = {file.name: checksum(file) for file in sorted(target.iterdir())}
         about = {
             **provenance.as_dict(),
             "capture": name,
             "grid": grid,
             "pixel_size_mm": float(pixel),
-            "files": files,
+            "files": sorted([*checksums, RESULT]),
+            "checksums": checksums,
             "metrics": metrics,
         }
         (target / RESULT).write_text(json.dumps(about, indent=1) + "\n")
-    _remove(place, earlier - set(files))
 
 
-def _files_of(result: Path) -> set[str]:
+def _files_of(folder: Path) -> set[str]:
     """The files of an earlier result that this one may lack; none if there is no such result."""
-    try:
-        named = json.loads(result.read_text(encoding="utf-8"))["files"]
-        return {name for name in SOMETIMES if name in named}
-    except (OSError, ValueError, KeyError, TypeError):
-        return set()
-
-
-def _remove(folder: Path, names: set[str]) -> None:
-    """Remove files once the new result is in place: what fails before leaves the earlier one."""
-    try:
-        for name in names:
-            (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        reason = error.strerror or error
-        raise WriteError(
-            f"{folder / name}: is of an earlier result and cannot be removed: {reason}"
-        ) from None
+    named = read_result(folder).get("files")
+    return {name for name in SOMETIMES if name in named} if isinstance(named, list) else set()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -57,6 +60,74 @@ def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Pat
         target.write_text("new")
     assert (tmp_path / "a.txt").read_text() == "new"
     assert (tmp_path / "other.txt").read_text() == "mine"
+
+
+class Killed(BaseException):
+    """In the place of a kill: nothing runs after it."""
+
+
+def write_anew(folder: Path) -> None:
+    with atomic_files(folder, last="b", instead_of=["gone"]) as stage:
+        for name in ("a", "b", "z"):
+            (stage / name).write_text("new")
+
+
+def killed_while_moving(folder: Path, monkeypatch: pytest.MonkeyPatch, moved: int) -> None:
+    """Write a, b and z, of which b is to be last; the process dies after so many moves."""
+    replace, left = Path.replace, [moved]
+
+    def dying(file: Path, target: Path) -> Path:
+        left[0] -= 1
+        if left[0] < 0:
+            raise Killed
+        return replace(file, target)
+
+    with monkeypatch.context() as during:
+        during.setattr(Path, "replace", dying)
+        during.setattr(shutil, "rmtree", lambda path, **_: None)
+        with pytest.raises(Killed):
+            write_anew(folder)
+
+
+@pytest.mark.parametrize("moved", range(3))
+def test_the_last_file_is_new_only_if_all_others_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
+) -> None:
+    for name in ("a", "b", "z", "gone"):
+        (tmp_path / name).write_text("old")
+    killed_while_moving(tmp_path, monkeypatch, moved)
+    assert (tmp_path / "b").read_text() == "old"
+    with atomic_files(tmp_path, last="b", instead_of=["gone", "a"]) as stage:
+        (stage / "a").write_text("newer")
+        (stage / "b").write_text("newer")
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {
+        "a": "newer",
+        "b": "newer",
+        "z": "new" if moved == 2 else "old",
+    }
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> None:
+    lines = (
+        "import os, sys",
+        "from pathlib import Path",
+        "from tactograph.graph.files.atomic_files import atomic_files",
+        "with atomic_files(Path(sys.argv[1])) as stage:",
+        "    (stage / 'half.npy').write_text('half')",
+        "    os._exit(9)",
+    )
+    subprocess.run([sys.executable, "-c", "\n".join(lines), str(tmp_path)], check=False)
+    assert len([*tmp_path.glob(".writing-*")]) == 1
+    with atomic_file(tmp_path / "a.txt") as target:
+        target.write_text("a")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_what_another_writer_is_at_work_on_stays(tmp_path: Path) -> None:
+    with atomic_files(tmp_path) as one, atomic_files(tmp_path) as other:
+        (one / "a.txt").write_text("a")
+        (other / "b.txt").write_text("b")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.txt", "b.txt"]
 
 
 def test_a_disk_that_is_full_half_way_leaves_nothing(tmp_path: Path) -> None:

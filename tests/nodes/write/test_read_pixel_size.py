@@ -47,7 +47,17 @@ def test_the_result_beside_a_npy_states_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "result", [None, {}, [], {"pixel_size_mm": "0.1"}, {"pixel_size_mm": 0}, {"pixel_size_mm": -1}]
+    "result",
+    [
+        None,
+        {},
+        [],
+        {"pixel_size_mm": "0.1"},
+        {"pixel_size_mm": 0},
+        {"pixel_size_mm": -1},
+        {"pixel_size_mm": True},
+        {"pixel_size_mm": int("9" * 330)},
+    ],
 )
 def test_where_nothing_states_it_one_line_says_what_to_give(tmp_path: Path, result: object) -> None:
     with pytest.raises(InputError, match=r"height\.npy: states no .*; give pixel_size_mm=") as told:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import zlib
 from pathlib import Path
 
 import cv2
@@ -16,6 +18,8 @@ from tactograph.graph.compare import pictures
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.write import _led_colours
 from tactograph.nodes.write._result_pictures import draw_shadow
+from tactograph.nodes.write.read_height import read_height
+from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tactograph.nodes.write.write_result import write_result
 
 SHAPE = (8, 10)
@@ -91,12 +95,12 @@ def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> N
         assert len(touched - free) >= 2, what
 
 
-def result(folder: Path, **more: object) -> set[str]:
+def result(folder: Path, pixel: float = 0.1, level: float = 0.0, **more: object) -> set[str]:
     """Write the result of a film with a dent in its corner; the files that are there then."""
-    height = np.zeros(SHAPE, np.float32)
-    height[1, 8] = 1.0
+    height = np.full(SHAPE, level, np.float32)
+    height[1, 8] += 1.0
     write_result(
-        height, np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32), 0.1, {}, "",
+        height, np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32), pixel, {}, "",
         folder=folder, provenance=MADE, **{"mesh": False, "pictures": False, **more},
     )  # fmt: skip
     return {file.name for file in folder.iterdir()}
@@ -146,6 +150,28 @@ def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="camera"):
         result(tmp_path, camera=2.0, mesh=True)
     assert {file.name for file in tmp_path.iterdir()} == there
+
+
+def test_a_result_states_a_checksum_of_every_file_but_itself(tmp_path: Path) -> None:
+    there = result(tmp_path, **full())
+    told = json.loads((tmp_path / "result.json").read_text())["checksums"]
+    assert {*told} == there - {"result.json"}
+    assert told["height.npy"] == f"{zlib.crc32((tmp_path / 'height.npy').read_bytes()):08x}"
+
+
+@pytest.mark.parametrize("suffix", ["npy", "tiff"])
+def test_a_height_of_another_write_than_its_result_is_refused(tmp_path: Path, suffix: str) -> None:
+    """As a kill while files were moved leaves it."""
+    result(tmp_path / "old")
+    result(tmp_path / "new", pixel=0.2, level=0.5)
+    file = tmp_path / "old" / f"height.{suffix}"
+    assert read_height(file=file).max() == 1.0
+    shutil.copy(tmp_path / "new" / file.name, file)
+    for read in (lambda: read_height(file=file), lambda: read_pixel_size(height=file)):
+        with pytest.raises(InputError, match=r"height.*: is not what result\.json .* was written"):
+            read()
+    alone = shutil.copy(file, tmp_path / file.name)
+    assert read_height(file=Path(alone)).max() == 1.5
 
 
 def test_pictures_count_mm_from_the_middle_as_contacts_do(

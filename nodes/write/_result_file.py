@@ -1,0 +1,43 @@
+"""``result.json``: what it says of the files beside it."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph import InputError
+
+RESULT = "result.json"
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """Return what a folder's result says; nothing if there is none, or it cannot be read."""
+    try:
+        said = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def checksum(file: Path) -> str:
+    """Return the CRC-32 of a file, as eight hexadecimal digits."""
+    return f"{zlib.crc32(file.read_bytes()):08x}"
+
+
+def refuse_changed(file: Path) -> None:
+    """Refuse a file that a result beside it names, if it is not the one that was written with it.
+
+    Raises
+    ------
+    InputError
+        If it is another: a kill left some files old and some new, or it was changed since.
+    """
+    checksums = read_result(file.parent).get("checksums")
+    stated = checksums.get(file.name) if isinstance(checksums, dict) else None
+    if stated is not None and stated != checksum(file):
+        raise InputError(
+            f"{file}: is not what {RESULT} beside it was written with: the write was cut off, or "
+            "it was changed since; reconstruct again, or copy it to another folder"
+        )
