@@ -12,7 +12,14 @@ from typing import Any, TextIO
 
 import click
 
-from tactograph.graph.errors import TactographError, WriteError, did_you_mean, message_of, printable
+from tactograph.graph.errors import (
+    TactographError,
+    WriteError,
+    did_you_mean,
+    full_disk,
+    message_of,
+    printable,
+)
 from tactograph.graph.run.collect_seldom import collect_seldom
 
 COMMANDS = (
@@ -128,12 +135,11 @@ def main() -> None:
             sys.exit(_end_unheard(error))
         if os.environ.get("TACTOGRAPH_TRACEBACK"):
             raise
-        click.echo(
-            f"tactograph: internal error: {type(error).__name__}: {_one_line(error)} "
-            "(TACTOGRAPH_TRACEBACK=1 shows where)",
-            err=True,
-        )
-        code = 1
+        full = full_disk(error)
+        said = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
+        line = _one_line(full) if full else f"internal error: {said}"
+        click.echo(f"tactograph: {line}", err=True)
+        code = full.exit_code if full else 1
     sys.exit(code if isinstance(code, int) else 0)
 
 

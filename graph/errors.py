@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import unicodedata
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -47,6 +48,14 @@ def message_of(error: BaseException) -> str:
         return str(error)
     except Exception as second:
         return f"its message cannot be read ({type(second).__name__})"
+
+
+def full_disk(error: BaseException) -> WriteError | None:
+    """What to tell the user where an error says that a disk is full; None for any other."""
+    if not isinstance(error, OSError) or error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        return None
+    where = error.filename or "a disk"
+    return WriteError(f"{where}: {error.strerror}; make room, or set TMPDIR to a folder with room")
 
 
 def printable(text: str) -> str:

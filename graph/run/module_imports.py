@@ -55,10 +55,13 @@ _new: list[str] = []
 
 @cache
 def _known() -> dict[str, _Found]:
-    """By module and file."""
+    """By module and file; nothing if another version of this package keeps it differently."""
     file = _kept_in()
     body = None if file is None else read_cached(file)
-    return {key: _Found(*found) for key, found in json.loads(body or b"{}").items()}
+    try:
+        return {key: _Found(*found) for key, found in json.loads(body or b"{}").items()}
+    except (ValueError, TypeError, AttributeError):
+        return {}
 
 
 def _kept_in() -> Path | None:

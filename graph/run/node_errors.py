@@ -7,6 +7,8 @@ from tactograph.graph.errors import (
     EndOfStream,
     NodeError,
     TactographError,
+    WriteError,
+    full_disk,
     message_of,
 )
 from tactograph.graph.plan.draft import Task
@@ -33,6 +35,8 @@ class Blaming:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if error is not None and not isinstance(error, _MEANT):
             task = self._task
+            if full := full_disk(error):
+                raise WriteError(f"node '{task.id}' ({task.node.name}): {full}") from error
             kind_of = DeviceError if isinstance(error, self._device_error) else NodeError
             raise kind_of(
                 f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: "

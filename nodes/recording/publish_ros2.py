@@ -61,7 +61,7 @@ class _Sensor:
     """The node, and the clock of its stamps."""
 
     def __init__(self, ros: RosNode) -> None:
-        self.ros, self.stamps = ros, TouchStamps()
+        self.ros, self.stamps = ros, TouchStamps(follow=True)
 
     def close(self) -> None:
         self.ros.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -335,6 +336,20 @@ def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
     monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
     said = one_line(tactograph("check", "paper"), code=1)
     assert "internal error: RuntimeError: two lines" in said
+
+
+def test_a_full_disk_is_told_as_such(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch, toys: list[str], write: Write
+) -> None:
+    def full(*args: object, **keywords: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/tmp/x")
+
+    text = STREAM.replace("flat_field", "crowded").replace(", flat: cal.flat, dark: cal.dark", "")
+    said = one_line(tactograph("run", write(text)), code=2)
+    assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in said
+    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", full)
+    said = one_line(tactograph("check", "paper"), code=2)
+    assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in said
 
 
 class Mute(BaseException):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -374,6 +375,12 @@ def failing(image: Light, *, at: float = 0.0) -> Light:
 
 
 @node
+def crowded(image: Light) -> Light:
+    """Finds no room on the disk."""
+    raise OSError(errno.ENOSPC, "No space left on device", "/tmp/x")
+
+
+@node
 def refusing(image: Light) -> Light:
     """Refuses the user's data."""
     raise InputError("image.png: too dark")
@@ -449,7 +456,7 @@ TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
-    "filed", "strips", "halves", "bright", "enough",
+    "filed", "strips", "halves", "bright", "enough", "crowded",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
     "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",
     "whole_touches", "talking",

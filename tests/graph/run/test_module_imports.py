@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tactograph.graph.files.disk_cache import write_cached
 from tactograph.graph.run import module_imports as module
 from tactograph.graph.run.module_imports import keep_imports, module_imports
 
@@ -57,3 +58,13 @@ def test_what_is_kept_of_a_file_goes_with_it(tmp_path: Path) -> None:
     keep_imports()
     start_again()
     assert list(module._known()) == [f"film {files[1]}"]
+
+
+@pytest.mark.parametrize("body", [b"[]", b"[[1]]", b'{"felt x": [1, 2]}', b'{"felt x": 3}', b"x"])
+def test_what_another_version_keeps_differently_is_found_anew(tmp_path: Path, body: bytes) -> None:
+    kept = module._kept_in()
+    assert kept is not None
+    write_cached(kept, body)
+    file = tmp_path / "felt.py"
+    file.write_text("import numpy\n")
+    assert module_imports(file, "felt") == ["numpy"]

@@ -87,6 +87,17 @@ def test_other_code_is_made_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     made(made_now=True)
 
 
+def test_another_version_makes_its_own_and_leaves_the_first_one_s(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made(made_now=True)
+    with monkeypatch.context() as other:
+        other.setattr(store, "versions", lambda: {"tactograph": "another"})
+        made(made_now=True)
+        made(made_now=False)
+    made(made_now=False)
+
+
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "foreign"])
 def test_a_damaged_file_is_made_again(folder: Path, damage: str) -> None:
     made(made_now=True)
