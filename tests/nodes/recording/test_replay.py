@@ -223,3 +223,23 @@ def test_a_chunk_that_would_fill_the_memory_is_lost_not_unpacked(
     found = McapFile(file)
     assert list(found.messages()) == []
     assert found.lost > 0
+
+
+@pytest.mark.parametrize("set_by_s", [-3600, 3600])
+@pytest.mark.parametrize("speed", [0.0, 1000.0])
+def test_a_clock_that_was_set_between_two_recordings_mixes_no_touch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, set_by_s: int, speed: float
+) -> None:
+    frames = make_recording(tmp_path, 2)
+    day = time.time_ns
+    with monkeypatch.context() as during:
+        during.setattr(time, "time_ns", lambda: day() + set_by_s * 10**9)
+        make_recording(tmp_path, 2)
+    touches = list(replay(recording=tmp_path, speed=speed))
+    assert len(touches) == 2 * (2 * LEDS - (LEDS - 1))
+    half = len(touches) // 2
+    for touch, again in zip(touches[:half], touches[half:], strict=True):
+        np.testing.assert_array_equal(touch.image, again.image)
+    np.testing.assert_allclose(touches[half].image, light_of(frames[:LEDS]), atol=1e-6)
+    apart = touches[half].time - touches[0].time
+    assert apart == pytest.approx(set_by_s, abs=60)
