@@ -24,7 +24,7 @@ Places = NDArray[Any]
 
 
 def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Places, Places]:
-    """Return columns and rows, in ideal pixels, of the points that the pixels see.
+    """Return x and y, in ideal pixels from the image's middle, of the points that pixels see.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
         column, row = (place.astype(np.float64) for place in ideal_places(lens, height.shape))
     nearer = 1 - height.astype(np.float64) * camera
     middle = (columns - 1) / 2, (rows - 1) / 2
-    return middle[0] + (column - middle[0]) * nearer, middle[1] + (row - middle[1]) * nearer
+    return (column - middle[0]) * nearer, (row - middle[1]) * nearer
 
 
 def on_even_grid(

@@ -48,10 +48,12 @@ TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 
 
+MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
+"""What meshes say of themselves; an STL has room for 80 bytes."""
 PLY_HEADER = """\
 ply
 format binary_little_endian 1.0
-comment heights in mm
+comment {axes}
 element vertex {vertices}
 property float x
 property float y
@@ -82,7 +84,7 @@ def surface_of(
     """Return the height map as a mesh, two triangles between four pixels.
 
     Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
-    camera.  Points lie where they are on the film (`film_places`).  What is not known, NaN, is
+    camera.  The origin is the image's middle on the film at rest.  Points lie where they are on the film (`film_places`).  What is not known, NaN, is
     left out.
     """
     rows, columns = height.shape
@@ -196,11 +198,18 @@ def write_mesh(
     # Loading it takes longer than computing a touch.
     import trimesh
 
-    trimesh.Trimesh(*surface, process=False).export(file)
+    mesh = trimesh.Trimesh(*surface, process=False)
+    if file.suffix == ".obj":
+        mesh.export(file, header=MESH_AXES)
+        return
+    mesh.export(file)
+    with file.open("r+b") as stream:
+        stream.write(MESH_AXES.encode())
 
 
 def _write_ply(file: Path, surface: Surface) -> None:
-    header = PLY_HEADER.format(vertices=len(surface.vertices), faces=len(surface.faces))
+    sizes = {"vertices": len(surface.vertices), "faces": len(surface.faces)}
+    header = PLY_HEADER.format(axes=MESH_AXES, **sizes)
     faces = np.empty(len(surface.faces), [("count", "u1"), ("vertices", "<i4", 3)])
     faces["count"], faces["vertices"] = 3, surface.faces
     file.write_bytes(header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes())

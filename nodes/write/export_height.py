@@ -45,7 +45,8 @@ def export_height(
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
         Digital Surf's, as MountainsMap and Gwyddion read it
         (``pip install 'tactograph[metrology]'``).  "ply", "stl" and "obj": a mesh in mm,
-        right-handed: x right, y up, z to the camera.  Unknown film (NaN) is NaN in "npy" and
+        right-handed: x right, y up, z to the camera, from the image's middle on the film at
+        rest.  Unknown film (NaN) is NaN in "npy" and
         "tiff", transparent in "png", not measured in "sur" and left out of meshes; "tmd" cannot
         hold it.
 

@@ -21,6 +21,7 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tactograph.nodes.write._height_files import (
+    MESH_AXES,
     MESHES,
     PNG_TEXT,
     WRITERS,
@@ -195,6 +196,16 @@ def test_a_mesh_is_in_mm_and_faces_the_camera(exported: Path, suffix: str) -> No
     assert (width, length) == pytest.approx((31 * PIXEL, 23 * PIXEL), rel=1e-5)
     assert top == pytest.approx(float(np.ptp(slope())), rel=1e-5)
     assert (mesh.face_normals[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
+def test_a_mesh_counts_from_the_middle_as_contacts_and_pictures_do_and_says_so(
+    exported: Path, suffix: str
+) -> None:
+    mesh = trimesh.load_mesh(exported / f"height.{suffix}")
+    corner = np.array([31, 23]) * PIXEL / 2
+    assert mesh.bounds[:, :2] == pytest.approx(np.array([-corner, corner]), abs=1e-6)
+    assert MESH_AXES.encode() in (exported / f"height.{suffix}").read_bytes()[:200]
 
 
 @pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])

@@ -46,10 +46,10 @@ def seen(lens: F4) -> F4:
 def test_points_lie_on_the_surface_that_was_seen(lens: F4 | None) -> None:
     height = seen(np.zeros(8, np.float32) if lens is None else lens)
     x, y = film_places(height, lens, CAMERA)
-    surface = hill(PIXEL * (x - middle()[0]), PIXEL * (y - middle()[1]))
+    surface = hill(PIXEL * x, PIXEL * y)
     assert np.abs(surface - height).max() < 1e-4
-    orthographic = film_places(height, lens, 0.0)
-    away = hill(PIXEL * (orthographic[0] - middle()[0]), PIXEL * (orthographic[1] - middle()[1]))
+    x, y = film_places(height, lens, 0.0)
+    away = hill(PIXEL * x, PIXEL * y)
     assert np.abs(away - height).max() > 0.05
 
 
@@ -79,8 +79,8 @@ def test_an_orthographic_camera_without_lens_changes_nothing() -> None:
     assert np.array_equal(found, height)
     assert others == []
     x, y = film_places(height, None, 0.0)
-    assert np.array_equal(y, np.mgrid[: SHAPE[0], : SHAPE[1]][0])
-    assert np.array_equal(x, np.mgrid[: SHAPE[0], : SHAPE[1]][1])
+    assert np.array_equal(y + middle()[1], np.mgrid[: SHAPE[0], : SHAPE[1]][0])
+    assert np.array_equal(x + middle()[0], np.mgrid[: SHAPE[0], : SHAPE[1]][1])
 
 
 def test_a_film_that_reaches_the_camera_is_refused() -> None:
@@ -97,7 +97,7 @@ def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
     height = seen(BENT)
     export_height(height, PIXEL, None, BENT, CAMERA, folder=tmp_path, formats=("ply",))
     vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
-    x, y = vertices[:, 0] - PIXEL * middle()[0], -vertices[:, 1] - PIXEL * middle()[1]
+    x, y = vertices[:, 0], -vertices[:, 1]
     assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-4
 
 
@@ -117,5 +117,5 @@ def test_a_result_is_what_pixels_see_or_even_on_the_film(tmp_path: Path, grid: s
     assert json.loads((tmp_path / "result.json").read_text())["grid"] == grid
     vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
     assert len(vertices) == np.isfinite(found).sum()
-    x, y = vertices[:, 0] - PIXEL * middle()[0], -vertices[:, 1] - PIXEL * middle()[1]
+    x, y = vertices[:, 0], -vertices[:, 1]
     assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-3
