@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.files.array_files import load_arrays
@@ -62,14 +61,25 @@ class FileKind(NamedTuple):
     check: Callable[[Mapping[str, NDArray[Any]]], None] = _fits
 
 
-def _npz(file: Path) -> Path:
+def free_for(file: Path, kind: FileKind) -> Path:
+    """Return the path of a new calibration, if it is free or of an earlier one of its kind.
+
+    For ``AfterValidator``: what is refused is refused before the work starts.
+
+    Raises
+    ------
+    ValueError
+        If it has a wrong name, or another file is there.
+    """
     if file.suffix != ".npz":
         raise ValueError("a calibration file is called something.npz")
+    try:
+        is_free = not file.exists() or is_of_kind(file, kind)
+    except InputError:
+        is_free = False
+    if not is_free:
+        raise ValueError(f"a name that is free, or of an earlier {kind.name}, is needed")
     return file
-
-
-NewFile = Annotated[Path, AfterValidator(_npz)]
-"""Path of a new calibration; a wrong name is refused before the work starts."""
 
 
 def write_arrays(

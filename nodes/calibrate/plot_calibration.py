@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import (
     F4,
     U1,
@@ -25,6 +22,7 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
+from tactograph.nodes.calibrate._new_picture import BesidePicture, write_picture
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.calibrate.fit_reflectance import harmonics
 from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
@@ -59,7 +57,7 @@ def plot_calibration(
     microns: Annotated[F4, Port("P", "um", nan=True)] | None = None,
     advice: str | None = None,
     *,
-    file: Path,
+    file: BesidePicture,
 ) -> None:
     """Draw the objects found, the tables' coverage, the fit's residual and the null test.
 
@@ -108,8 +106,7 @@ def plot_calibration(
             _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
-    with atomic_file(file.with_suffix(".png")) as target:
-        FigureCanvasAgg(figure).print_png(target)
+    write_picture(figure, file.with_suffix(".png"))
 
 
 def _title(quality: Metrics) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Metrics
+from tactograph.nodes.calibrate._new_picture import BesidePicture, write_picture
 from tactograph.nodes.calibrate.find_grid import GridMarks
 from tactograph.nodes.calibrate.plot_calibration import BLUE, ORANGE
 from tactograph.nodes.capture.read_grey import GreyImage
@@ -27,7 +25,7 @@ def plot_camera(
     departure: Annotated[F4, Port("N 2", "px", nan=True)],
     quality: Metrics,
     *,
-    file: Path,
+    file: BesidePicture,
 ) -> None:
     """Draw the marks on the image, and arrows that show by how much they depart from the fit.
 
@@ -63,5 +61,4 @@ def plot_camera(
     right.set(xlim=(0, columns), ylim=(rows, 0), xlabel="x / px", ylabel="y / px")
     right.set(aspect="equal", title="departure from the fit")
     figure.suptitle("  ".join(f"{name} {value:.4g}" for name, value in quality.items()), fontsize=9)
-    with atomic_file(file.with_suffix(".png")) as target:
-        FigureCanvasAgg(figure).print_png(target)
+    write_picture(figure, file.with_suffix(".png"))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-
 from tactograph.graph import Port, node
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
+from tactograph.nodes.calibrate._new_picture import NewPicture, write_picture
 
 
 @node
@@ -26,7 +23,7 @@ def plot_check(
     ambient: str,
     camera: str,
     *,
-    file: Path,
+    file: NewPicture,
 ) -> None:
     """Draw the film then and now, maps of albedo and dents, and the verdicts.
 
@@ -50,5 +47,4 @@ def plot_check(
     lines = [f"{name}: {verdict}" for name, verdict in (verdicts | {"camera": camera}).items()]
     text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
     text.set_parse_math(False)
-    with atomic_file(file) as target:
-        FigureCanvasAgg(figure).print_png(target)
+    write_picture(figure, file)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Height, Light, Metrics
 from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
+from tactograph.nodes.calibrate._new_picture import BesidePicture, write_picture
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.capture._sheet import SheetLight, cut
 
@@ -34,7 +32,7 @@ def plot_recalibration(
     quality: Metrics,
     advice: str,
     *,
-    file: Path,
+    file: BesidePicture,
 ) -> None:
     """Draw both films at rest, the check press, and maps of albedo and dents.
 
@@ -59,8 +57,7 @@ def plot_recalibration(
     light = [v for name, v in quality.items() if name.startswith("light_percent/")]
     draw_light(lower, np.asarray(light, np.float32), words)
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
-    with atomic_file(file.with_suffix(".png")) as target:
-        FigureCanvasAgg(figure).print_png(target)
+    write_picture(figure, file.with_suffix(".png"))
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:

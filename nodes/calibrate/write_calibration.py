@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import (
@@ -27,7 +30,7 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
+from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, free_for, write_arrays
 
 NEAREST = 1e-3
 """Height in mm of the lowest LED that a sensor can have."""
@@ -160,6 +163,7 @@ CALIBRATION = FileKind(
 
 NO_MISFIT = np.array([0, 1, 0, 0, 0], np.float32)
 """The misfit of a model that leaves only noise."""
+NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION))]
 
 
 @node
@@ -181,7 +185,7 @@ def write_calibration(
     misfit: Misfit | None = None,
     correlation: NoiseCorrelation | None = None,
     *,
-    file: NewFile,
+    file: NewCalibration,
     provenance: Provenance,
 ) -> None:
     """Write the calibration as one ``.npz``, readable without pickle.

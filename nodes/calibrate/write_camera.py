@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import Lens, Metrics, PixelSize
-from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
+from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, free_for, write_arrays
 from tactograph.nodes.capture.read_grey import GreyImage
 
 CAMERA = FileKind(
@@ -35,6 +38,7 @@ CAMERA = FileKind(
     },
     made_from="the image of the grid and its pitch",
 )
+NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA))]
 
 
 @node
@@ -45,7 +49,7 @@ def write_camera(
     residual: Annotated[float, Port(unit="px")],
     quality: Metrics,
     *,
-    file: NewFile,
+    file: NewCamera,
     provenance: Provenance,
 ) -> None:
     """Write lens, pixel size and residual as one ``.npz``, readable without pickle.

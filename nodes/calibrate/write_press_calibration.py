@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator
+
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Metrics, PixelSize
-from tactograph.nodes.calibrate._calibration_file import FileKind, NewFile, Stored, write_arrays
+from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, free_for, write_arrays
 from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
@@ -26,6 +32,7 @@ PRESS_CALIBRATION = FileKind(
     },
     made_from="the images, and the ball's place and radius",
 )
+NewPressCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=PRESS_CALIBRATION))]
 
 
 @node
@@ -36,7 +43,7 @@ def write_press_calibration(
     quality: Metrics,
     advice: str,
     *,
-    file: NewFile,
+    file: NewPressCalibration,
     provenance: Provenance,
 ) -> None:
     """Write flat, pixel size and reflectance map as one ``.npz``, readable without pickle.

@@ -84,8 +84,8 @@ def surface_of(
     """Return the height map as a mesh, two triangles between four pixels.
 
     Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
-    camera.  The origin is the image's middle on the film at rest.  Points lie where they are on the film (`film_places`).  What is not known, NaN, is
-    left out.
+    camera.  The origin is the image's middle on the film at rest.  Points lie where they are on
+    the film (`film_places`).  What is not known, NaN, is left out.
     """
     rows, columns = height.shape
     x, y = film_places(height, lens, camera)

@@ -1,0 +1,62 @@
+"""Pictures of calibrations, which replace earlier ones of their kind and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+from pydantic import AfterValidator
+
+from tactograph.graph.files.atomic_files import atomic_file
+
+DRAWN_BY = "Matplotlib"
+"""How a picture's text chunk ``Software`` begins."""
+
+
+def write_picture(figure: Figure, file: Path) -> None:
+    """Write a figure as PNG, whole or not at all.
+
+    Raises
+    ------
+    WriteError
+        If it cannot be written.
+    """
+    with atomic_file(file) as target:
+        FigureCanvasAgg(figure).print_png(target)
+
+
+def _is_free(picture: Path) -> bool:
+    """Whether there is no such file, or one that Matplotlib drew."""
+    if not picture.exists():
+        return True
+    try:
+        with Image.open(picture) as image:
+            return str(image.info.get("Software", "")).startswith(DRAWN_BY)
+    except OSError:
+        return False
+
+
+def _free(file: Path) -> Path:
+    if not _is_free(file):
+        raise ValueError(
+            "a name that is free, or of an earlier picture of a calibration, is needed"
+        )
+    return file
+
+
+def _free_beside(file: Path) -> Path:
+    picture = file.with_suffix(".png")
+    if not _is_free(picture):
+        raise ValueError(
+            f"{picture} is there already and no picture of a calibration; another name is needed"
+        )
+    return file
+
+
+NewPicture = Annotated[Path, AfterValidator(_free)]
+"""Path of a picture; a file of another kind is refused before the work starts."""
+BesidePicture = Annotated[Path, AfterValidator(_free_beside)]
+"""Path of a calibration whose picture goes beside it, ``.png`` for ``.npz``."""
