@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._lattice import FEWEST, Lattice, neighbours, on_lattice
@@ -38,8 +39,15 @@ def reduced(image: F4) -> tuple[F4, int]:
     return np.asarray(small, np.float32), factor
 
 
-def find_dots(image: F4) -> Lattice | None:
-    """Return the dots that lie on one lattice, in px; None if there are not enough."""
+class Dots(NamedTuple):
+    """Dots on one lattice, and M x 2 places in px of whole dots that are not on it."""
+
+    lattice: Lattice
+    astray: Points
+
+
+def find_dots(image: F4) -> Dots | None:
+    """Return the dots that lie on one lattice; None if there are not enough."""
     small, factor = reduced(image)
     rough, blobs = None, None
     for part in SURROUNDINGS:
@@ -51,7 +59,20 @@ def find_dots(image: F4) -> Lattice | None:
         return None
     places = factor * (rough.place + 0.5) - 0.5
     centres = [_centre(image, place, factor * blobs.radius, blobs.sign) for place in places]
-    return on_lattice(np.array([c for c in centres if c is not None]))
+    lattice = on_lattice(np.array([c for c in centres if c is not None]))
+    if lattice is None:
+        return None
+    radius = factor * blobs.radius
+    every = factor * (blobs.place + 0.5) - 0.5
+    whole = every[_is_whole(every, radius, image.shape)]
+    away, _ = KDTree(lattice.place).query(whole)
+    return Dots(lattice, whole[away > radius])
+
+
+def _is_whole(places: Points, radius: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether the frame cuts off nothing of dots, nor of their blurred edges."""
+    last = np.array([shape[1] - 1, shape[0] - 1])
+    return np.asarray(np.minimum(places, last - places).min(axis=-1) >= radius + 1)
 
 
 def _blobs(image: F4, part: float) -> list[Blobs]:
@@ -94,16 +115,16 @@ def _is_sparse(blobs: Blobs) -> bool:
 def _centre(image: F4, place: Points, radius: float, sign: int) -> Points | None:
     """The centre of mass of a dot's contrast against a plane fitted to its surroundings.
 
-    None if the frame cuts off the window, or the centre drifts away.
+    None if the frame cuts off the dot, or the centre drifts away.
     """
     reach = 1.5 * radius + 1.5
     rows, columns = image.shape
     start = place
+    if not _is_whole(start, radius, image.shape):
+        return None
     for _ in range(3):
-        x0, y0 = np.floor(place - reach).astype(int)
-        x1, y1 = np.ceil(place + reach).astype(int) + 1
-        if x0 < 0 or y0 < 0 or x1 > columns or y1 > rows:
-            return None
+        x0, y0 = np.maximum(np.floor(place - reach).astype(int), 0)
+        x1, y1 = np.minimum(np.ceil(place + reach).astype(int) + 1, (columns, rows))
         y, x = np.mgrid[y0:y1, x0:x1]
         dx, dy = x - place[0], y - place[1]
         distance = np.hypot(dx, dy)

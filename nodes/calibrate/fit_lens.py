@@ -104,7 +104,7 @@ def fit_lens(
     pixel = pitch_mm / pitch
     quality: Metrics = {
         "marks": int(kept.sum()),
-        "left_out": int((~kept).sum()),
+        "left_out": int((~kept).sum()) + marks.astray,
         "residual_px": residual,
         "pixel_size_mm": pixel,
         "distortion_corner_percent": 100 * float(lens[0] + lens[1]),

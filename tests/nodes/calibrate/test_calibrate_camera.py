@@ -152,9 +152,31 @@ def test_the_wrong_pattern_is_refused() -> None:
 def test_marks_on_no_even_grid_are_refused() -> None:
     cell = np.int32(np.argwhere(np.ones((6, 8))))
     place = 30 * cell + np.random.default_rng(0).normal(0, 5, cell.shape)
-    marks = GridMarks(np.float32(place + 20), cell, "dots")
+    marks = GridMarks(np.float32(place + 20), cell, "dots", 0)
     with pytest.raises(InputError, match="lay it flat on the film"):
         fit_lens(np.zeros(SHAPE, np.float32), marks, pitch_mm=1.0)
+
+
+def test_every_whole_dot_is_a_mark_up_to_the_frame() -> None:
+    """Those at the frame tell most of the lens; 10 px of pitch, 2.3 of radius, 4 to the frame."""
+    i, j = on_film(SHAPE, NONE, 10, 0.0, (0.45, 0.45))
+    marks = find_grid(pixels(dots(i, j)))
+    assert (len(marks.place), marks.astray) == (32 * 24, 0)
+
+
+def test_a_whole_dot_on_no_place_of_the_grid_is_counted_and_named() -> None:
+    i, j = on_film(SHAPE, NONE, 20, 0.1, (0, 0))
+    samples = dots(i, j)
+    samples[np.hypot(i - 1.5, j - 2.5) < 0.2] = 0.15
+    samples[np.hypot(i + 3.5, j + 1.5) < 0.2] = 0.15
+    notes: list[str] = []
+    with collect_warnings(notes):
+        found = camera_of(pixels(samples))
+    clean = camera_of(pixels(dots(i, j)))
+    assert (found.quality["left_out"], clean.quality["left_out"]) == (2, 0)
+    assert found.quality["marks"] == clean.quality["marks"]
+    assert len(notes) == 1
+    assert notes[0].startswith("2 whole dots are on no place of the grid and left out, at ")
 
 
 RIGS = {"hand_ideal": 0.0, "hand_gloss": 0.0, "hand_lens": -0.03, "hand": -0.03}
