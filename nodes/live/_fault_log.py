@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -72,11 +73,11 @@ class FaultLog:
             self.note(fault, times=times)
         self._counted = counted
 
-    def note(self, fault: str, about: object = 0, times: int = 1) -> None:
-        """Count a fault, and report it with the next touch."""
+    def note(self, fault: str, about: object = 0, times: int = 1, once: str | None = None) -> None:
+        """Count a fault, and report it with the next touch; with `once`, that line only once."""
         self.state.faults[fault] += times
         says = self._says.get(fault, f"the LED controller: {fault}")
-        self._teller.add(says.format(led=about))
+        self._teller.add(once or says.format(led=about), again_s=math.inf if once else AGAIN_S)
 
     def add(self, line: str) -> None:
         """Report a line that is not a fault of the stream."""
@@ -129,9 +130,9 @@ class _Teller:
         self._said: dict[str, float] = {}
         self._item = time.monotonic()
 
-    def add(self, line: str) -> None:
+    def add(self, line: str, *, again_s: float = AGAIN_S) -> None:
         now = time.monotonic()
-        if now - self._said.get(line, -AGAIN_S) >= AGAIN_S:
+        if now - self._said.get(line, -math.inf) >= again_s:
             self._waiting.setdefault(line, now)
 
     def tell(self, *, with_item: bool) -> None:

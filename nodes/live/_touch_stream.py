@@ -31,6 +31,12 @@ ATTEMPTS = 4
 """Number of shifts after which an unchanged share is not a neighbour's light."""
 MARGIN, LEAST_MARGIN = 0.2, 0.03
 """Initial and smallest margin between an exposure and the next change of LED, in steps."""
+FOUND_CYCLES, SEARCHED_CYCLES = 2, 12
+"""Number of cycles on end without a fault after which the phase of camera and LEDs is found, and
+the most that are waited for."""
+OUT_OF_PHASE = {"mixed", "late", "swapped", "slipped", "shifted", "brightness"}
+"""Faults that are to be expected until it is found."""
+FINDING = "finding the phase of camera and LEDs: frames that show two LEDs are discarded meanwhile"
 
 
 @dataclass
@@ -79,6 +85,7 @@ class Stream:
         self._later: bool | None = None
         self._margin = MARGIN
         self._reopened = 0.0
+        self._search()
         # While no touch is due, as when all frames of an LED fail, the oldest are dropped.
         self._new: deque[RawFrame] = deque(maxlen=max(KEPT, 4 * len(sensor.cycle)))
 
@@ -115,6 +122,22 @@ class Stream:
         self._assembler.restart()
         self._log.restart()
         self._overlaps.clear()
+        self._search()
+
+    def _search(self) -> None:
+        """Begin to find the phase of camera and LEDs."""
+        self._clean, self._searched = 0, SEARCHED_CYCLES * len(self.sensor.cycle)
+
+    def _look_for_phase(self, *, is_clean: bool) -> None:
+        """Note a frame; the search ends after enough clean ones, or in vain."""
+        self._clean = self._clean + 1 if is_clean else 0
+        is_found = self._clean >= FOUND_CYCLES * len(self.sensor.cycle)
+        self._searched = 0 if is_found else max(self._searched - 1, 0)
+
+    def _note(self, fault: str, about: int = 0) -> None:
+        """Count and report a fault; in one line those to be expected while the phase is found."""
+        is_expected = fault in OUT_OF_PHASE and self._searched
+        self._log.note(fault, about, once=FINDING if is_expected else None)
 
     def _take(self, shot: Shot) -> None:
         """Match one frame; keep it, or count its fault."""
@@ -122,12 +145,15 @@ class Stream:
         light = light_of(shot.data, self.full)
         verdict = self._matcher.match(shot.data, shot.time, light)
         if verdict.fault:
-            self._log.note(verdict.fault, verdict.about)
+            self._note(verdict.fault, verdict.about)
         self._react(verdict)
-        if verdict.led is not None:
-            if abs(verdict.gain - 1) > MOST_DIMMED:
-                self._log.note("brightness", verdict.led)
-            frame = RawFrame(shot.number, verdict.led, shot.time, shot.data)
+        led, is_dimmed = verdict.led, abs(verdict.gain - 1) > MOST_DIMMED
+        if led is not None and is_dimmed:
+            self._note("brightness", led)
+        is_lit_in_part = is_dimmed and self._searched
+        self._look_for_phase(is_clean=led is not None and not verdict.fault and not is_dimmed)
+        if led is not None and not is_lit_in_part:
+            frame = RawFrame(shot.number, led, shot.time, shot.data)
             self._new.append(frame)
             self._assembler.add(frame, light)
 
@@ -163,12 +189,12 @@ class Stream:
         self._tried.append(reach)
         if len(self._tried) == ATTEMPTS and max(self._tried) - min(self._tried) < CREEP:
             # Shifts change nothing, so the film itself differs from the calibration.
-            self._log.note("changed")
+            self._note("changed")
             self._matcher.usual_reach += reach
             self._matcher.mean_reach = 0.0
             self._tried.clear()
             return
-        self._log.note("shifted")
+        self._note("shifted")
         later = reach >= 0
         if self._later not in (None, later):
             # The last shift went too far, so there is little time between two exposures.
