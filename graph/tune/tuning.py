@@ -225,14 +225,7 @@ class Tuning:
         return file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()])
 
     def save(self, file: Path, *, over_others: bool = False) -> Path:
-        """Write the variant, and check it.
-
-        Parameters
-        ----------
-        file
-            Its place.
-        over_others
-            Whether it may replace a file that is not what `save` left there.
+        """Write the variant, whatever file it replaces if `over_others`, and check it.
 
         Raises
         ------
@@ -240,9 +233,7 @@ class Tuning:
             If nothing was changed, or the file would replace what it extends, or another's.
         """
         if file.resolve() in {read.resolve() for read in self._files}:
-            raise InputError(
-                f"{file}: is the graph that was changed, or one that it extends; give another name"
-            )
+            raise InputError(f"{file}: is the graph that is tuned, or extended; give another name")
         if not over_others and self.is_of_others(file):
             raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"

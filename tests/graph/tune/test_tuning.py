@@ -251,7 +251,7 @@ def test_no_graph_is_replaced_by_one_that_extends_it(
     tuning = opened("format: 1\nextends: base.yaml\n")
     tuning.set("high", "above", 5.0)
     for file in (base, Path(tuning.source), tmp_path / "." / "base.yaml"):
-        with pytest.raises(InputError, match="is the graph that was changed, or one that it ext"):
+        with pytest.raises(InputError, match="is the graph that is tuned, or extended"):
             tuning.save(file, over_others=True)
     assert base.read_text() == GRAPH
 
