@@ -5,7 +5,7 @@ from __future__ import annotations
 from tactograph.nodes import F4
 from tactograph.nodes.trust._check import Check, spread_of
 
-MAX_MEDIAN, MAX_QUARTILE = 0.75, 1.8
+MAX_MEDIAN, MAX_QUARTILE = 0.6, 2.4
 """Curl over its expected size that right touches stay below."""
 
 

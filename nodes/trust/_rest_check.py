@@ -20,7 +20,7 @@ MAX_DEPTH, MIN_HEIGHT_MM = 0.6, 0.05
 """Depth below the film at rest, over the greatest height or this height if that is less."""
 
 
-MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.025, 0.9, 0.05
+MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.036, 0.9, 0.05
 """Half the range of changes that a tilt of the film would explain to this share, where nothing
 stands out by this height."""
 
