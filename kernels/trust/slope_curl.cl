@@ -12,6 +12,7 @@ static float mean_of_cell(
     __global const float *plane, const int row, const int column, const int H, const int W,
     const int side)
 {
+    if (side == 1) return plane[row * W + column];
     float total = 0.0f;
     for (int j = 0; j < side; ++j) {
         float sum = 0.0f;

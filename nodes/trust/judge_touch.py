@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -28,6 +28,10 @@ from tactograph.nodes.trust.light_departure import Departure, light_error
 
 STEEPNESS = 4
 """Power of the worst figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
+
+
+MAX_CELLS = 6000
+"""More cells tell no more of medians; every second one is looked at, or fewer."""
 
 
 @node
@@ -94,11 +98,15 @@ def judge_touch(
     InputError
         If all three checks fail, unless `force`.
     """
-    checks = {"curl": check_curl(curl), "rest": check_rest(light, drift, height, lights)}
+    checks = {
+        "curl": check_curl(_thinned(curl)),
+        "rest": check_rest(_thinned(light), drift, height, lights),
+    }
     if departure is not None and slope is not None:
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
         rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
-        touched = Touched(departure, slope, used, matt, shadow)
+        labels = (None if plane is None else _thinned(plane) for plane in (used, matt, shadow))
+        touched = Touched(_thinned(departure), _thinned(slope), *labels)
         checks["light"] = check_light(touched, len(light), rim_error)
     trust = 1 / (1 + max(check.figure for check in checks.values()) ** STEEPNESS)
     failed = [name for name, check in checks.items() if check.figure > 1]
@@ -119,3 +127,9 @@ def _causes(checks: dict[str, Check]) -> str:
 def _nearest(lights: LightPositions) -> float:
     """The distance of the nearest LED from the middle of the film, in mm."""
     return float(np.sqrt((lights * lights).sum(axis=1)).min())
+
+
+def _thinned(planes: Any) -> Any:
+    """Every n-th row and column of images that have more than `MAX_CELLS` pixels."""
+    step = max(1, round(float(np.sqrt(planes.shape[-2] * planes.shape[-1] / MAX_CELLS))))
+    return planes[..., ::step, ::step]
