@@ -1,11 +1,11 @@
-"""Wrong inputs and right ones: which wrong heights come without a word, which right ones with one?
+"""Print which wrong inputs give a height without a word, and which right ones a warning.
 
-    python benchmarks/silent.py [--small] [--rig far near] [--kind gamma] [--csv rows.csv]
+    python benchmarks/silent.py [--rig far near] [--kind gamma right] [--csv rows.csv] [--small]
 
-Each kind of wrong input (benchmarks/silent/wrong.py) is made from right touches at up to three
+Each kind of wrong input (`benchmarks/silent/wrong.py`) is made of right touches, at up to three
 strengths, on simulated, ray-traced and, where they are present, real sensors.  A wrong input does
-harm where its RMSE is above 20 um and above 5 times that of the right input.  Of real sensors no
-true height is known: the right input's height stands for it.
+harm where its RMSE is above 20 um, and above 5 times the right input's or 5 times the stated
+error.  Of a real sensor no true height is known: the right input's height stands for it.
 """
 
 from __future__ import annotations
@@ -14,273 +14,271 @@ import argparse
 import csv
 import sys
 import tempfile
-import time
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from silent.rigs import F4, Recipe, Rig, Touch, calibrated, makers, pipeline
-from silent.wrong import KINDS, LEVELS, Kind, Scene
+from silent.rigs import F4, Rig, Touch, calibrated, makers, pipeline
+from silent.wrong import KINDS, Kind, Scene, bytes_of
 
 from tactograph.graph import InputError
 
 HARM_UM, TIMES, GROSS_UM = 20.0, 5.0, 500.0
-HEAD = ("rig", "touch", "kind", "strength", "value", "rmse_um", "right_um", "stated_um", "harm",
-        "told", "check", "at_calibration")  # fmt: skip
-SMALL_KINDS = ("swapped_neighbours", "gamma_inverse", "led_dead", "ambient", "two_touches",
-               "wave", "radius_wrong", "order_rotated", "still_untouched")  # fmt: skip
+LEVELS = ("weak", "middle", "strong")
+FIGURES = ("light_misfit", "trust", "check")
+COLUMNS = ("rig", "graph", "touch", "kind", "strength", "value", "rmse_um", "right_um",
+           "stated_um", "harm", "told", "check", "told_at_calibration")  # fmt: skip
+SMALL = ("right", "swapped_neighbours", "order_rotated", "gamma", "another_gel", "led_twice",
+         "ambient", "two_touches", "wave", "another_sensor", "radius")  # fmt: skip
 Row = dict[str, Any]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--rig", nargs="+", default=None, help=f"of {', '.join(makers(0))}")
-    parser.add_argument("--kind", nargs="+", default=None, help="names of kinds, or 'right'")
+    parser.add_argument("--rig", nargs="+", choices=[*makers(0)], metavar="RIG",
+                        help=f"of {', '.join(makers(0))}")  # fmt: skip
+    parser.add_argument("--kind", nargs="+", choices=["right", *KINDS], metavar="KIND",
+                        help=f"right, or of {', '.join(KINDS)}")  # fmt: skip
     parser.add_argument("--graph", nargs="+", default=["reconstruct"], help="also: precise, paper")
     parser.add_argument("--right", type=int, default=75, help="right touches per simulated rig")
     parser.add_argument("--touches", type=int, default=2, help="touches that each kind spoils")
-    parser.add_argument("--small", action="store_true", help="a few kinds on one rig, a minute")
-    parser.add_argument("--csv", type=Path, default=None, help="all rows, with every figure")
-    folder = Path(tempfile.gettempdir()) / "tactograph_silent"
-    parser.add_argument("--cache", type=Path, default=folder, help="renderings and calibrations")
+    parser.add_argument("--small", action="store_true", help="one rig, a few kinds: a minute")
+    parser.add_argument("--csv", type=Path, help="write all rows, with warnings and figures")
+    parser.add_argument("--cache", type=Path, help="folder for renderings and calibrations",
+                        default=Path(tempfile.gettempdir()) / "tactograph_silent")  # fmt: skip
     options = parser.parse_args()
     if options.small:
-        options.rig, options.right = options.rig or ["near"], min(options.right, 10)
-        options.kind, options.touches = options.kind or [*SMALL_KINDS, "right"], 1
-    unknown = {*(options.kind or ())} - {*KINDS, "right"}
-    if unknown:
-        sys.exit(f"no kind {', '.join(sorted(unknown))}; there are {', '.join(KINDS)}")
-    warnings.simplefilter("ignore")
+        options.rig, options.kind = options.rig or ["near"], options.kind or SMALL
+        options.right, options.touches = 10, 1
+    warnings.simplefilter("ignore")  # A machine without an OpenCL device says so at every load.
+    print_row([*COLUMNS, "figures"])
+    print_row(["---"] * (len(COLUMNS) + 1))
     rows: list[Row] = []
-    for row in all_rows(options):
-        rows.append(row)
-        if not rows[1:]:
-            print("|", " | ".join(HEAD), "| figures |\n|", "--- |" * (len(HEAD) + 1))
-        figures = [f"{name} {value:.3g}" for name, value in row["figures"].items()]
-        print("|", " | ".join(cell(row[name]) for name in HEAD), "|", ", ".join(figures), "|",
-              flush=True)  # fmt: skip
-        if options.csv is not None and (len(rows) % 100 == 0):
+    try:
+        for row in all_rows(options):
+            rows.append(row)
+            print_row([*(cell(row[name]) for name in COLUMNS), figures(row["figures"])])
+    finally:
+        if options.csv is not None:
             write_csv(options.csv, rows)
-    if options.csv is not None:
-        write_csv(options.csv, rows)
     print_summary(rows)
-
-
-def cell(value: Any) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def all_rows(options: argparse.Namespace) -> Iterator[Row]:
     made = makers(options.right)
-    rigs: dict[str, Rig] = {}
+    rigs: dict[str, Rig | None] = {}
 
-    def rig_named(name: str) -> Rig | None:
+    def named(name: str) -> Rig | None:
         if name not in rigs:
-            found = made[name](options.cache)
-            if found is None:
-                print(f"{name}: its captures are not here", file=sys.stderr)
-                return None
-            rigs[name] = found
+            rigs[name] = made[name](options.cache)
         return rigs[name]
 
     for name in options.rig or made:
-        rig = rig_named(name)
+        rig = named(name)
         if rig is None:
+            print(f"{name} is left out: its captures are not here", file=sys.stderr)
             continue
-        start = time.monotonic()
-        graphs = ["gelsight_mini"] if rig.colour else options.graph
-        for graph in graphs:
-            yield from Trial(rig, graph, options, rig_named).rows()
-        print(f"{name}: {time.monotonic() - start:.0f} s", file=sys.stderr, flush=True)
+        for graph in ["gelsight_mini"] if rig.colour else options.graph:
+            yield from Trial(rig, graph, options, named).rows()
 
 
 class Trial:
     """All rows of a sensor and a graph."""
 
-    def __init__(self, rig: Rig, graph: str, options: argparse.Namespace, rig_named: Any) -> None:
-        self.rig, self.graph, self.options, self.rig_named = rig, graph, options, rig_named
+    def __init__(
+        self,
+        rig: Rig,
+        graph: str,
+        options: argparse.Namespace,
+        named: Callable[[str], Rig | None],
+    ) -> None:
+        self.rig, self.graph, self.options, self.named = rig, graph, options, named
         self.file, self.said = calibrated(rig.recipe, rig.colour, options.cache)
-        self.base = [(t, self.reference(t)) for t in rig.touches[: options.touches]]
+        self.base = [self.reference(touch) for touch in rig.touches[: options.touches]]
 
-    def reference(self, touch: Touch) -> tuple[F4, float]:
-        """The height that counts as true, and the right input's RMSE."""
-        frames = self.rig.photograph(touch.light, touch)
-        found = self.measure(self.file, frames, touch.height)
-        return (found["height"] if touch.height is None else touch.height), found["rmse_um"]
+    def reference(self, touch: Touch) -> tuple[Touch, F4, float]:
+        """A touch, the height that counts as true, and the right input's RMSE in um."""
+        found = self.measure(self.file, self.rig.photograph(touch.light, touch), touch.height)
+        height = found["height"] if touch.height is None else touch.height
+        return touch, height, found["rmse_um"]
 
-    def measure(self, file: Path, frames: Any, truth: F4 | None) -> Row:
-        """Run the graph on images."""
-        if frames.dtype.kind == "f" and frames.max() <= 2:
-            frames = np.asarray(np.rint(np.clip(frames, 0, 1) * 255), np.uint8)
+    def measure(self, file: Path, images: Any, truth: F4 | None) -> Row:
+        """Run the graph on 8-bit images, or on integers and floats out of range as they are."""
+        fractions = images.dtype.kind == "f" and images.max() < 10
         try:
-            result = pipeline(self.graph, file)(frames=frames)
+            result = pipeline(self.graph, file)(frames=bytes_of(images) if fractions else images)
         except InputError as error:
-            return {"rmse_um": np.nan, "stated_um": np.nan, "said": [f"refused: {error}"],
-                    "figures": {}, "height": None}  # fmt: skip
+            return refused(error)
         height, error = result["height"], result.outputs.get("error")
-        off = np.nan if truth is None else 1e3 * float(np.sqrt(np.mean((height - truth) ** 2)))
-        stated = np.nan if error is None else 1e3 * float(np.sqrt(np.mean(error**2)))
-        figures = {
-            name: float(value)
-            for name, value in result["metrics"].items()
-            if name == "light_misfit" or name.startswith(("trust", "check"))
-        }
-        return {"rmse_um": off, "stated_um": stated, "said": list(result.warnings),
-                "figures": figures, "height": np.array(height)}  # fmt: skip
-
-    def row(self, touch: str, kind: str, level: int, value: Any, found: Row, right: float) -> Row:
-        off, floor = found["rmse_um"], TIMES * np.nan_to_num(right)
-        said = found["said"]
-        harm = bool(off > max(HARM_UM, floor)) or any(s.startswith("refused") for s in said)
+        kept = {n: float(v) for n, v in result["metrics"].items() if n.startswith(FIGURES)}
         return {
-            "rig": self.rig.name if self.graph != "precise" else f"{self.rig.name} {self.graph}",
-            "touch": touch,
-            "kind": kind,
-            "strength": LEVELS[min(level, 2)] if level >= 0 else "",
-            "value": value,
-            "rmse_um": off,
-            "right_um": right,
-            "stated_um": found["stated_um"],
-            "harm": harm,
-            "told": bool(said),
-            "check": "; ".join(" ".join(s.split()[:5]) for s in said),
-            "at_calibration": found.get("at_calibration", ""),
-            "warnings": " / ".join(said),
-            "figures": found["figures"],
-            "calibration": found.get("calibration", {}),
+            "height": np.array(height),
+            "rmse_um": np.nan if truth is None else micrometres(height - truth),
+            "stated_um": np.nan if error is None else micrometres(error),
+            "said": result.warnings,
+            "figures": kept,
         }
 
     def rows(self) -> Iterator[Row]:
         wanted = self.options.kind
         if wanted is None or "right" in wanted:
-            yield from self.right_rows()
+            for touch in (*self.rig.touches, *self.rig.right):
+                images = self.rig.photograph(touch.light, touch)
+                found = self.measure(self.file, images, touch.height)
+                yield self.row("right", touch.name, "", "", found, found["rmse_um"])
+            found = refused("") | {"height": None, "said": [], "calibration": self.said}
+            yield self.row("right calibration", "", "", "", found, np.nan)
         for name, kind in KINDS.items():
             fits = kind.sensors in ("all", "colour" if self.rig.colour else "leds")
             if fits and (wanted is None or name in wanted):
                 for level, value in enumerate(kind.strengths):
-                    yield from self.wrong_rows(name, kind, level, value)
+                    for found, touch, right in self.wrong(kind, value):
+                        yield self.row(name, touch, LEVELS[min(level, 2)], value, found, right)
 
-    def right_rows(self) -> Iterator[Row]:
-        for touch in [*self.rig.touches, *self.rig.right]:
-            found = self.measure(
-                self.file, self.rig.photograph(touch.light, touch), touch.height
-            )
-            yield self.row(touch.name, "right", -1, "", found, found["rmse_um"])
-        found = {"rmse_um": np.nan, "stated_um": np.nan, "said": self.said["warnings"],
-                 "figures": {}, "calibration": self.said["figures"]}  # fmt: skip
-        yield self.row("", "right calibration", -1, "", found, np.nan)
+    def wrong(self, kind: Kind, value: Any) -> Iterator[tuple[Row, str, float]]:
+        """What comes of a kind of wrong input: of each touch, of its surface, or of none."""
+        base = self.base[:1] if kind.spoils in ("surface", "leds") else self.base
+        for i, (touch, _, right) in enumerate(base):
+            scene = self.scene(i, kind)
+            if kind.spoils in ("recipe", "sensor"):
+                found = self.calibrated_wrong(kind, value, scene, touch)
+            else:
+                found = self.spoilt(kind, value, scene, touch)
+            if found is None:
+                return
+            yield found, "" if kind.spoils == "surface" else touch.name, right
 
-    def wrong_rows(self, name: str, kind: Kind, level: int, value: Any) -> Iterator[Row]:
-        if kind.acts_on == "calibration":
-            yield from self.wrong_calibration(name, kind, level, value)
-        elif kind.acts_on == "pipeline":
-            yield from self.wrong_sensor(name, kind, level, value)
-        elif kind.acts_on in ("surface", "leds"):
-            yield from self.wrong_surface(name, kind, level, value)
-        else:
-            for i, (touch, (truth, right)) in enumerate(self.base):
-                frames, height = self.spoilt(touch, truth, kind, value, i)
-                found = self.measure(self.file, frames, height)
-                yield self.row(touch.name, name, level, value, found, right)
-
-    def spoilt(
-        self, touch: Touch, truth: F4, kind: Kind, value: Any, i: int
-    ) -> tuple[Any, F4]:
-        """The wrong images, and the true height."""
-        rig = self.rig
-        other = rig.touches[(i + 1) % len(rig.touches)] if len(rig.touches) > 1 else rig.right[1]
+    def scene(self, i: int, kind: Kind) -> Scene:
+        rig, (touch, truth, _) = self.rig, self.base[i]
+        others = [other for other in (*rig.touches, *rig.right) if other is not touch]
+        rest, other = rig.rest, others[0].light
+        if kind.spoils != "light":
+            rest = rig.photograph(rest, touch._replace(seed=60 + i))
+            other = rig.photograph(other, others[0])
         rng = np.random.default_rng(zlib.crc32(kind.says.encode()) + i)
-        if kind.acts_on == "light":
-            scene = Scene(rig.rest, other.light, truth, rig, rng)
-            made = rig.photograph(kind.make(touch.light, value, scene), touch)
+        return Scene(rest, other, truth, rig, rng)
+
+    def spoilt(self, kind: Kind, value: Any, scene: Scene, touch: Touch) -> Row | None:
+        """A wrong touch under the right calibration."""
+        simulate, truth = self.rig.simulate, scene.height
+        if kind.spoils in ("surface", "leds"):
+            if simulate is None:
+                return None
+            if kind.spoils == "surface":
+                light, truth = simulate(kind.make(None, value, scene), rigid=True)
+            else:
+                lights = kind.make(simulate.lights, value, scene)
+                light, truth = simulate(truth, rigid=True, lights=lights)
+            images = self.rig.photograph(light, touch)
+        elif kind.spoils == "light":
+            images = self.rig.photograph(kind.make(touch.light, value, scene), touch)
         else:
-            rest = rig.photograph(rig.rest, touch._replace(seed=60 + i))
-            scene = Scene(rest, rig.photograph(other.light, other), truth, rig, rng)
-            made = kind.make(rig.photograph(touch.light, touch), value, scene)
-        return made if isinstance(made, tuple) else (made, truth)
+            images = kind.make(self.rig.photograph(touch.light, touch), value, scene)
+        if isinstance(images, tuple):
+            images, truth = images
+        return self.measure(self.file, images, truth)
 
-    def wrong_surface(self, name: str, kind: Kind, level: int, value: Any) -> Iterator[Row]:
-        simulate = self.rig.simulate
-        if simulate is None:
-            return
-        touch, (truth, right) = self.base[0]
-        if kind.acts_on == "surface":
-            light, height = simulate(kind.make(self.rig, value), rigid=True)
-        else:
-            lights = kind.make(simulate.lights, value)
-            light, height = simulate(truth, rigid=True, lights=lights)
-        found = self.measure(self.file, self.rig.photograph(light, touch), height)
-        yield self.row("", name, level, value, found, right)
-
-    def wrong_sensor(self, name: str, kind: Kind, level: int, value: Any) -> Iterator[Row]:
-        sibling = kind.make(self.rig) and self.rig_named(kind.make(self.rig))
-        if not sibling:
-            return
-        file, _ = calibrated(sibling.recipe, sibling.colour, self.options.cache)
-        for touch, (truth, right) in self.base:
-            found = self.measure(file, self.rig.photograph(touch.light, touch), truth)
-            yield self.row(touch.name, name, level, value, found, right)
-
-    def wrong_calibration(self, name: str, kind: Kind, level: int, value: Any) -> Iterator[Row]:
-        recipe: Recipe | None = kind.make(self.rig.recipe, value, self.rig)
-        if recipe is None:
-            return
+    def calibrated_wrong(self, kind: Kind, value: Any, scene: Scene, touch: Touch) -> Row | None:
+        """A right touch under a wrong calibration."""
+        rig, images, truth = self.rig, self.rig.photograph(touch.light, touch), scene.height
+        recipe = kind.make(rig.recipe, value, scene)
+        if kind.spoils == "sensor":
+            another = recipe and self.named(recipe)
+            recipe = another and another.recipe
+        if not recipe:
+            return None
         try:
-            file, said = calibrated(recipe, self.rig.colour, self.options.cache)
+            file, said = calibrated(recipe, rig.colour, self.options.cache)
         except InputError as error:
-            found = {"rmse_um": np.nan, "stated_um": np.nan, "figures": {},
-                     "said": [f"refused: {error}"], "at_calibration": "refused"}  # fmt: skip
-            yield self.row("", name, level, value, found, np.nan)
-            return
-        for touch, (truth, right) in self.base:
-            frames = self.rig.photograph(touch.light, touch)
-            if recipe.seen is not None:
-                frames, truth = recipe.seen(frames), recipe.seen(truth[None])[0]  # noqa: PLW2901
-            found = self.measure(file, frames, truth)
-            told = " / ".join(said["warnings"])
-            found |= {"at_calibration": told, "calibration": said["figures"]}
-            yield self.row(touch.name, name, level, value, found, right)
+            return refused(error) | {"calibration": {"warnings": ["refused"], "figures": {}}}
+        if recipe.seen is not None:
+            images, truth = recipe.seen(images), recipe.seen(truth[None])[0]
+        found = self.measure(file, images, truth)
+        return found | ({"calibration": said} if kind.spoils == "recipe" else {})
+
+    def row(self, kind: str, touch: str, level: str, value: Any, found: Row, right: float) -> Row:
+        off, stated, said = found["rmse_um"], found["stated_um"], found["said"]
+        floors = [f for f in (right, stated) if not np.isnan(f)] or [0.0]
+        made = found.get("calibration", {"warnings": [], "figures": {}})
+        return {
+            "rig": self.rig.name,
+            "graph": self.graph,
+            "touch": touch,
+            "kind": kind,
+            "strength": level,
+            "value": value,
+            "rmse_um": off,
+            "right_um": right,
+            "stated_um": stated,
+            "harm": "height" not in found or bool(off > max(HARM_UM, TIMES * min(floors))),
+            "told": bool(said),
+            "check": "; ".join(" ".join(s.split()[:5]) for s in said),
+            "told_at_calibration": bool(made["warnings"]),
+            "warnings": " / ".join(said),
+            "calibration_warnings": " / ".join(made["warnings"]),
+            "figures": found["figures"]
+            | {f"calibration/{name}": figure for name, figure in made["figures"].items()},
+        }
+
+
+def refused(error: object) -> Row:
+    """No height: it does harm to nobody, and counts as told."""
+    return {"rmse_um": np.nan, "stated_um": np.nan, "said": [f"refused: {error}"], "figures": {}}
+
+
+def micrometres(values: F4) -> float:
+    return 1e3 * float(np.sqrt(np.mean(np.square(values, dtype=np.float64))))
 
 
 def write_csv(file: Path, rows: list[Row]) -> None:
-    """All rows, a column for every figure."""
-    names = {name: None for row in rows for name in row["figures"]}
-    quality = {name: None for row in rows for name in row["calibration"]}
+    """All rows, with a column for every figure."""
+    for row in rows:
+        row |= row.pop("figures")
+    names = dict.fromkeys(name for row in rows for name in row)
     with file.open("w", newline="") as out:
-        table = csv.writer(out)
-        table.writerow([*HEAD, "warnings", *names, *(f"calibration_{n}" for n in quality)])
-        for row in rows:
-            table.writerow([
-                *(row[name] for name in (*HEAD, "warnings")),
-                *(row["figures"].get(name, "") for name in names),
-                *(row["calibration"].get(name, "") for name in quality),
-            ])  # fmt: skip
+        table = csv.DictWriter(out, list(names))
+        table.writeheader()
+        table.writerows(rows)
 
 
 def print_summary(rows: list[Row]) -> None:
     """The shares that count, and what stays silent."""
-    right = [row for row in rows if row["kind"] == "right"]
-    wrong = [row for row in rows if row["kind"] in KINDS and KINDS[row["kind"]].detectable]
-    touches = [r for r in wrong if KINDS[r["kind"]].acts_on != "calibration" and r["harm"]]
-    recipes = [r for r in wrong if KINDS[r["kind"]].acts_on == "calibration" and r["harm"]]
+    wrong = [r for r in rows if r["kind"] in KINDS and KINDS[r["kind"]].detectable and r["harm"]]
+    recipes = [row for row in wrong if KINDS[row["kind"]].spoils == "recipe"]
+    touches = [row for row in wrong if row not in recipes]
     print()
-    share("right touches with a warning", right, "told")
+    share("right touches with a warning", [r for r in rows if r["kind"] == "right"], "told")
     share("wrong touches that do harm, warned of or refused", touches, "told")
-    share("wrong calibrations that do harm, told at calibration", recipes, "at_calibration")
-    share("wrong calibrations that do harm, told at use", recipes, "told")
-    gross = [row for row in touches + recipes if row["rmse_um"] > GROSS_UM and not row["told"]]
-    print(f"silent above {GROSS_UM / 1e3:g} mm: {len(gross)}")
+    share("wrong calibrations that do harm, told when made", recipes, "told_at_calibration")
+    share("wrong calibrations that do harm, told when used", recipes, "told")
+    gross = [row for row in wrong if row["rmse_um"] > GROSS_UM and not row["told"]]
+    print(f"silent and more than {GROSS_UM / 1e3:g} mm off: {len(gross)}")
     for row in gross:
-        print(f"  {row['kind']} {row['value']}, {row['rig']} {row['touch']}: "
-              f"{row['rmse_um'] / 1e3:.2f} mm")  # fmt: skip
+        name = f"{row['kind']} {cell(row['value'])}, {row['rig']} {row['graph']} {row['touch']}"
+        print(f"- {name}: {row['rmse_um'] / 1e3:.2f} mm")
 
 
 def share(what: str, rows: list[Row], name: str) -> None:
-    told = sum(bool(row[name]) for row in rows)
-    print(f"{what}: {told} of {len(rows)}" + (f", {100 * told / len(rows):.1f} %" if rows else ""))
+    told = sum(row[name] for row in rows)
+    print(f"- {what}: {told} of {len(rows)}" + (f", {told / len(rows):.1%}" if rows else ""))
+
+
+def cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def figures(found: dict[str, float]) -> str:
+    shown = (f"{n} {v:.3g}" for n, v in found.items() if not n.startswith("calibration/"))
+    return ", ".join(shown)
+
+
+def print_row(cells: Any) -> None:
+    print("|", " | ".join(cells), "|", flush=True)
 
 
 if __name__ == "__main__":

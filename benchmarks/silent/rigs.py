@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ from tactograph.nodes.live.expose import expose
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
+from tactograph.nodes.simulate.shape_flat import shape_flat
 from tactograph.nodes.simulate.shape_grating import shape_grating
 from tactograph.nodes.simulate.shape_pyramid import shape_pyramid
 from tactograph.nodes.simulate.shape_teapot import shape_teapot
@@ -29,7 +31,6 @@ from tactograph.nodes.simulate.shape_text import shape_text
 F4 = NDArray[np.float32]
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"
-MINI_PRESSES = tuple(range(0, 44, 3))
 
 
 class Recipe(NamedTuple):
@@ -55,43 +56,45 @@ class Touch(NamedTuple):
 
 @dataclass
 class Rig:
-    """A sensor."""
+    """A sensor: what calibrates it, touches to be spoilt, the untouched film, right touches."""
 
     name: str
     recipe: Recipe
     touches: list[Touch]
     azimuth_deg: NDArray[Any]
     rest: F4
+    right: list[Touch]
     colour: bool = False
-    sibling: str = ""
     simulate: Simulator | None = None
-    right: list[Touch] = field(default_factory=list)
 
     @cached_property
     def canvas(self) -> dict[str, Any]:
-        """The image, as shape nodes take it."""
-        rows, columns = self.rest.shape[1:]
-        return {"width_px": columns, "height_px": rows, "pixel_size_mm": self.recipe.pixel_mm}
+        return canvas(self.rest.shape[1:], self.recipe.pixel_mm)
 
     def grid(self) -> list[F4]:
         """x and y of the pixels in mm from the middle."""
         return grid(self.rest.shape[1:], self.recipe.pixel_mm)
 
     def photograph(self, light: F4, touch: Touch) -> F4:
-        """The camera's 8-bit images; those of a recorded touch are there already."""
+        """The camera's images of a light; a recorded one is such images."""
         if self.simulate is None:
-            return np.asarray(np.rint(light.clip(0, 1) * 255) / 255, np.float32)
-        light = np.maximum(light, 0)
-        return expose(light, seed=touch.seed, full_well=touch.full_well).image
+            return np.clip(light, 0, 1)
+        return expose(np.maximum(light, 0), seed=touch.seed, full_well=touch.full_well).image
 
     def balls(self) -> list[F4]:
-        return [] if self.simulate is None else [object for _, object in self.simulate.presses()]
+        """The balls that calibrate a simulated sensor."""
+        return [] if self.simulate is None else self.simulate.balls()
 
     def recipe_of(self, objects: list[F4]) -> Recipe | None:
-        """The same with other objects pressed; None for a recorded sensor."""
+        """The recipe with other objects pressed; None for a recorded sensor."""
         if self.simulate is None:
             return None
         return self.recipe._replace(balls=self.simulate.photographs(objects))
+
+
+def canvas(size: tuple[int, ...], pixel_mm: float) -> dict[str, Any]:
+    """The image, as shape nodes take it."""
+    return {"width_px": size[1], "height_px": size[0], "pixel_size_mm": pixel_mm}
 
 
 def grid(size: tuple[int, ...], pixel_mm: float) -> list[F4]:
@@ -99,38 +102,61 @@ def grid(size: tuple[int, ...], pixel_mm: float) -> list[F4]:
     return list(np.meshgrid(x, y))
 
 
-@dataclass
-class Simulator:
-    """Renders touches by a shipped graph, loaded once, and keeps them on disk."""
+class Ring(NamedTuple):
+    """A simulated sensor: a shipped graph, its LEDs, and the balls' places in mm."""
 
     graph: str
-    settings: dict[str, Any]
-    lights: F4
-    size: tuple[int, int]
-    pixel_mm: float
-    folder: Path
-    radius_mm: float = 5.0
+    leds: int
+    slant_deg: float
+    distance_mm: float
+    azimuth_deg: float
+    places: list[tuple[float, float]]
+    pixel_mm: float = 0.1
+    colour: bool = False
+
+
+MIDDLE = [(0.0, 0.0)]
+THREE = [*MIDDLE, (-2.5, 1.0), (2.5, -1.0)]
+MANY = [(x, y) for y in (-3.0, 0.0, 3.0) for x in (-5.0, -1.7, 1.7, 5.0)]
+RINGS = {
+    "far": Ring("simulate_press", 4, 28.0, 380.0, 45.0, MIDDLE),
+    "near": Ring("simulate_press", 4, 33.0, 55.0, 50.0, MIDDLE),
+    "near_fine": Ring("simulate_press", 4, 33.0, 55.0, 50.0, MIDDLE, pixel_mm=0.05),
+    "six": Ring("simulate_press", 6, 36.0, 60.0, 20.0, THREE),
+    "hand": Ring("simulate_hand", 4, 39.0, 47.0, 45.0, THREE),
+    "colour": Ring("simulate_press", 3, 55.0, 40.0, 90.0, MANY, colour=True),
+}
+FRAME_MM = 12.0, 16.0
+
+
+class Simulator:
+    """Renders touches by a shipped graph, loaded once, and keeps them in a folder."""
+
+    def __init__(self, ring: Ring, folder: Path) -> None:
+        self.ring, self.folder = ring, folder
+        self.size = int(FRAME_MM[0] / ring.pixel_mm), int(FRAME_MM[1] / ring.pixel_mm)
+        self.canvas = canvas(self.size, ring.pixel_mm)
+        self.hand = ring.graph == "simulate_hand"
+        self.lights = light_ring(
+            count=ring.leds,
+            slant_deg=ring.slant_deg,
+            first_azimuth_deg=ring.azimuth_deg,
+            distance_mm=ring.distance_mm,
+        )
 
     @cached_property
-    def canvas(self) -> dict[str, Any]:
-        rows, columns = self.size
-        return {"width_px": columns, "height_px": rows, "pixel_size_mm": self.pixel_mm}
-
-    @cached_property
-    def _pipeline(self) -> Any:
-        file = self.folder / "object.npy"
-        np.save(file, np.zeros(self.size, np.float32))
-        hand = self.graph == "simulate_hand"
-        outputs = {"light": "lens", "height": "seen.height"} if hand else {
-            "light": "scene.light", "height": "film"}  # fmt: skip
-        shape = {"file": str(file), "pixel_size_mm": "$pixel_size_mm"}
+    def pipeline(self) -> Any:
+        seen = {"light": "lens", "height": "seen.height"}
+        outputs = seen if self.hand else {"light": "scene.light", "height": "film"}
+        shape = {"file": "none.npy", "pixel_size_mm": "$pixel_size_mm"}
         patch = [{"replace": "shape", "op": "shape_image", "with": shape}]
-        graph = {"format": 1, "extends": self.graph, "patch": patch, "outputs": outputs}
-        return load(graph, out=self.folder / "unused", **self.canvas, **self.settings)
+        graph = {"format": 1, "extends": self.ring.graph, "patch": patch, "outputs": outputs}
+        view = {"lens_at_corner": 0.0} if self.hand else {}
+        return load(graph, out=self.folder / "unused", **self.canvas, **view)
 
     @cached_property
     def film(self) -> F4:
-        """What the film at rest and the lens are like: fine grain, vignetting off the middle."""
+        """What film at rest and lens are like: fine grain, and vignetting off the middle."""
         rng = np.random.default_rng(5)
         grain = cv2.GaussianBlur(rng.normal(size=self.size), (0, 0), 1.2)
         x, y = grid(self.size, 2 / self.size[1])
@@ -138,125 +164,99 @@ class Simulator:
         return np.asarray(shade * (1 + 0.01 * grain / grain.std()), np.float32)
 
     def __call__(self, object: F4, rigid: bool = False, lights: F4 | None = None) -> Any:
-        """The light and the film's height under an object that is pressed in."""
-        lights = self.lights if lights is None else lights
-        key = repr((self.graph, self.settings, self.pixel_mm, rigid, lights.tolist())).encode()
-        file = self.folder / f"{hashlib.sha256(key + object.tobytes()).hexdigest()[:24]}.npz"
+        """The light, and the height of the film into which an object is pressed."""
+        places = (self.lights if lights is None else lights).tolist()
+        key = repr((self.ring, rigid, places)).encode() + object.tobytes()
+        file = self.folder / f"{hashlib.sha256(key).hexdigest()[:24]}.npz"
         if not file.exists():
-            np.save(self.folder / "object.npy", object)
-            given = self.folder / f"{file.stem}.npy"
-            np.save(given, object)
-            self._pipeline.set("shape", file=str(given))
-            self._pipeline.set("film", reach_mm=0.0 if rigid else 0.5, skin_mm=0 if rigid else 0.1)
-            self._pipeline.set("lights", positions_mm=[tuple(map(float, p)) for p in lights])
-            made = self._pipeline()
-            given.unlink()
-            np.savez_compressed(file, light=made["light"], height=made["height"])
+            with tempfile.NamedTemporaryFile(suffix=".npy") as given:
+                np.save(given.name, object)
+                self.pipeline.set("shape", file=given.name)
+                self.pipeline.set("film", reach_mm=0.5 * (not rigid), skin_mm=0.1 * (not rigid))
+                self.pipeline.set("lights", positions_mm=places)
+                made = self.pipeline()
+            part = file.with_suffix(".part.npz")
+            np.savez_compressed(part, light=made["light"], height=made["height"])
+            part.rename(file)
         with np.load(file) as found:
             return found["light"] * self.film, found["height"]
 
-    def presses(self) -> Iterator[tuple[tuple[float, float], F4]]:
-        """The calibration's balls: one in the middle, and beside it where the light is uneven."""
-        places = [(0.0, 0.0)] if self.graph == "simulate_press" else [(0, 0), (-2.5, 1), (2.5, -1)]
-        for place in places:
-            ball = shape_ball(radius_mm=5.0, rise_mm=2.0, offset_mm=place, **self.canvas)
-            yield place, ball.height
+    def balls(self) -> list[F4]:
+        """The balls of the calibration, one a press."""
+        ball = partial(shape_ball, radius_mm=5.0, rise_mm=1.0 if self.ring.colour else 2.0)
+        return [ball(offset_mm=place, **self.canvas).height for place in self.ring.places]
 
     def photographs(self, objects: list[F4]) -> F4:
         lights = [self(object)[0] for object in objects]
         return np.stack([expose(light, seed=90 + i).image for i, light in enumerate(lights)])
 
 
-RINGS: dict[str, tuple[str, int, float, float, float]] = {
-    "far": ("simulate_press", 4, 28.0, 380.0, 45.0),
-    "near": ("simulate_press", 4, 33.0, 55.0, 50.0),
-    "six": ("simulate_press", 6, 36.0, 60.0, 20.0),
-    "hand": ("simulate_hand", 4, 39.0, 47.0, 45.0),
-}
-"""Graph, number of LEDs, their slant, distance and first azimuth."""
-SIBLINGS = {"far": "near", "near": "far", "hand": "near", "far28": "near33", "near33": "far28"}
-
-
-def simulated(name: str, cache: Path, right: int, scale: int = 1) -> Rig:
-    """A simulated sensor, its base touches, and `right` right ones."""
-    graph, count, slant, distance, first = RINGS[name]
-    lights = light_ring(
-        count=count, slant_deg=slant, first_azimuth_deg=first, distance_mm=distance
-    )
-    hand = {"camera_mm": 65.0, "lens_at_corner": 0.0} if name == "hand" else {}
-    folder = cache / f"{name}{scale}"
+def simulated(name: str, cache: Path, right: int) -> Rig:
+    """A simulated sensor and `right` right touches."""
+    ring, folder = RINGS[name], cache / name
     folder.mkdir(parents=True, exist_ok=True)
-    size = 120 * scale, 160 * scale
-    make = Simulator(graph, hand, lights, size, 0.1 / scale, folder)
-    flat = expose(make(np.zeros(size, np.float32))[0], seed=80).image
-    more = {"camera_mm": 65.0} if hand else {}
-    balls = make.photographs([ball for _, ball in make.presses()])
-    objects = {
-        "ball": shape_ball(radius_mm=4.0, rise_mm=1.5, offset_mm=(0.7, -0.4), **make.canvas),
-        "cat": shape_cat(length_mm=9.0, rise_mm=1.2, **make.canvas),
-        "soft": shape_ball(radius_mm=5.0, rise_mm=0.5, offset_mm=(-2.5, 1.2), **make.canvas),
-    }
-    touches = [Touch(n, *make(o.height), seed=7 + i) for i, (n, o) in enumerate(objects.items())]
-    azimuth = np.degrees(np.arctan2(lights[:, 1], lights[:, 0]))
-    rest = make(np.zeros(size, np.float32))[0]
-    rig = Rig(name, Recipe(balls, flat, 5.0, make.pixel_mm, more), touches, azimuth, rest)
-    rig = replace(rig, sibling=SIBLINGS.get(name, ""), simulate=make)
-    rig.right = [right_touch(make, i) for i in range(right)]
-    return rig
+    make = Simulator(ring, folder)
+    rest = make(np.zeros(make.size, np.float32))[0]
+    more = {"camera_mm": 65.0} if make.hand else {}
+    flat, balls = expose(rest, seed=80).image, make.photographs(make.balls())
+    objects = [
+        ("ball", shape_ball(radius_mm=4.0, rise_mm=1.5, offset_mm=(0.7, -0.4), **make.canvas)),
+        ("cat", shape_cat(length_mm=9.0, rise_mm=1.2, **make.canvas)),
+        ("soft", shape_ball(radius_mm=5.0, rise_mm=0.5, offset_mm=(-2.5, 1.2), **make.canvas)),
+    ]
+    touches = [Touch(n, *make(o.height), seed=7 + i) for i, (n, o) in enumerate(objects)]
+    azimuth = np.degrees(np.arctan2(make.lights[:, 1], make.lights[:, 0]))
+    recipe = Recipe(balls, flat, 5.0, ring.pixel_mm, more)
+    chosen = [right_touch(make, i) for i in range(right)]
+    return Rig(name, recipe, touches, azimuth, rest, chosen, ring.colour, make)
 
 
 def right_touch(make: Simulator, number: int) -> Touch:
-    """A touch as it may be: shape, depth, place, noise, dust and drift by the number's chance."""
+    """A touch as it may be: shape, depth, place, noise, drift and dust by the number's chance."""
     rng = np.random.default_rng(1000 + number)
     name, object = right_object(number, rng, make.canvas)
     light, height = make(object)
     full_well = float(rng.choice([4000, 15000, 60000]))
     x, y = grid(make.size, 2 / make.size[1])
-    if number % 3 == 1:  # LEDs have drifted by some per cent, unevenly.
+    if number % 3 == 1:  # LEDs have faded by some per cent, unevenly.
         for k in range(len(light)):
             level, east, south = rng.normal(0, (0.03, 0.01, 0.01))
-            light[k] *= np.asarray(1 + level + east * x + south * y, np.float32)
+            light[k] *= 1 + level + east * x + south * y
         name += ", drifted"
     if number % 4 == 3:
-        for column, row in rng.integers((0, 0), make.size[::-1], (4, 2)):
-            light[:, row : row + 2, column : column + 2] *= np.float32(rng.uniform(0.6, 0.9))
+        for row, column in rng.integers(0, make.size, (4, 2)):
+            light[:, row : row + 2, column : column + 2] *= rng.uniform(0.6, 0.9)
         name += ", dust"
     return Touch(f"{name}, {full_well:g} electrons", light, height, 200 + number, full_well)
 
 
 def right_object(number: int, rng: Any, canvas: dict[str, Any]) -> tuple[str, F4]:
-    depth = float(rng.choice([0.05, 0.2, 0.6, 1.2, 1.8]))
-    place = tuple(rng.uniform((-3, -2), (3, 2)))
-    aside = (float(rng.choice([-7, 7])), float(rng.uniform(-4, 4)))
-    angle = float(rng.uniform(0, 360))
-    ball = partial(shape_ball, **canvas)
-    shapes: dict[str, Callable[[], Any]] = {
-        "ball": lambda: ball(radius_mm=4.0, rise_mm=depth, offset_mm=place).height,
-        "cat": lambda: shape_cat(
-            length_mm=8.0, rise_mm=depth, angle_deg=angle, offset_mm=place, **canvas
-        ).height,
-        "text": lambda: shape_text(
-            text="OK", size_mm=5.0, rise_mm=min(depth, 0.6), angle_deg=angle, **canvas
-        ).height,
-        "cut ball": lambda: ball(radius_mm=3.0, rise_mm=min(depth, 1.2), offset_mm=aside).height,
-        "teapot": lambda: shape_teapot(
-            length_mm=9.0, rise_mm=depth, angle_deg=angle, offset_mm=place, **canvas
-        ).height,
-        "grating": lambda: shape_grating(
-            period_mm=1.6, rise_mm=min(depth, 0.4), profile="sine", side_mm=7.0,
-            angle_deg=angle, **canvas,
-        ).height,
-        "pyramid": lambda: shape_pyramid(
-            inradius_mm=3.0, rise_mm=min(depth, 1.2), angle_deg=angle, offset_mm=place, **canvas
-        ).height,
-        "three balls": lambda: np.max(
-            [ball(radius_mm=2.0, rise_mm=min(depth, 1.0), offset_mm=(x, y)).height
-             for x, y in ((-4, -2), (3.5, -1), (0, 3))], axis=0),
-        "small ball": lambda: ball(radius_mm=1.0, rise_mm=min(depth, 0.4), offset_mm=place).height,
-        "nothing": lambda: np.zeros((canvas["height_px"], canvas["width_px"]), np.float32),
-    }  # fmt: skip
+    depth, place = float(rng.choice([0.05, 0.2, 0.6, 1.2, 1.8])), tuple(rng.uniform(-3, 3, 2))
+    cut = float(rng.choice([-7, 7])), float(rng.uniform(-4, 4))
+    here, turn = {"offset_mm": place, **canvas}, {"angle_deg": float(rng.uniform(0, 360))}
+    low = {"rise_mm": min(depth, 0.4), **canvas}
+    thirds = [
+        partial(shape_ball, radius_mm=2.0, rise_mm=min(depth, 1.0), offset_mm=at, **canvas)
+        for at in ((-4, -2), (3.5, -1), (0, 3))
+    ]
+    shapes: dict[str, list[Callable[[], Any]]] = {
+        "ball": [partial(shape_ball, radius_mm=4.0, rise_mm=depth, **here)],
+        "cat": [partial(shape_cat, length_mm=8.0, rise_mm=depth, **turn, **here)],
+        "text": [partial(shape_text, text="OK", **turn, **low)],
+        "cut ball": [
+            partial(shape_ball, radius_mm=3.0, rise_mm=min(depth, 1.2), offset_mm=cut, **canvas)
+        ],
+        "teapot": [partial(shape_teapot, length_mm=9.0, rise_mm=depth, **turn, **here)],
+        "grating": [
+            partial(shape_grating, period_mm=1.6, profile="sine", side_mm=7.0, **turn, **low)
+        ],
+        "pyramid": [partial(shape_pyramid, rise_mm=min(depth, 1.2), **turn, **here)],
+        "three balls": thirds,
+        "small ball": [partial(shape_ball, radius_mm=1.0, offset_mm=place, **low)],
+        "nothing": [partial(shape_flat, **canvas)],
+    }
     name = list(shapes)[number % len(shapes)]
-    return f"{name} {depth:g} mm", np.asarray(shapes[name](), np.float32)
+    return f"{name} {depth:g} mm", np.max([make().height for make in shapes[name]], axis=0)
 
 
 def images(folder: Path, scale: int = 1) -> F4:
@@ -275,22 +275,20 @@ def raytraced(name: str, cache: Path) -> Rig | None:
     folder = next((f for f in folders if f.is_dir()), None)
     if folder is None:
         return None
-    facts = json.loads((folder / "flat/scene.json").read_text())
     hand = name.startswith("hand")
+    facts = json.loads((folder / "flat/scene.json").read_text())
     balls = ("calibration", "calibration_off") if hand else ("calibration",)
-    base = ("sphere_film", "cat_film")
-    others = ("corner_film", "teapot_film") if hand else ("sphere", "cat")
-    touch = lambda n: Touch(n, images(folder / n), np.load(folder / n / "truth_height_mm.npy"))  # noqa: E731
-    flat = images(folder / "flat")
+    hard = ("corner_film", "teapot_film") if hand else ("sphere", "cat")
+    names = ("sphere_film", "cat_film", *hard, "flat")
+    touches = [
+        Touch(n, images(folder / n), np.load(folder / n / "truth_height_mm.npy")) for n in names
+    ]
+    presses, flat = np.stack([images(folder / n) for n in balls]), images(folder / "flat")
     more = {"camera_mm": facts["camera_mm"]} if facts.get("camera_mm") else {}
-    presses = np.stack([images(folder / n) for n in balls])
     recipe = Recipe(presses, flat, 6.0 if hand else 7.0, facts["pixel_size_mm"], more)
-    lights = np.array(facts["lights_mm"])
-    azimuth = np.degrees(np.arctan2(lights[:, 1], lights[:, 0]))
-    rig = Rig(name, recipe, [touch(n) for n in base], azimuth, flat)
-    return replace(
-        rig, sibling=SIBLINGS.get(name, ""), right=[touch(n) for n in (*base, *others, "flat")]
-    )
+    x, y, _ = np.transpose(facts["lights_mm"])
+    azimuth, label = np.degrees(np.arctan2(y, x)), f"raytraced_{name}"
+    return Rig(label, recipe, touches[:2], azimuth, flat, touches[2:])
 
 
 def mini(cache: Path) -> Rig | None:
@@ -300,16 +298,14 @@ def mini(cache: Path) -> Rig | None:
         return None
 
     def seen(file: Path) -> F4:
-        image = cv2.imread(str(file), cv2.IMREAD_COLOR).astype(np.float32) / 255
-        return np.ascontiguousarray(image.transpose(2, 0, 1))
+        return cv2.imread(str(file)).astype(np.float32).transpose(2, 0, 1) / np.float32(255)
 
-    presses = {n: seen(folder / f"6.310mm/{n}/gelsight.png") for n in range(44)}
-    flat = seen(folder / "background.png")
-    balls = np.stack([presses[n] for n in MINI_PRESSES])
-    others = [Touch(f"press {n}", p, None) for n, p in presses.items() if n not in MINI_PRESSES]
+    presses = [seen(folder / f"6.310mm/{n}/gelsight.png") for n in range(44)]
+    flat, balls = seen(folder / "background.png"), np.stack(presses[::3])
+    others = [Touch(f"press {n}", p, None) for n, p in enumerate(presses) if n % 3]
     recipe = Recipe(balls, flat, 6.31 / 2, 0.0634, {})
-    rig = Rig("mini", recipe, [others[3], others[12]], np.zeros(3), flat, colour=True)
-    return replace(rig, right=[*others, Touch("untouched", flat, None)])
+    right = [*others, Touch("untouched", flat, None)]
+    return Rig("mini", recipe, [others[3], others[12]], np.zeros(3), flat, right, colour=True)
 
 
 def six_real(cache: Path) -> Rig | None:
@@ -318,22 +314,20 @@ def six_real(cache: Path) -> Rig | None:
     if not folder.is_dir():
         return None
     flat, one, two = (images(folder / n, scale) for n in ("flat", "balls_1", "balls_2"))
-    more = {"ball_pitch_mm": 1.0}
-    recipe = Recipe(one[None], flat, 0.2475, 0.003404 * scale, more)
+    recipe = Recipe(one[None], flat, 0.2475, 0.003404 * scale, {"ball_pitch_mm": 1.0})
     azimuth = np.array([-88, -152, 147, 89, 33, -26])
-    touches = [Touch("balls_2", two, None), Touch("balls_1", one, None)]
-    rig = Rig("six_real", recipe, touches[:1], azimuth, flat)
-    return replace(rig, right=[*touches, Touch("untouched", flat, None)])
+    right = [Touch("balls_1", one, None), Touch("untouched", flat, None)]
+    return Rig("six_real", recipe, [Touch("balls_2", two, None)], azimuth, flat, right)
 
 
 def makers(right: int) -> dict[str, Callable[[Path], Rig | None]]:
-    """All sensors by name; each is made, or read, when it is called."""
-    made: dict[str, Callable[[Path], Rig | None]] = {
-        name: partial(simulated, name, right=right) for name in RINGS
+    """All sensors by name, each made or read when it is called with a folder to keep files in."""
+    return {
+        **{name: partial(simulated, name, right=right) for name in RINGS},
+        **{f"raytraced_{n}": partial(raytraced, n) for n in ("far28", "near33", "hand")},
+        "mini": mini,
+        "six_real": six_real,
     }
-    made |= {name: partial(raytraced, name) for name in ("far28", "near33", "hand_rt")}
-    made["hand_rt"] = partial(raytraced, "hand")
-    return made | {"mini": mini, "six_real": six_real}
 
 
 def calibrated(recipe: Recipe, colour: bool, cache: Path) -> tuple[Path, dict[str, Any]]:
