@@ -7,7 +7,7 @@ import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,6 +66,8 @@ class Rig:
     right: list[Touch]
     colour: bool = False
     simulate: Simulator | None = None
+    slow: bool = False
+    """Whether it takes a minute to calibrate."""
 
     @cached_property
     def canvas(self) -> dict[str, Any]:
@@ -116,17 +118,16 @@ class Ring(NamedTuple):
 
 
 MIDDLE = [(0.0, 0.0)]
-THREE = [*MIDDLE, (-2.5, 1.0), (2.5, -1.0)]
 MANY = [(x, y) for y in (-3.0, 0.0, 3.0) for x in (-5.0, -1.7, 1.7, 5.0)]
 RINGS = {
     "far": Ring("simulate_press", 4, 28.0, 380.0, 45.0, MIDDLE),
     "near": Ring("simulate_press", 4, 33.0, 55.0, 50.0, MIDDLE),
     "near_fine": Ring("simulate_press", 4, 33.0, 55.0, 50.0, MIDDLE, pixel_mm=0.05),
-    "six": Ring("simulate_press", 6, 36.0, 60.0, 20.0, THREE),
-    "hand": Ring("simulate_hand", 4, 39.0, 47.0, 45.0, THREE),
+    "six": Ring("simulate_press", 6, 36.0, 60.0, 20.0, MIDDLE),
+    "hand": Ring("simulate_hand", 4, 39.0, 47.0, 45.0, [*MIDDLE, (-2.5, 1.0)]),
     "colour": Ring("simulate_press", 3, 55.0, 40.0, 90.0, MANY, colour=True),
 }
-FRAME_MM = 12.0, 16.0
+FRAME_MM, BALL_MM = (12.0, 16.0), 4.0
 
 
 class Simulator:
@@ -165,7 +166,7 @@ class Simulator:
 
     def __call__(self, object: F4, rigid: bool = False, lights: F4 | None = None) -> Any:
         """The light, and the height of the film into which an object is pressed."""
-        places = (self.lights if lights is None else lights).tolist()
+        places = np.round(self.lights if lights is None else lights, 6).tolist()
         key = repr((self.ring, rigid, places)).encode() + object.tobytes()
         file = self.folder / f"{hashlib.sha256(key).hexdigest()[:24]}.npz"
         if not file.exists():
@@ -183,11 +184,12 @@ class Simulator:
 
     def balls(self) -> list[F4]:
         """The balls of the calibration, one a press."""
-        ball = partial(shape_ball, radius_mm=5.0, rise_mm=1.0 if self.ring.colour else 2.0)
+        ball = partial(shape_ball, radius_mm=BALL_MM, rise_mm=1.0 if self.ring.colour else 2.0)
         return [ball(offset_mm=place, **self.canvas).height for place in self.ring.places]
 
     def photographs(self, objects: list[F4]) -> F4:
-        lights = [self(object)[0] for object in objects]
+        """The objects on a soft film, or bare where the film's own bounces blur its contact."""
+        lights = [self(object, rigid=self.hand)[0] for object in objects]
         return np.stack([expose(light, seed=90 + i).image for i, light in enumerate(lights)])
 
 
@@ -206,9 +208,9 @@ def simulated(name: str, cache: Path, right: int) -> Rig:
     ]
     touches = [Touch(n, *make(o.height), seed=7 + i) for i, (n, o) in enumerate(objects)]
     azimuth = np.degrees(np.arctan2(make.lights[:, 1], make.lights[:, 0]))
-    recipe = Recipe(balls, flat, 5.0, ring.pixel_mm, more)
+    recipe = Recipe(balls, flat, BALL_MM, ring.pixel_mm, more)
     chosen = [right_touch(make, i) for i in range(right)]
-    return Rig(name, recipe, touches, azimuth, rest, chosen, ring.colour, make)
+    return Rig(name, recipe, touches, azimuth, rest, chosen, ring.colour, make, make.hand)
 
 
 def right_touch(make: Simulator, number: int) -> Touch:
@@ -288,7 +290,7 @@ def raytraced(name: str, cache: Path) -> Rig | None:
     recipe = Recipe(presses, flat, 6.0 if hand else 7.0, facts["pixel_size_mm"], more)
     x, y, _ = np.transpose(facts["lights_mm"])
     azimuth, label = np.degrees(np.arctan2(y, x)), f"raytraced_{name}"
-    return Rig(label, recipe, touches[:2], azimuth, flat, touches[2:])
+    return Rig(label, recipe, touches[:2], azimuth, flat, touches[2:], slow=hand)
 
 
 def mini(cache: Path) -> Rig | None:
@@ -305,7 +307,8 @@ def mini(cache: Path) -> Rig | None:
     others = [Touch(f"press {n}", p, None) for n, p in enumerate(presses) if n % 3]
     recipe = Recipe(balls, flat, 6.31 / 2, 0.0634, {})
     right = [*others, Touch("untouched", flat, None)]
-    return Rig("mini", recipe, [others[3], others[12]], np.zeros(3), flat, right, colour=True)
+    base = [others[3], others[12]]
+    return Rig("mini", recipe, base, np.zeros(3), flat, right, colour=True, slow=True)
 
 
 def six_real(cache: Path) -> Rig | None:
@@ -317,7 +320,8 @@ def six_real(cache: Path) -> Rig | None:
     recipe = Recipe(one[None], flat, 0.2475, 0.003404 * scale, {"ball_pitch_mm": 1.0})
     azimuth = np.array([-88, -152, 147, 89, 33, -26])
     right = [Touch("balls_1", one, None), Touch("untouched", flat, None)]
-    return Rig("six_real", recipe, [Touch("balls_2", two, None)], azimuth, flat, right)
+    base = [Touch("balls_2", two, None)]
+    return Rig("six_real", recipe, base, azimuth, flat, right, slow=True)
 
 
 def makers(right: int) -> dict[str, Callable[[Path], Rig | None]]:
@@ -385,7 +389,7 @@ def write(folder: Path, image: F4, colour: bool) -> None:
         cv2.imwrite(str(folder / f"led{k}.png"), plane)
 
 
-@cache
+@lru_cache(maxsize=4)
 def pipeline(graph: str, file: Path) -> Any:
     """A graph that is ready to run with a calibration, loaded once."""
     return load(graph, calibration=str(file))
