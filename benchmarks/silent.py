@@ -23,8 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from silent.rigs import F4, Rig, Touch, calibrated, makers, pipeline
-from silent.wrong import KINDS, Kind, Scene, bytes_of
+from silent.calibrations import F4, bytes_of, calibrated, pipeline
+from silent.rigs import Rig, Touch, makers
+from silent.wrong import KINDS, Kind, Scene
 
 from tactograph.graph import InputError
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,9 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, load
-from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
+from silent.calibrations import F4, Recipe, key_of
+from tactograph.graph import load
 from tactograph.nodes.live.expose import expose
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.shape_ball import shape_ball
@@ -28,20 +26,8 @@ from tactograph.nodes.simulate.shape_pyramid import shape_pyramid
 from tactograph.nodes.simulate.shape_teapot import shape_teapot
 from tactograph.nodes.simulate.shape_text import shape_text
 
-F4 = NDArray[np.float32]
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"
-
-
-class Recipe(NamedTuple):
-    """What a sensor is calibrated with; `seen` is what its camera makes of a touch."""
-
-    balls: F4
-    flat: F4
-    radius_mm: float
-    pixel_mm: float
-    more: dict[str, Any]
-    seen: Callable[[F4], F4] | None = None
 
 
 class Touch(NamedTuple):
@@ -167,8 +153,8 @@ class Simulator:
     def __call__(self, object: F4, rigid: bool = False, lights: F4 | None = None) -> Any:
         """The light, and the height of the film into which an object is pressed."""
         places = np.round(self.lights if lights is None else lights, 6).tolist()
-        key = repr((self.ring, rigid, places)).encode() + object.tobytes()
-        file = self.folder / f"{hashlib.sha256(key).hexdigest()[:24]}.npz"
+        key = key_of(self.ring.graph, (self.ring, rigid, places), object)
+        file = self.folder / f"{key}.npz"
         if not file.exists():
             with tempfile.NamedTemporaryFile(suffix=".npy") as given:
                 np.save(given.name, object)
@@ -193,9 +179,9 @@ class Simulator:
         return np.stack([expose(light, seed=90 + i).image for i, light in enumerate(lights)])
 
 
-def simulated(name: str, cache: Path, right: int) -> Rig:
+def simulated(name: str, folder: Path, right: int) -> Rig:
     """A simulated sensor and `right` right touches."""
-    ring, folder = RINGS[name], cache / name
+    ring, folder = RINGS[name], folder / name
     folder.mkdir(parents=True, exist_ok=True)
     make = Simulator(ring, folder)
     rest = make(np.zeros(make.size, np.float32))[0]
@@ -271,7 +257,7 @@ def images(folder: Path, scale: int = 1) -> F4:
     return np.stack(found)
 
 
-def raytraced(name: str, cache: Path) -> Rig | None:
+def raytraced(name: str, _: Path) -> Rig | None:
     """A rig of the ray tracer."""
     folders = (ROOT / "tests/data" / name, SHARED / "raytraced" / name)
     folder = next((f for f in folders if f.is_dir()), None)
@@ -293,7 +279,7 @@ def raytraced(name: str, cache: Path) -> Rig | None:
     return Rig(label, recipe, touches[:2], azimuth, flat, touches[2:], slow=hand)
 
 
-def mini(cache: Path) -> Rig | None:
+def mini(_: Path) -> Rig | None:
     """The real GelSight Mini: a third of its presses calibrate, the others are touches."""
     folder = SHARED / "real/gelsight_mini_balls"
     if not folder.is_dir():
@@ -311,7 +297,7 @@ def mini(cache: Path) -> Rig | None:
     return Rig("mini", recipe, base, np.zeros(3), flat, right, colour=True, slow=True)
 
 
-def six_real(cache: Path) -> Rig | None:
+def six_real(_: Path) -> Rig | None:
     """The real sensor with six LEDs and a grid of balls, at a quarter of its resolution."""
     folder, scale = SHARED / "real/gelsight_six_led", 4
     if not folder.is_dir():
@@ -332,64 +318,3 @@ def makers(right: int) -> dict[str, Callable[[Path], Rig | None]]:
         "mini": mini,
         "six_real": six_real,
     }
-
-
-def calibrated(recipe: Recipe, colour: bool, cache: Path) -> tuple[Path, dict[str, Any]]:
-    """The calibration of a recipe, and what was said and measured while it was made.
-
-    Raises
-    ------
-    InputError
-        If the recipe is refused.
-    """
-    parts = recipe.balls.tobytes() + recipe.flat.tobytes() + repr(recipe[2:5]).encode()
-    folder = cache / "calibrations" / hashlib.sha256(parts).hexdigest()[:24]
-    file, said = folder / "cal.npz", folder / "said.json"
-    if not said.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        write(folder / "flat", recipe.flat, colour)
-        for i, ball in enumerate(recipe.balls):
-            write(folder / "balls" / f"{i:02}", ball, colour)
-        said.write_text(json.dumps(calibrate(recipe, colour, folder, file)))
-    found = json.loads(said.read_text())
-    if found.get("refused"):
-        raise InputError(found["refused"])
-    return file, found
-
-
-def calibrate(recipe: Recipe, colour: bool, folder: Path, file: Path) -> dict[str, Any]:
-    graph = read_graph("calibrate_presses" if colour else "calibrate")
-    kept = {name: entry for name, entry in graph.nodes.items() if not entry.op.startswith("plot_")}
-    single = folder / "balls" / "00"
-    capture = {"captures": folder / "balls"} if colour else {
-        "capture": folder / "balls" if len(recipe.balls) > 1 else single}  # fmt: skip
-    given = {
-        **{name: str(path) for name, path in capture.items()},
-        "flat": str(folder / "flat"),
-        "ball_radius_mm": recipe.radius_mm,
-        "pixel_size_mm": recipe.pixel_mm,
-        "out": str(file),
-        **recipe.more,
-    }
-    try:
-        (result,) = open_pipeline(replace(graph, nodes=kept), given).items()
-    except InputError as error:
-        return {"refused": str(error)}
-    figures = {k: v for k, v in result["quality"].items() if isinstance(v, int | float)}
-    return {"warnings": result.warnings, "figures": figures}
-
-
-def write(folder: Path, image: F4, colour: bool) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    counts = np.asarray(np.rint(image.clip(0, 1) * 65535), np.uint16)
-    if colour:
-        cv2.imwrite(str(folder / "touch.png"), counts.transpose(1, 2, 0))
-        return
-    for k, plane in enumerate(counts, start=1):
-        cv2.imwrite(str(folder / f"led{k}.png"), plane)
-
-
-@lru_cache(maxsize=4)
-def pipeline(graph: str, file: Path) -> Any:
-    """A graph that is ready to run with a calibration, loaded once."""
-    return load(graph, calibration=str(file))

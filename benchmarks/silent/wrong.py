@@ -10,20 +10,16 @@ images together with another true height.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from silent.calibrations import F4, Recipe, bytes_of
+from silent.rigs import Rig
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cone import shape_cone
 from tactograph.nodes.simulate.shape_pyramid import shape_pyramid
-
-if TYPE_CHECKING:
-    from silent.rigs import Recipe, Rig
-
-F4 = NDArray[np.float32]
 
 
 class Scene(NamedTuple):
@@ -70,10 +66,6 @@ def each(images: F4, change: Callable[[Any], Any]) -> F4:
 
 def each_of_bytes(images: F4, change: Callable[[Any], Any]) -> F4:
     return each(bytes_of(images), change) / 255
-
-
-def bytes_of(images: F4) -> NDArray[np.uint8]:
-    return np.asarray(np.rint(np.clip(images, 0, 1) * 255), np.uint8)
 
 
 def warped(images: F4, matrix: Any) -> F4:
