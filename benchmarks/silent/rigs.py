@@ -280,7 +280,7 @@ def raytraced(name: str, _: Path) -> Rig | None:
 
 
 def mini(_: Path) -> Rig | None:
-    """The real GelSight Mini: a third of its presses calibrate, the others are touches."""
+    """The real GelSight Mini: two thirds of its presses calibrate, the others are touches."""
     folder = SHARED / "real/gelsight_mini_balls"
     if not folder.is_dir():
         return None
@@ -289,8 +289,11 @@ def mini(_: Path) -> Rig | None:
         return cv2.imread(str(file)).astype(np.float32).transpose(2, 0, 1) / np.float32(255)
 
     presses = [seen(folder / f"6.310mm/{n}/gelsight.png") for n in range(44)]
-    flat, balls = seen(folder / "background.png"), np.stack(presses[::3])
-    others = [Touch(f"press {n}", p, None) for n, p in enumerate(presses) if n % 3]
+    flat, balls = (
+        seen(folder / "background.png"),
+        np.stack([p for n, p in enumerate(presses) if n % 3]),
+    )
+    others = [Touch(f"press {n}", p, None) for n, p in enumerate(presses) if n % 3 == 0]
     recipe = Recipe(balls, flat, 6.31 / 2, 0.0634, {})
     right = [*others, Touch("untouched", flat, None)]
     base = [others[3], others[12]]
