@@ -109,6 +109,6 @@ def write(folder: Path, image: F4, colour: bool) -> None:
 
 
 @lru_cache(maxsize=4)
-def pipeline(graph: str, file: Path) -> Any:
-    """A graph that is ready to run with a calibration, loaded once."""
-    return load(graph, calibration=str(file))
+def pipeline(graph: str, file: Path, forced: bool = False) -> Any:
+    """A graph that is ready to run with a calibration, also on what it would refuse."""
+    return load(graph, calibration=str(file), **({"force": True} if forced else {}))
