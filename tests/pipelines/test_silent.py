@@ -1,0 +1,61 @@
+"""Wrong inputs are told: the benchmark of silent errors at a small size."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+TOLD = ("swapped_neighbours", "order_rotated", "mirrored", "led_twice", "another_sensor")
+"""Kinds that every touch under near LEDs tells."""
+UNTOLD = ("two_touches", "radius")
+Row = dict[str, str]
+
+
+@pytest.fixture(scope="module")
+def rows(once: Path) -> list[Row]:
+    """The rows of some kinds on a sensor with near LEDs."""
+    script, table = ROOT / "benchmarks" / "silent.py", once / "silent.csv"
+    kinds = ["--kind", "right", *TOLD, *UNTOLD]
+    kept = ["--csv", str(table), "--cache", str(once / "silent")]
+    command = [sys.executable, str(script), "--small", *kinds, *kept]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with table.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def of(rows: list[Row], *kinds: str) -> list[Row]:
+    return [row for row in rows if row["kind"] in kinds]
+
+
+@pytest.mark.slow
+def test_right_touches_are_right(rows: list[Row]) -> None:
+    right = of(rows, "right")
+    assert len(right) == 13
+    assert [row["touch"] for row in right if float(row["rmse_um"]) > 20] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", TOLD)
+def test_a_wrong_input_is_told(rows: list[Row], kind: str) -> None:
+    wrong = of(rows, kind)
+    assert wrong
+    assert all(row["harm"] == "True" and row["told"] == "True" for row in wrong)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", UNTOLD)
+def test_other_wrong_inputs_do_harm(rows: list[Row], kind: str) -> None:
+    assert any(row["harm"] == "True" for row in of(rows, kind))
+
+
+@pytest.mark.slow
+def test_a_wrong_radius_is_told_when_it_calibrates(rows: list[Row]) -> None:
+    told = [row["told_at_calibration"] for row in of(rows, "radius") if float(row["value"]) > 1.05]
+    assert told == ["True", "True"]
