@@ -13,7 +13,7 @@ MIN_SLOPE = np.float32(0.1)
 """Film less steep than this is taken to be at rest."""
 MAX_MEDIAN, MAX_QUARTILE = 2.8, 5.2
 """Departure of the touched film's light, in standard deviations, that right touches stay below."""
-MAX_REST = 1.2
+MAX_REST = 1.8
 """The same of the median of film at rest."""
 MIN_TESTED = 0.5
 """Share of the touched film whose light tests its slope, as on any sensor with rims in shadow."""
