@@ -23,7 +23,7 @@ TYPING := $(CURDIR)/.typing
 types:
 	@mkdir -p $(TYPING)/tactograph
 	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part $(TYPING)/tactograph/$$part; done
-	@ln -sfn ../../tactograph/__init__.py ../../tactograph/py.typed $(TYPING)/tactograph/
+	@ln -sfn $(addprefix ../../,$(wildcard tactograph/*.py)) ../../tactograph/py.typed $(TYPING)/tactograph/
 	@printf '%s\nimport sys; sys.meta_path.sort(key=lambda f: "tactograph" not in getattr(f, "__module__", ""))\n' '$(TYPING)' \
 	  > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tactograph-types.pth"
 

@@ -182,7 +182,7 @@ def _here(
 
     Where a store is there, nothing may be left to do: they then wait until they are asked.
     """
-    from tactograph.graph.batch.fork_server import start_processes
+    from tactograph.graph.batch.fork_server import hand_over, start_processes
     from tactograph.graph.batch.open_job import open_ahead
     from tactograph.graph.batch.worker_count import worker_count
 
@@ -192,12 +192,13 @@ def _here(
         from tactograph.graph.batch.serial import Serial
 
         return Serial()
-    idle = start_processes(number)
-    for _ in range(0 if Path(place).exists() else number):
-        idle.submit(open_ahead, job, graph)
     from tactograph.graph.batch.processes import Processes
 
-    return closing.enter_context(Processes(number, idle=idle))
+    idle = start_processes(number)
+    workers = closing.enter_context(Processes(number, idle=idle))
+    for _ in range(0 if Path(place).exists() else number):
+        hand_over(idle, open_ahead, job, graph)
+    return workers
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tactograph import ctrl_c
 from tactograph.graph.commands import (
     GraphCommand,
     RunOptions,
@@ -236,7 +237,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal asked
         asked = True
-        signal.default_int_handler(number, frame)
+        ctrl_c.interrupt(number, frame)
 
     def stop_if_asked() -> None:
         if asked:
