@@ -246,6 +246,7 @@ def _conclude(store: Store, out: str) -> int:
     from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED, STATUS
     from tactograph.graph.files.atomic_files import atomic_file
+    from tactograph.graph.warning_lines import warning_lines
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
@@ -255,19 +256,24 @@ def _conclude(store: Store, out: str) -> int:
         say(f"failed: {told}", err=True)
     if len(failures) > 10:
         say(f"failed: {len(failures) - 10} more, see the table", err=True)
+    for line in warning_lines((c, e.warnings) for c, e in zip(captures, entries, strict=True)):
+        say(line, err=True)
     if not is_url(out):
         figures = sorted({name for entry in entries for name in entry.figures})
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
         with atomic_file(table) as file, file.open("w", newline="") as stream:
             writer = csv.writer(stream)
-            writer.writerow(["number", "capture", "status", "milliseconds", *figures, "reason"])
+            writer.writerow(
+                ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
+            )
             for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
                 row = [entry.figures.get(name, "") for name in figures]
                 writer.writerow(
                     [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
-                     entry.reason]
+                     "; ".join(entry.warnings), entry.reason]
                 )  # fmt: skip
         say(f"table: {table}")
     done = sum(entry.status == DONE for entry in entries)
-    say(f"{done} done, {len(failures)} failed")
+    warned = sum(bool(entry.warnings) for entry in entries)
+    say(f"{done} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else ""))
     return len(failures)

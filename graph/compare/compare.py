@@ -200,7 +200,7 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
         for name, time in _times_of(result).items():
             times.setdefault(name, []).append(time)
         row.items += 1
-        row.warnings = result.warnings
+        row.warnings = list(dict.fromkeys([*row.warnings, *result.warnings]))
     if first is None:
         raise InputError(f"{job.graph.name} yielded nothing")
     row.figures = {name: fmean(many) for name, many in figures.items()}
