@@ -16,7 +16,7 @@ import json
 import math
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from typing import Any
 
@@ -389,11 +389,19 @@ def open_store(place: str) -> Store | None:
         If something else is there.
     """
     try:
-        return Store(zarr.open_group(_at(place), mode="r+"))
+        # Arrays of version 2 may say that they are pickled, which runs code.
+        return Store(zarr.open_group(_at(place), mode="r+", zarr_format=3))
     except FileNotFoundError:
+        _refuse_version_2(place)
         return None
     except _UNREACHABLE as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
+
+
+def _refuse_version_2(place: str) -> None:
+    with suppress(*_UNREACHABLE):
+        zarr.open(_at(place), mode="r", zarr_format=2)
+        raise InputError(f"{place}: is of Zarr version 2, no store of a batch; give another --out")
 
 
 def _at(place: str) -> Any:

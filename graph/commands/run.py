@@ -156,25 +156,31 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     line.stage_of = lambda: pipeline.stage
     told: set[str] = set()
     count = 0
-    with pipeline, _stoppable(pipeline) as stop_if_asked:
-        for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
-            for warning in result.warnings:
-                if warning not in told:
-                    line.say(f"warning: {warning}", err=True)
-            # A camera's fault is reported whenever it comes back.
-            told = {*(() if pipeline.endless else told), *result.warnings}
-            if kept:
-                write_kept(result, kept, folder / str(count))
-            if not wanted.quiet and (not pipeline.endless or count == 1):
-                line.say(_summary(count, result))
-            if count > 1:
-                line.forget_times()
-            if pipeline.endless:
-                line.end()
-            stop_if_asked()
-        # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
-        if not count:
-            raise InputError(f"{read.name}: its stream ended before a first item came")
+    try:
+        with pipeline, _stoppable(pipeline) as stop_if_asked:
+            for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
+                for warning in result.warnings:
+                    if warning not in told:
+                        line.say(f"warning: {warning}", err=True)
+                # A camera's fault is reported whenever it comes back.
+                told = {*(() if pipeline.endless else told), *result.warnings}
+                if kept:
+                    write_kept(result, kept, folder / str(count))
+                if not wanted.quiet and (not pipeline.endless or count == 1):
+                    line.say(_summary(count, result))
+                if count > 1:
+                    line.forget_times()
+                if pipeline.endless:
+                    line.end()
+                stop_if_asked()
+            # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
+            if not count:
+                raise InputError(f"{read.name}: its stream ended before a first item came")
+    finally:
+        for warning in pipeline.closing_warnings:
+            if warning not in told:
+                line.say(f"warning: {warning}", err=True)
+        told.update(pipeline.closing_warnings)
     line.end()
     if count == 1:
         line.keep(times)

@@ -203,6 +203,7 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
         row.warnings = list(dict.fromkeys([*row.warnings, *result.warnings]))
     if first is None:
         raise InputError(f"{job.graph.name} yielded nothing")
+    row.warnings = list(dict.fromkeys([*row.warnings, *pipeline.closing_warnings]))
     row.figures = {name: fmean(many) for name, many in figures.items()}
     row.milliseconds = {name: fmean(many) for name, many in times.items()}
     row.backends = {step.name: step.backend for step in _computing(first)}
