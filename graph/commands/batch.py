@@ -82,8 +82,11 @@ def command(
     down with its reason; exit code 1 says that there are some.
     """
     from tactograph.graph.batch.captures import find_captures
+    from tactograph.graph.files.text_names import at_home
 
-    captures, below, passed_over = find_captures(over)
+    # A shell leaves ~ alone within quotes, which patterns stand in, and behind --out=.
+    out = at_home(out)
+    captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
         # Whatever takes long is imported here while the processes import and open, not before.

@@ -201,6 +201,18 @@ def test_what_runs_elsewhere_than_wanted_is_told_once(
     assert err == "fallback: lit runs on numpy: opencl is preferred, but none\n"
 
 
+def test_a_tilde_is_the_user_s_home(
+    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert tactograph("batch", graph, "--over", "~/day/*", "--out", "~/out.zarr").code == 0
+    assert opened(tmp_path / "out.zarr").captures == list(map(str, captures))
+    assert (tmp_path / "out.csv").is_file()
+    assert not (tmp_path / "~").exists()
+
+
 def test_warnings_are_counted_told_and_in_the_table(
     tactograph: Command, toys: list[str], write: Write, over: str, captures: list[Path],
     tmp_path: Path,
