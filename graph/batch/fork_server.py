@@ -19,6 +19,9 @@ Given = TypeVar("Given")
 SAFE = {"PYTHONSAFEPATH": "1"}
 """Helpers start as ``python -c``, which would import from the working folder first."""
 
+PARENT = "TACTOGRAPH_PARENT"
+"""The environment variable that tells the server whom it is for."""
+
 
 def start_importing() -> bool:
     """Start the server: it imports while this process goes on.  Return if this system has one."""
@@ -27,7 +30,7 @@ def start_importing() -> bool:
         os.environ.update(SAFE)
         return False
     multiprocessing.set_forkserver_preload(["tactograph.graph.batch.imported_ahead"])
-    with environment({**share_of(cores()), **SAFE}):
+    with environment({**share_of(cores()), **SAFE, PARENT: str(os.getpid())}):
         # Else the server starts it, and unblocks Ctrl-C for that.
         resource_tracker.ensure_running()
         # Blocked here, it is for the server and all that it forks.
