@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -159,9 +159,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     try:
         with pipeline, _stoppable(pipeline) as stop_if_asked:
             for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
-                for warning in result.warnings:
-                    if warning not in told:
-                        line.say(f"warning: {warning}", err=True)
+                _tell(line, result.warnings, told)
                 # A camera's fault is reported whenever it comes back.
                 told = {*(() if pipeline.endless else told), *result.warnings}
                 if kept:
@@ -177,9 +175,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
             if not count:
                 raise InputError(f"{read.name}: its stream ended before a first item came")
     finally:
-        for warning in pipeline.closing_warnings:
-            if warning not in told:
-                line.say(f"warning: {warning}", err=True)
+        _tell(line, pipeline.closing_warnings, told)
         told.update(pipeline.closing_warnings)
     line.end()
     if count == 1:
@@ -189,6 +185,12 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     ending = _ending(pipeline, told) if wanted.until is None else ""
     if ending and not wanted.quiet:
         say(ending)
+
+
+def _tell(line: ProgressLine, warnings: Iterable[str], told: Collection[str]) -> None:
+    for warning in warnings:
+        if warning not in told:
+            line.say(f"warning: {warning}", err=True)
 
 
 @contextmanager

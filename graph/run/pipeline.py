@@ -34,14 +34,8 @@ class Pipeline:
 
     One pipeline belongs to one thread; several threads use one each, and a second one at the
     same time is refused.  Closing it, or leaving its ``with`` block, ends the stream and closes
-    what its nodes keep; after that it is of no more use.
-
-    Attributes
-    ----------
-    plan
-        Where each node runs, and why.
-    closing_warnings
-        Those that came behind the last item: its source had ended early, a disk was full.
+    what its nodes keep; after that it is of no more use.  `closing_warnings` are those that came
+    behind the last item: its source had ended early, a disk was full.
     """
 
     def __init__(
