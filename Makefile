@@ -3,11 +3,13 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 DEMO   := demo
+# What the tests were last run with, on Python 3.11; CONSTRAINTS= for the newest there is.
+CONSTRAINTS ?= constraints.txt
 
 # Tests start Python a hundred times: keep what it compiles.
 test lint: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo demo-live test types lint docs ablation clean
+.PHONY: demo demo-live test types lint constraints docs ablation clean
 
 # The package and its dependencies; again whenever pyproject.toml changes.
 $(VENV)/.installed: pyproject.toml
@@ -23,7 +25,7 @@ TYPING := $(CURDIR)/.typing
 types:
 	@mkdir -p $(TYPING)/tactograph
 	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part $(TYPING)/tactograph/$$part; done
-	@ln -sfn ../../tactograph/__init__.py ../../tactograph/py.typed $(TYPING)/tactograph/
+	@ln -sfn $(addprefix ../../,$(wildcard tactograph/*.py)) ../../tactograph/py.typed $(TYPING)/tactograph/
 	@printf '%s\nimport sys; sys.meta_path.sort(key=lambda f: "tactograph" not in getattr(f, "__module__", ""))\n' '$(TYPING)' \
 	  > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tactograph-types.pth"
 
@@ -36,10 +38,10 @@ demo-live: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)
 
 # What the tests need beyond that: VkFFT, an OpenCL device that works, a browser, and ROS 2.
-$(VENV)/.tested: $(VENV)/.installed
+$(VENV)/.tested: $(VENV)/.installed $(CONSTRAINTS)
 	sh tests/install_system.sh $(BIN)
 	sh tests/install_ros2.sh $(VENV)/ros2 $(BIN)/python
-	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test,lint,docs,vkfft]'
+	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check $(addprefix -c ,$(CONSTRAINTS)) -e '.[test,lint,docs,vkfft]'
 	@touch $@
 
 test: $(VENV)/.tested lint
@@ -53,6 +55,10 @@ lint: $(VENV)/.tested types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
+
+# Once the tests have passed with newer versions: make clean test CONSTRAINTS=, then this.
+constraints: $(VENV)/.tested
+	$(BIN)/python -m pip freeze --exclude-editable > constraints.txt
 
 # The documentation as a site, in build/site; links and commands are checked by the tests.
 docs: $(VENV)/.tested

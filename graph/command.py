@@ -110,6 +110,8 @@ def main() -> None:
     Where nobody reads what is printed any more, it ends like other programs, with 141.
     """
     collect_seldom()
+    # Pictures are drawn into files; matplotlib refuses a name that it does not know late.
+    os.environ["MPLBACKEND"] = "agg"
     warnings.showwarning = _show_warning
     if "_TACTOGRAPH_COMPLETE" in os.environ:
         importlib.import_module("tactograph.graph.commands.completion")

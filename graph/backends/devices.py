@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tactograph.graph.backends import intel_runtime
+from tactograph.graph.backends import intel_runtime, pocl_cache
 from tactograph.graph.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ def _handles() -> Iterator[cl.Device]:
         import pyopencl as cl
     except ImportError:
         return
+    pocl_cache.heed_crashes()
     try:
         with intel_runtime.listed():
             platforms = cl.get_platforms()
@@ -136,8 +137,10 @@ def _run_probe(handle: cl.Device) -> str | None:
     """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
-    from tactograph.graph.backends.programs import build, context_of
+    from tactograph.graph.backends.programs import POCL, build, context_of
 
+    if handle.platform.name == POCL:
+        pocl_cache.note_crash()
     context = context_of(handle)
     queue = cl.CommandQueue(context)
     kernel = cl.Kernel(build(context, _PROBE, ()), "probe")

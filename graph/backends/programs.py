@@ -24,7 +24,7 @@ MOST = 64
 """Of so many programs a process keeps what was built."""
 MOST_BYTES = 2 * 10**8
 """Of what is kept on disk: some two thousand programs."""
-READS_SOURCES = "Portable Computing Language"
+POCL = "Portable Computing Language"
 """The platform whose programs are kept on disk here."""
 
 
@@ -68,7 +68,7 @@ def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | No
     """Where the binary is kept; None if it is not."""
     folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
-    if folder is None or unwanted or device.platform.name != READS_SOURCES:
+    if folder is None or unwanted or device.platform.name != POCL:
         return None
     of = (
         device.platform.name, device.platform.version, device.name, device.version,

@@ -1,10 +1,32 @@
-"""What a batch's processes need and takes long to import, but starts no thread."""
+"""What a batch's processes need and takes long to import, but starts no thread that stays."""
 
+import os
+import threading
+
+from tactograph.graph.batch.fork_server import PARENT
 from tactograph.graph.run.collect_seldom import collect_seldom
 
 collect_seldom()
+
+LOOK_S = 0.2
+_imported = threading.Event()
+
+
+def _end_with(parent: int) -> None:
+    """End as soon as the process that this is for has: it may be killed in the meantime."""
+    while os.getppid() == parent:
+        if _imported.wait(LOOK_S):
+            return
+    os._exit(1)
+
+
+_watch = threading.Thread(target=_end_with, args=(int(os.environ.get(PARENT, os.getppid())),))
+_watch.start()
 
 import cv2  # noqa: E402, F401
 
 import tactograph.graph.backends.launch  # noqa: E402
 import tactograph.graph.batch.worker  # noqa: E402, F401
+
+_imported.set()
+_watch.join()

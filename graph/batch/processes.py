@@ -9,12 +9,14 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 from typing import Any
 
-from tactograph.graph.batch.fork_server import start_processes
+from tactograph.graph.batch.fork_server import hand_over, start_processes, stop_processes
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
 TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
+DIED = (BrokenProcessPool, SystemExit)
+"""What a process leaves that was killed, or that ended by itself, while a chunk was under way."""
 ALONE = "run this capture alone to see why"
 
 
@@ -39,7 +41,9 @@ class Processes:
     def __enter__(self) -> Processes:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None:
+            stop_processes()
         if self._idle is not None:
             self._idle.shutdown(cancel_futures=True)
 
@@ -53,9 +57,9 @@ class Processes:
         """
         pool = self._idle = self._idle or start_processes(self.number)
         try:
-            asked = [pool.submit(question, *about) for _ in range(self.number)]
+            asked = [hand_over(pool, question, *about) for _ in range(self.number)]
             return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
-        except BrokenProcessPool:
+        except DIED:
             self._idle = None
             raise InputError(f"{about[-1]}: its process died; {ALONE}") from None
 
@@ -95,7 +99,7 @@ class Processes:
                 while True:
                     ready.extend(islice(chunks, number - len(running)))
                     while ready:
-                        future = pool.submit(self._do, ready[0])
+                        future = hand_over(pool, self._do, ready[0])
                         running[future] = ready.pop(0)
                     if not running:
                         return []
@@ -103,7 +107,10 @@ class Processes:
                         tally = future.result()
                         del running[future]
                         yield tally
-            except BrokenProcessPool:
+            except DIED:
                 return [*running.values(), *ready]
+            except (KeyboardInterrupt, GeneratorExit):
+                stop_processes()
+                raise
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)

@@ -42,6 +42,8 @@ PIECE = 2**21
 _WORDS = ("capture", "reason", "figures", "warnings")
 _UNREACHABLE = (OSError, ValueError, ImportError, TypeError)
 """What is raised where a store should be; TypeError by file systems that need more than a URL."""
+_UNDECODABLE = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
+"""What the codecs raise at bytes that they did not write."""
 
 
 class Store:
@@ -111,7 +113,7 @@ class Store:
         """Their places; if one is lost, nothing else tells whose results are whose."""
         try:
             found = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
-        except _undecodable() as error:
+        except _UNDECODABLE as error:
             raise self._damage(f"'capture' cannot be read: {error}") from None
         if lost := found.count(""):
             raise self._damage(f"'capture' lacks {lost} of {len(found)} names")
@@ -150,7 +152,7 @@ class Store:
             entries = self.read_all(here)
             arrays = {name: self._reaching(name, here.stop) for name in self.job.maps}
             maps = {name: np.asarray(array[here]) for name, array in arrays.items()}
-        except _undecodable():
+        except _UNDECODABLE:
             if here.stop - here.start == 1:
                 return [False]
             middle = (here.start + here.stop) // 2
@@ -274,7 +276,7 @@ class Store:
         array = self._reaching(name, here.stop)
         try:
             return np.asarray(array[here])
-        except _undecodable():
+        except _UNDECODABLE:
             start, stop, _ = here.indices(array.shape[0])
             if stop - start == 1:
                 return np.full((1, *array.shape[1:]), array.fill_value, array.dtype)
@@ -289,10 +291,8 @@ class Store:
     def read_all(self, here: slice = slice(None)) -> list[Entry]:
         """What came of the captures, without their maps."""
         here = slice(*here.indices(len(self)))
-        columns = [
-            self._read(name, here)
-            for name in ("status", "reason", "figures", "warnings", "milliseconds")
-        ]
+        names = ("status", "reason", "figures", "warnings", "milliseconds")
+        columns = [self._read(name, here) for name in names]
         return [
             Entry(int(s), str(r), json.loads(str(f) or "{}"), str(w).splitlines(), float(ms))
             for s, r, f, w, ms in zip(*columns, strict=True)
@@ -322,11 +322,6 @@ def _captures_in_one(kind: MapType, chunk: int) -> int:
     """How many maps are compressed as one: as many as fit whole times into a shard."""
     nbytes = max(1, kind.nbytes)
     return max(n for n in range(1, chunk + 1) if chunk % n == 0 and (n == 1 or n * nbytes <= PIECE))
-
-
-def _undecodable() -> tuple[type[Exception], ...]:
-    """What the codecs raise at bytes that they did not write."""
-    return (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 
 
 def create_store(
@@ -367,13 +362,8 @@ def create_store(
                 fill_value=fill,
                 dimension_names=("capture",),
             )
-        about = {
-            "format": FORMAT,
-            "stamp": uuid.uuid4().hex,
-            "chunk": chunk,
-            "job": asdict(job),
-            "origin": asdict(origin),
-        }
+        about: dict[str, Any] = {"format": FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk}
+        about |= {"job": asdict(job), "origin": asdict(origin)}
         group.attrs["tactograph"] = json.loads(json.dumps(about))
     except _UNREACHABLE as error:
         raise InputError(f"{place}: cannot be made: {error}") from None
@@ -389,9 +379,16 @@ def open_store(place: str) -> Store | None:
         If something else is there.
     """
     try:
-        return Store(zarr.open_group(_at(place), mode="r+"))
+        # Arrays of version 2 may say that they are pickled, which runs code.
+        return Store(zarr.open_group(_at(place), mode="r+", zarr_format=3))
     except FileNotFoundError:
-        return None
+        try:
+            zarr.open(_at(place), mode="r", zarr_format=2)
+        except FileNotFoundError:
+            return None
+        except _UNREACHABLE:
+            pass  # a damaged one
+        raise InputError(f"{place}: no store of a batch, but of Zarr version 2") from None
     except _UNREACHABLE as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
 

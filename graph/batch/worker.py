@@ -245,6 +245,7 @@ def _run(pipeline: Pipeline, ready: _Ready) -> Result:
     results = list(pipeline.items(stream=ready.stream))
     if not results:
         raise InputError(f"{ready.place}: holds no capture")
+    results[0].warnings.extend(pipeline.closing_warnings)
     return results[0]
 
 

@@ -82,8 +82,11 @@ def command(
     down with its reason; exit code 1 says that there are some.
     """
     from tactograph.graph.batch.captures import find_captures
+    from tactograph.graph.files.text_names import at_home
 
-    captures, below, passed_over = find_captures(over)
+    # A shell leaves ~ alone within quotes, which patterns stand in, and behind --out=.
+    out = at_home(out)
+    captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
         # Whatever takes long is imported here while the processes import and open, not before.
@@ -182,7 +185,7 @@ def _here(
 
     Where a store is there, nothing may be left to do: they then wait until they are asked.
     """
-    from tactograph.graph.batch.fork_server import start_processes
+    from tactograph.graph.batch.fork_server import hand_over, start_processes
     from tactograph.graph.batch.open_job import open_ahead
     from tactograph.graph.batch.worker_count import worker_count
 
@@ -192,12 +195,13 @@ def _here(
         from tactograph.graph.batch.serial import Serial
 
         return Serial()
-    idle = start_processes(number)
-    for _ in range(0 if Path(place).exists() else number):
-        idle.submit(open_ahead, job, graph)
     from tactograph.graph.batch.processes import Processes
 
-    return closing.enter_context(Processes(number, idle=idle))
+    idle = start_processes(number)
+    workers = closing.enter_context(Processes(number, idle=idle))
+    for _ in range(0 if Path(place).exists() else number):
+        hand_over(idle, open_ahead, job, graph)
+    return workers
 
 
 def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
@@ -245,6 +249,7 @@ def _conclude(store: Store, out: str) -> int:
     from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED, STATUS
     from tactograph.graph.files.atomic_files import atomic_file
+    from tactograph.graph.warning_lines import warning_lines
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
@@ -254,19 +259,24 @@ def _conclude(store: Store, out: str) -> int:
         say(f"failed: {told}", err=True)
     if len(failures) > 10:
         say(f"failed: {len(failures) - 10} more, see the table", err=True)
+    for line in warning_lines((c, e.warnings) for c, e in zip(captures, entries, strict=True)):
+        say(line, err=True)
     if not is_url(out):
         figures = sorted({name for entry in entries for name in entry.figures})
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
         with atomic_file(table) as file, file.open("w", newline="") as stream:
             writer = csv.writer(stream)
-            writer.writerow(["number", "capture", "status", "milliseconds", *figures, "reason"])
+            writer.writerow(
+                ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
+            )
             for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
                 row = [entry.figures.get(name, "") for name in figures]
                 writer.writerow(
                     [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
-                     entry.reason]
+                     "; ".join(entry.warnings), entry.reason]
                 )  # fmt: skip
         say(f"table: {table}")
     done = sum(entry.status == DONE for entry in entries)
-    say(f"{done} done, {len(failures)} failed")
+    warned = sum(bool(entry.warnings) for entry in entries)
+    say(f"{done} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else ""))
     return len(failures)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tactograph import ctrl_c
 from tactograph.graph.commands import (
     GraphCommand,
     RunOptions,
@@ -155,25 +156,27 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     line.stage_of = lambda: pipeline.stage
     told: set[str] = set()
     count = 0
-    with pipeline, _stoppable(pipeline) as stop_if_asked:
-        for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
-            for warning in result.warnings:
-                if warning not in told:
-                    line.say(f"warning: {warning}", err=True)
-            # A camera's fault is reported whenever it comes back.
-            told = {*(() if pipeline.endless else told), *result.warnings}
-            if kept:
-                write_kept(result, kept, folder / str(count))
-            if not wanted.quiet and (not pipeline.endless or count == 1):
-                line.say(_summary(count, result))
-            if count > 1:
-                line.forget_times()
-            if pipeline.endless:
-                line.end()
-            stop_if_asked()
-        # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
-        if not count:
-            raise InputError(f"{read.name}: its stream ended before a first item came")
+    try:
+        with pipeline, _stoppable(pipeline) as stop_if_asked:
+            for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
+                _tell(line, result.warnings, told)
+                # A camera's fault is reported whenever it comes back.
+                told = {*(() if pipeline.endless else told), *result.warnings}
+                if kept:
+                    write_kept(result, kept, folder / str(count))
+                if not wanted.quiet and (not pipeline.endless or count == 1):
+                    line.say(_summary(count, result))
+                if count > 1:
+                    line.forget_times()
+                if pipeline.endless:
+                    line.end()
+                stop_if_asked()
+            # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
+            if not count:
+                raise InputError(f"{read.name}: its stream ended before a first item came")
+    finally:
+        _tell(line, pipeline.closing_warnings, told)
+        told.update(pipeline.closing_warnings)
     line.end()
     if count == 1:
         line.keep(times)
@@ -182,6 +185,12 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     ending = _ending(pipeline, told) if wanted.until is None else ""
     if ending and not wanted.quiet:
         say(ending)
+
+
+def _tell(line: ProgressLine, warnings: Iterable[str], told: Collection[str]) -> None:
+    for warning in warnings:
+        if warning not in told:
+            line.say(f"warning: {warning}", err=True)
 
 
 @contextmanager
@@ -236,7 +245,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal asked
         asked = True
-        signal.default_int_handler(number, frame)
+        ctrl_c.interrupt(number, frame)
 
     def stop_if_asked() -> None:
         if asked:

@@ -200,9 +200,10 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
         for name, time in _times_of(result).items():
             times.setdefault(name, []).append(time)
         row.items += 1
-        row.warnings = result.warnings
+        row.warnings = list(dict.fromkeys([*row.warnings, *result.warnings]))
     if first is None:
         raise InputError(f"{job.graph.name} yielded nothing")
+    row.warnings = list(dict.fromkeys([*row.warnings, *pipeline.closing_warnings]))
     row.figures = {name: fmean(many) for name, many in figures.items()}
     row.milliseconds = {name: fmean(many) for name, many in times.items()}
     row.backends = {step.name: step.backend for step in _computing(first)}

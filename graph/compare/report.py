@@ -41,6 +41,7 @@ from tactograph.graph.compare.tables import (
 )
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.files.dump_graph import dump_graph
+from tactograph.graph.warning_lines import warning_lines
 
 FILE = "report.html"
 TRUTH = "truth"
@@ -88,8 +89,8 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         steps=_steps(lines),
         curves=[picture for sweep in study.sweeps for picture in _curves(sweep, lines)],
         sections=_sections(study, rows, out),
-        failures=[line for line in lines if line.error],
         fallbacks=fallback_lines(rows),
+        warnings=warning_lines(((line.label, line.warnings) for line in lines), None),
         repeats=study.repeats,
     )
     with atomic_file(out / FILE) as file:
@@ -128,7 +129,7 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
         ]
         labels = [line.variant, *(_value(line.sweep.get(t, "")) for t in targets), line.where]
         blocks.setdefault(line.capture, []).append(
-            {"labels": labels, "cells": cells, "error": line.error}
+            {"labels": labels, "cells": cells, "error": line.error, "warnings": line.warnings}
         )
     headings = [{"text": words(name), "higher": higher_is_better(name)} for name in names]
     return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}

@@ -16,6 +16,7 @@ from scipy.special import stdtrit
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.compare.text_table import fitting_table
 from tactograph.graph.files.atomic_files import atomic_files
+from tactograph.graph.warning_lines import warning_lines
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
@@ -58,6 +59,16 @@ class Line:
     @property
     def error(self) -> str:
         return next((row.error for row in self.rows if row.error), "")
+
+    @property
+    def warnings(self) -> list[str]:
+        return list(dict.fromkeys(text for row in self.rows for text in row.warnings))
+
+    @property
+    def label(self) -> str:
+        """The run in words."""
+        swept = "".join(f" {target}={value}" for target, value in self.sweep.items())
+        return f"{self.variant} on {self.capture or 'its own data'}{swept}"
 
     @property
     def hash(self) -> str:
@@ -168,8 +179,11 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
         echo(f"{STAR} best of its capture: {_what_is_best(names)}")
     for line in lines:
         if line.error:
-            swept = "".join(f" {target}={value}" for target, value in line.sweep.items())
-            echo(f"failed: {line.variant} on {line.capture or 'its own data'}{swept}: {line.error}")
+            echo(f"failed: {line.label}: {line.error}")
+    if warned := sum(bool(line.warnings) for line in lines):
+        echo(f"{warned} of {len(lines)} with warnings")
+    for text in warning_lines((line.label, line.warnings) for line in lines):
+        echo(text)
     for text in fallback_lines(rows):
         echo(f"fallback: {text}")
 
@@ -209,7 +223,8 @@ def _mean_line(lines: Sequence[Line], remark: str) -> Line:
         mean = fmean(_size(name, line.figures[name].mean) for line in lines)
         figures[name] = Estimate(mean, mean, mean, 1)
     of = f"mean of {len(lines)} captures{remark}"
-    return Line(first.variant, of, first.backend, first.sweep, first.rows, figures)
+    rows = [row for line in lines for row in line.rows]
+    return Line(first.variant, of, first.backend, first.sweep, rows, figures)
 
 
 def _row_headings(lines: Sequence[Line]) -> list[str]:
@@ -241,7 +256,7 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
         writer = csv.writer(stream)
         extra = ["runs", *spread] if several else []
         writer.writerow(
-            ["variant", "capture", "backend", *targets, *names, *extra, "hash", "error"]
+            ["variant", "capture", "backend", *targets, *names, *extra, "hash", "warnings", "error"]
         )
         for line in lines:
             swept = [line.sweep.get(target, "") for target in targets]
@@ -250,7 +265,8 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
             ends = [end for f in found for end in (("", "") if f is None else (f.low, f.high))]
             more = [len(line.rows), *ends] if several else []
             start = [line.variant, line.capture, line.backend]
-            writer.writerow([*start, *swept, *means, *more, line.hash, line.error])
+            told = ["; ".join(line.warnings), line.error]
+            writer.writerow([*start, *swept, *means, *more, line.hash, *told])
 
 
 def _markdown(lines: Sequence[Line]) -> str:

@@ -14,6 +14,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import NOT_GIVEN
 from tactograph.graph.files.strict_yaml import parse_scalar
+from tactograph.graph.files.text_names import at_home
 
 _WRAPPERS = (Annotated, Union, UnionType)
 
@@ -97,8 +98,10 @@ def model_of(node: Node) -> type[BaseModel]:
 
 
 def _lenient(annotation: Any) -> Any:
-    """Let ``160,120`` from a command line stand for a tuple; keep true and false from numbers."""
+    """Let ``160,120`` stand for a tuple and ``~`` for a home; keep true and false from numbers."""
     parts = _parts(annotation)
+    if Path in parts:
+        annotation = Annotated[annotation, BeforeValidator(_at_home)]
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
         members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
@@ -110,6 +113,10 @@ def _lenient(annotation: Any) -> Any:
     if bool in parts and not {str, int} & {*parts}:
         return Annotated[annotation, BeforeValidator(_only_flag)]
     return annotation
+
+
+def _at_home(value: Any) -> Any:
+    return at_home(str(value)) if isinstance(value, str | Path) else value
 
 
 def _parts(annotation: Any) -> list[Any]:

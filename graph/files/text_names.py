@@ -19,3 +19,21 @@ def refuse_other_names(place: str | Path) -> None:
         str(place).encode()
     except UnicodeEncodeError:
         raise InputError(f"{str(place)!r}: the name is not UTF-8; rename it") from None
+
+
+def at_home(place: str) -> str:
+    """A place whose ``~`` is the user's home, as a shell has it where it sees one.
+
+    Raises
+    ------
+    InputError
+        If ``~name`` is nobody's.
+    """
+    if not place.startswith("~"):
+        return place
+    try:
+        return str(Path(place).expanduser())
+    except RuntimeError:
+        raise InputError(
+            f"{place}: there is no such user; a name of its own is ./{place}"
+        ) from None

@@ -98,6 +98,11 @@ class Items:
         """Forget the warnings of the item before, but not those of what ran once."""
         del self.notes[self._lasting :]
 
+    @property
+    def news(self) -> list[str]:
+        """The warnings since `begin`."""
+        return self.notes[self._lasting :]
+
     def item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`."""
         assert self._known is not None

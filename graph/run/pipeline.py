@@ -34,13 +34,15 @@ class Pipeline:
 
     One pipeline belongs to one thread; several threads use one each, and a second one at the
     same time is refused.  Closing it, or leaving its ``with`` block, ends the stream and closes
-    what its nodes keep; after that it is of no more use.
+    what its nodes keep; after that it is of no more use.  `closing_warnings` are those that came
+    behind the last item: its source had ended early, a disk was full.
     """
 
     def __init__(
         self, plan: Plan, device: DeviceBackend | None, cache: Cache | None = None
     ) -> None:
         self.plan = plan
+        self.closing_warnings: list[str] = []
         self._device = device
         self._turn = Turn(plan.graph.name)
         self._stand_ins = StandIns(plan)
@@ -130,6 +132,7 @@ class Pipeline:
                     "end that first, or load the graph once more"
                 )
             mine = self._running = object()
+            self.closing_warnings = []
         try:
             with self._turn:
                 self._items.forget()
@@ -159,6 +162,7 @@ class Pipeline:
                 with collect_warnings(self._items.notes):
                     item = stream.next()
                 if item is None:
+                    self.closing_warnings += self._items.news
                     return
                 self._items.times[source.id] = stream.milliseconds
                 if self._items.trace is not None:
@@ -381,7 +385,7 @@ class Pipeline:
         """End the stream, and close what the nodes keep."""
         running, self._stream = self._stream, None
         self._running = None
-        with ExitStack() as stack:
+        with collect_warnings(self.closing_warnings), ExitStack() as stack:
             stack.callback(self._items.end)
             if running is not None:
                 stack.callback(running.close)

@@ -8,6 +8,7 @@ from typing import Any
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, Param
 from tactograph.graph.files.strict_yaml import parse_scalar
+from tactograph.graph.files.text_names import at_home
 
 _WANTED = {
     "number": ((int, float), "a number"),
@@ -60,7 +61,9 @@ def read_settings(words: Iterable[str]) -> dict[str, Any]:
 def _read(name: str, text: str, param: Param) -> Any:
     if param.kind == "path" and not text:
         raise InputError(f"{name}=: a path is needed")
-    if param.kind in ("path", "text"):
+    if param.kind == "path":
+        return at_home(text)
+    if param.kind == "text":
         return text
     if not param.required and text and _scalar(name, text) is None:
         return None

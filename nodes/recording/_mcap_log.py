@@ -24,7 +24,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal, cast
 
-from tactograph.graph import InputError
+from tactograph.graph import InputError, warn
 from tactograph.nodes.recording._ros import DEFINITIONS, Message
 
 if TYPE_CHECKING:
@@ -154,20 +154,19 @@ class McapLog:
                 self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
         return True
 
-    def take_lines(self) -> list[str]:
-        """Return news for the user since the last call, one line each."""
-        found = []
+    def tell(self) -> None:
+        """Warn the user of what has happened since the last call."""
         while self._lines:
-            found.append(self._lines.popleft())
-        return found
+            warn(self._lines.popleft())
 
     def close(self) -> None:
-        """Write waiting messages, end the file with its index, and wait for the disk."""
+        """Write what waits, end the file with its index, wait for the disk; tell how it went."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
         for thread in self._threads:
             thread.join(CLOSING_S)
+        self.tell()
 
     def _run(self) -> None:
         """Write the queue to files; this is fast, because the system buffers it in memory."""

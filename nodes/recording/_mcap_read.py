@@ -36,7 +36,7 @@ class Read:
 
 @dataclass
 class McapFile:
-    """One file; iterate over `messages`, then check `lost`.
+    """One file; iterate over `messages`, then check `lost` and `has_end`.
 
     Attributes
     ----------
@@ -44,6 +44,8 @@ class McapFile:
         The metadata named "tactograph"; complete before the first message.
     lost
         Bytes that could not be read: a record cut off by the file's end, or damaged.
+    has_end
+        Whether its data ends where its writer ended it.
     topics
         All topics found so far.
     """
@@ -51,6 +53,7 @@ class McapFile:
     path: Path
     about: dict[str, str] = field(default_factory=dict)
     lost: int = 0
+    has_end: bool = False
     topics: set[str] = field(default_factory=set)
 
     def messages(self) -> Iterator[Read]:
@@ -129,6 +132,7 @@ class McapFile:
                     if metadata.name == "tactograph":
                         self.about = metadata.metadata
                 elif opcode == Opcode.DATA_END:
+                    self.has_end = True
                     return
             except _damage():
                 self.lost += len(payload)

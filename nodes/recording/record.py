@@ -9,7 +9,7 @@ from typing import Annotated
 
 from annotated_types import Gt, Interval
 
-from tactograph.graph import Provenance, Session, node, warn
+from tactograph.graph import Provenance, Session, node
 from tactograph.nodes import Light
 from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame
 from tactograph.nodes.recording._mcap_log import Limits, McapLog, WhenFull
@@ -98,8 +98,7 @@ def record(
         )
     )
     recording.put(new, name, state)
-    for line in recording.log.take_lines():
-        warn(line)
+    recording.log.tell()
 
 
 class _Recording:

@@ -194,11 +194,9 @@ class _Recording:
             if not count and file.topics:
                 topics = ", ".join(sorted(file.topics)[:4])
                 raise InputError(f"{path}: is no recording of camera frames; it holds {topics}")
-            if file.lost or not count:
-                warn(
-                    f"{path}: ends early, as after a power cut: {file.lost} bytes cannot be read; "
-                    f"the {count} frames before them can"
-                )
+            if file.lost or not file.has_end or not count:
+                why = "is damaged" if file.has_end else "ends early, as after a power cut"
+                warn(f"{path}: {why}: {file.lost} bytes cannot be read; {count} frames can")
 
     def _learn(self, file: McapFile) -> None:
         leds = file.about.get("leds", "")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt
 
-from tactograph.graph import Port, Provenance, Session, node, warn
+from tactograph.graph import Port, Provenance, Session, node
 from tactograph.nodes import Contacts, Height, Labels, Light, Metrics, PixelSize
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
@@ -101,8 +101,7 @@ def write_mcap(
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
     touch = TouchParts(height, image, pixel, name, shadow, contact, metrics, markers, shift, seen)
     export.log.put(touch_messages(export.stamps.of(time), touch, points_step, provenance))
-    for line in export.log.take_lines():
-        warn(line)
+    export.log.tell()
 
 
 class _Export:

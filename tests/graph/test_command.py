@@ -692,6 +692,37 @@ def test_results_do_not_go_into_what_is_read(
     assert sorted(captures.rglob("*")) == before
 
 
+def test_a_tilde_is_the_user_s_home(
+    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    words = [f"capture=~/{captures.relative_to(tmp_path)}", f"file={height_file}", "out=~/results"]
+    done = tactograph("run", write(WRITING), *words)
+    assert done.code == 0, done.err
+    assert f"written to {tmp_path / 'results'}" in done.out
+    assert (tmp_path / "results").is_dir()
+    assert not (tmp_path / "~").exists()
+
+
+def test_what_matplotlib_is_told_to_draw_with_does_not_matter() -> None:
+    code = (
+        "import sys, tactograph.graph.command as c\n"
+        "sys.argv = ['tactograph', '--help']\n"
+        "try: c.main()\n"
+        "except SystemExit: import matplotlib; print(matplotlib.rcParams['backend'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "MPLBACKEND": "nonsense"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.splitlines()[-1] == "agg", done.stderr
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [("capture", "no such folder"), ("file", "no such"), ("out", "cannot be written")],

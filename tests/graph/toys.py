@@ -348,6 +348,24 @@ def warns_once(image: Light) -> Light:
 
 
 @node
+def cut_touches(*, count: int = 2) -> Iterator[Touch]:
+    """A stream whose end is missing."""
+    yield from touches(count=count)
+    warn("cut short")
+
+
+class _FullDisk:
+    def close(self) -> None:
+        warn("the disk is full")
+
+
+@node
+def stored(image: Light, *, session: Session) -> None:
+    """A sink that learns late that it failed."""
+    session.keep(_FullDisk)
+
+
+@node
 def noted(image: Light) -> None:
     """A sink."""
     CALLS.append(f"noted {image.mean():g}")
@@ -456,6 +474,7 @@ TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
     "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
+    "cut_touches", "stored",
     "filed", "strips", "halves", "bright", "enough", "crowded",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
     "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",

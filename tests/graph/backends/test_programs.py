@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import READS_SOURCES, build, context_of
+from tactograph.graph.backends.programs import POCL, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files import disk_cache
 
@@ -43,7 +43,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What is built is kept here, and nothing that was built before is known."""
     found, _ = choose_device()
     assert found is not None
-    if found.handle.platform.name != READS_SOURCES:
+    if found.handle.platform.name != POCL:
         pytest.skip("what this driver builds is not kept here")
     monkeypatch.setenv(disk_cache.FOLDER, str(tmp_path / "cache"))
     monkeypatch.delenv("PYOPENCL_NO_CACHE")

@@ -201,6 +201,31 @@ def test_what_runs_elsewhere_than_wanted_is_told_once(
     assert err == "fallback: lit runs on numpy: opencl is preferred, but none\n"
 
 
+def test_a_tilde_is_the_user_s_home(
+    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    assert tactograph("batch", graph, "--over", "~/day/*", "--out", "~/out.zarr").code == 0
+    assert opened(tmp_path / "out.zarr").captures == list(map(str, captures))
+    assert (tmp_path / "out.csv").is_file()
+    assert not (tmp_path / "~").exists()
+
+
+def test_warnings_are_counted_told_and_in_the_table(
+    tactograph: Command, toys: list[str], write: Write, over: str, captures: list[Path],
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    text = LIT.replace("  lit:", "  seen: {op: noticed, in: {image: frames.image}}\n  lit:")
+    graph = write(text.replace("light: frames.image", "light: seen"), "noticing.yaml")
+    done = tactograph("batch", graph, "--over", over, "--out", tmp_path / "out.zarr")
+    assert (done.code, done.err) == (0, f"warning: {captures[0]} and 6 more: a warning\n")
+    assert done.out.endswith("7 done, 0 failed, 7 with warnings\n")
+    with (tmp_path / "out.csv").open() as table:
+        assert [row["warnings"] for row in csv.DictReader(table)] == ["a warning"] * 7
+
+
 def test_the_store_reads_without_this_package(
     tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:

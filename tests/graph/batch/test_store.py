@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,8 @@ import zarr
 from tactograph.graph.batch.entry import DONE, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType, captures_together
-from tactograph.graph.batch.store import create_store
+from tactograph.graph.batch.store import create_store, open_store
+from tactograph.graph.errors import InputError
 from tactograph.graph.run.result_origin import Origin
 
 JOB = Job("", "", "", {}, {}, "capture", ("height",))
@@ -62,3 +66,34 @@ def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
         store.write({n: Entry(DONE, maps={"height": maps[n]}) for n in numbers})
     assert [store.map("height", n).tolist() for n in range(5)] == [m.tolist() for m in maps]
     assert store.damaged() == []
+
+
+class Touching:
+    """Makes a file where it is unpickled."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self._file,)
+
+
+def test_a_store_of_version_2_is_refused_and_its_pickles_are_not_read(tmp_path: Path) -> None:
+    hostile, ordinary = tmp_path / "hostile.zarr", tmp_path / "ordinary.zarr"
+    about = create_store(str(ordinary), JOB, ORIGIN, 4)._group.attrs["tactograph"]
+    zarr.create_group(str(hostile), zarr_format=2, attributes={"tactograph": about})
+    pickled = {
+        "zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "fill_value": None,
+        "order": "C", "filters": [{"id": "pickle"}], "compressor": None,
+    }  # fmt: skip
+    for name in ordinary.iterdir():
+        if name.is_dir():
+            array = hostile / name.name
+            array.mkdir()
+            (array / ".zarray").write_text(json.dumps(pickled))
+            (array / "0").write_bytes(pickle.dumps(Touching(tmp_path / "ran")))
+    before = sorted(hostile.rglob("*"))
+    with pytest.raises(InputError, match="no store of a batch, but of Zarr version 2"):
+        open_store(str(hostile))
+    assert not (tmp_path / "ran").exists()
+    assert sorted(hostile.rglob("*")) == before

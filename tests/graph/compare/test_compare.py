@@ -196,6 +196,35 @@ def test_a_fallback_for_one_reason_is_told_once(
     assert (out / "report.html").read_text().count(f"Fallback: first, second: {line}") == 1
 
 
+def test_warnings_are_counted_told_and_marked(
+    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write
+) -> None:
+    text = GRAPH.replace("op: doubled", 'op: noticed, with: {text: "<LEDs> swapped"}')
+    graphs = [write(GRAPH, "first.yaml"), write(text, "second.yaml")]
+    out = tmp_path / "report"
+    done = tactograph("compare", *graphs, "--over", tmp_path / "captures", "--out", out)
+    assert "\n2 of 4 with warnings\n" in done.out
+    assert done.out.count("warning: ") == 1
+    assert "\nwarning: second on a and 1 more: <LEDs> swapped\n" in done.out
+    with (out / "table.csv").open() as lines:
+        told = {(row["variant"], row["warnings"]) for row in csv.DictReader(lines)}
+    assert told == {("first", ""), ("second", "<LEDs> swapped")}
+    page = (out / "report.html").read_text()
+    assert "second on a and 1 more: &lt;LEDs&gt; swapped" in page
+    assert page.count('title="&lt;LEDs&gt; swapped"') == 3, "two captures and their mean"
+
+
+def test_a_warning_of_an_early_item_is_kept(
+    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write
+) -> None:
+    text = GRAPH.replace("count: 1", "count: 3").replace(
+        "op: doubled, in: {image: light}", "op: warns_once, in: {image: frames.image}"
+    )
+    out = tmp_path / "report"
+    tactograph("compare", write(text, "first.yaml"), "--over", captures[0], "--out", out)
+    assert table(out)[0]["warnings"] == ["two"]
+
+
 def test_a_comparison_names_few_of_many_nodes_that_fell_back(
     captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write,
     no_device: None,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactograph.graph import GraphError
+from tactograph.graph import GraphError, InputError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
@@ -123,6 +123,16 @@ def test_the_defaults_of_a_node_pass_its_own_check(name: str) -> None:
     check_settings(node, needed, where)
     defaults = {n: p.default for n, p in node.parameters.items() if not p.required}
     check_settings(node, {**needed, **defaults}, where)
+
+
+def test_a_tilde_is_the_user_s_home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    node = find_node("read_capture")
+    for folder in ("~/touch", Path("~/touch")):
+        assert check_settings(node, {"folder": folder}, where)["folder"] == tmp_path / "touch"
+    assert check_settings(node, {"folder": "./~"}, where)["folder"] == Path("~")
+    with pytest.raises(InputError, match="~nobody-of-that-name: there is no such user"):
+        check_settings(node, {"folder": "~nobody-of-that-name"}, where)
 
 
 def test_a_path_is_a_path() -> None:

@@ -221,6 +221,28 @@ def test_a_full_disk_costs_touches_but_neither_the_stream_nor_what_was_written(
     assert read_numbers(tmp_path) == [*before, *range(5 * LEDS, 8 * LEDS)]
 
 
+def test_a_disk_that_is_full_at_the_last_touch_is_told_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_mcap_log, "PATIENCE_S", 0.0)
+    session, notes = Session(), []
+    record_touch(session, make_cycle(0), "0", folder=tmp_path)
+    go = threading.Event()
+
+    def write(handle: int, data: Any) -> int:
+        go.wait(10)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(_mcap_log.os, "write", write)
+    with collect_warnings(notes):
+        record_touch(session, make_cycle(1), "1", folder=tmp_path)
+        assert notes == []
+        go.set()
+        session.close()
+    assert len(notes) == 1
+    assert "recording is interrupted, No space left on device" in notes[0]
+
+
 def test_a_slow_disk_costs_touches_but_no_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
 from tactograph.graph import InputError, Session
@@ -152,6 +153,24 @@ def test_a_torn_end_is_told_once_and_everything_before_it_replayed(tmp_path: Pat
     assert path.name in notes[0]
     assert "ends early" in notes[0]
     assert 0 < len(touches) < 3 * LEDS - 3
+
+
+def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None:
+    make_recording(tmp_path, 3)
+    (path,) = log_files(tmp_path)
+    content = path.read_bytes()
+    at, opcode = len(_mcap_read.MAGIC), 0
+    while opcode != Opcode.DATA_END:
+        end = at
+        opcode, length = _mcap_read._OPCODE_AND_LENGTH.unpack_from(content, at)
+        at += _mcap_read._OPCODE_AND_LENGTH.size + length
+    path.write_bytes(content[:end])
+    notes: list[str] = []
+    with collect_warnings(notes):
+        list(replay(recording=tmp_path, speed=0))
+    assert notes == [
+        f"{path}: ends early, as after a power cut: 0 bytes cannot be read; 12 frames can"
+    ]
 
 
 def test_a_whole_recording_gives_no_warning(tmp_path: Path) -> None:

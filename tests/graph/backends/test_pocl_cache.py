@@ -1,0 +1,93 @@
+"""A damaged program of PoCL's ends one run, not all that follow."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DIES = """
+import os
+from tactograph.graph.backends.pocl_cache import note_crash
+note_crash()
+os.kill(os.getpid(), {number:d})
+"""
+BEGINS = """
+import os
+from tactograph.graph.backends.pocl_cache import heed_crashes
+heed_crashes()
+print(os.environ.get("POCL_CACHE_DIR", "the usual place"))
+"""
+
+
+class Runs:
+    """Processes that share a cache."""
+
+    def __init__(self, folder: Path) -> None:
+        self.cache, self.usual = folder / "cache", folder / "xdg" / "pocl" / "kcache"
+        places = {"TACTOGRAPH_CACHE": self.cache, "XDG_CACHE_HOME": folder / "xdg"}
+        self._environment = {
+            **{k: v for k, v in os.environ.items() if k != "POCL_CACHE_DIR"},
+            **{name: str(place) for name, place in places.items()},
+        }
+
+    def die(self, number: int) -> None:
+        assert self._run(DIES.format(number=number)).returncode == -number
+
+    def begin(self, **more: str) -> tuple[str, str]:
+        """Where PoCL keeps its programs, and what is told."""
+        done = self._run(BEGINS, **more)
+        return done.stdout.strip(), done.stderr
+
+    def _run(self, script: str, **more: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", script],
+            env={**self._environment, **more},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Runs:
+    return Runs(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("number", "how"), [(signal.SIGABRT, "Aborted"), (signal.SIGBUS, "Bus error")]
+)
+def test_after_a_crash_programs_are_kept_elsewhere_and_the_folder_is_named(
+    runs: Runs, number: int, how: str
+) -> None:
+    runs.die(number)
+    place, told = runs.begin()
+    assert place == str(runs.cache / "pocl")
+    assert f"a run before died of '{how}' while it used PoCL: what {runs.usual} holds" in told
+    assert runs.begin() == (place, ""), "told once, and for good"
+
+
+def test_a_folder_of_ours_is_emptied(runs: Runs) -> None:
+    runs.die(signal.SIGABRT)
+    place = Path(runs.begin()[0])
+    (place / "damaged").touch()
+    runs.die(signal.SIGABRT)
+    assert f"what {place} holds" in runs.begin()[1]
+    assert list(place.iterdir()) == []
+
+
+def test_a_folder_that_the_user_chose_is_named_and_left(runs: Runs, tmp_path: Path) -> None:
+    runs.die(signal.SIGABRT)
+    place, told = runs.begin(POCL_CACHE_DIR=str(tmp_path))
+    assert place == str(tmp_path)
+    assert f"{tmp_path} holds may be damaged; empty that folder" in told
+
+
+def test_a_process_that_was_killed_is_no_crash(runs: Runs) -> None:
+    runs.die(signal.SIGKILL)
+    assert runs.begin() == ("the usual place", "")
+    assert list((runs.cache / "crashes").iterdir()) == []

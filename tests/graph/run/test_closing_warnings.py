@@ -1,0 +1,50 @@
+"""What a stream tells at its end is heard, whoever goes through it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tests.graph.conftest import STREAM, Command, Write
+
+CUT = STREAM.replace("op: touches", "op: cut_touches").replace("op: noted", "op: stored")
+BOTH = ["cut short", "the disk is full"]
+
+
+@pytest.fixture
+def graph(toys: list[str], write: Write) -> str:
+    return write(CUT, "cut.yaml")
+
+
+def test_a_pipeline_keeps_it_until_its_stream_begins_again(graph: str) -> None:
+    with open_pipeline(read_graph(graph), {"count": 2}) as pipeline:
+        assert [result.warnings for result in pipeline.items()] == [[], []]
+        assert pipeline.closing_warnings == BOTH
+        stream = pipeline.items()
+        next(stream)
+        assert pipeline.closing_warnings == []
+        stream.close()
+        assert pipeline.closing_warnings == BOTH[1:], "left before its end"
+
+
+def test_run_prints_and_counts_it(graph: str, tactograph: Command) -> None:
+    done = tactograph("run", graph, "--backend", "numpy")
+    assert done.err.splitlines() == [f"warning: {text}" for text in BOTH]
+    assert done.out.endswith("2 warnings, see above\n")
+
+
+def test_run_prints_it_also_where_no_item_came(graph: str, tactograph: Command) -> None:
+    done = tactograph("run", graph, "count=0", "--backend", "numpy")
+    assert done.code == 2
+    assert done.err.startswith("warning: cut short\n")
+
+
+def test_a_comparison_has_it(graph: str, tactograph: Command, tmp_path: Path) -> None:
+    out = tmp_path / "report"
+    assert tactograph("compare", graph, "--out", out).code == 0
+    (row,) = json.loads((out / "table.json").read_text())
+    assert row["warnings"] == BOTH

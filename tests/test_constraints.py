@@ -1,0 +1,31 @@
+"""constraints.txt names a version of everything that the project needs, within its bounds."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from tests.conftest import ROOT
+
+
+def test_every_requirement_has_a_version_within_its_bounds() -> None:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    versions = {canonicalize_name(name): v for name, _, v in (x.partition("==") for x in lines)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    tested = [
+        Requirement(word) for name in ("test", "lint", "docs", "vkfft") for word in extras[name]
+    ]
+    needed = [*(Requirement(word) for word in project["dependencies"]), *tested]
+    for each in needed:
+        # Which pip does not list before Python 3.12.
+        if each.name != "setuptools":
+            assert each.specifier.contains(versions[canonicalize_name(each.name)]), each
+
+
+def test_only_versions_stand_there() -> None:
+    for line in (ROOT / "constraints.txt").read_text().splitlines():
+        assert re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!]+", line), line
