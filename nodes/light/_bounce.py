@@ -7,7 +7,7 @@ with the light of the LEDs.  Light is relative to that on the film at rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from tactograph.nodes import F4, Film
 from tactograph.nodes.light._coated_bounce import coated, source_rows
 from tactograph.nodes.light._radiosity import Cells, Grid
-from tactograph.nodes.light._sweep import Sight, arriving, matt
+from tactograph.nodes.light._sweep import Sight, arriving, azimuths, matt
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,20 +28,22 @@ def bounce(
     film: Film,
     cells: Cells,
     grid: Grid,
-    seen: Iterable[Sight],
+    seen: Callable[[int], Sight],
     *,
     from_above: bool = False,
 ) -> F4:
     """Return what cells that show `light` throw, both K x rows x columns of the frame.
 
-    `seen` is what the cells see of one another (`sights`); `from_above` as for `coated`.
+    `seen` tells what the cells see of one another along an azimuth (`sight`); `from_above` as for
+    `coated`.
     """
     frame = slice(None), *grid.frame
     sources = cells.rest.copy()
     sources[frame] *= light
     matt_film = film.refraction == 1
     law = matt(sources) if matt_film else coated(film, cells, sources, grid, from_above)
-    return np.float32(film.albedo) * arriving(seen, law, len(light), grid) / cells.rest[frame]
+    found = arriving(seen, azimuths(film.refraction), law, len(light), grid)
+    return np.float32(film.albedo) * found / cells.rest[frame]
 
 
 def launch_cells(

@@ -17,13 +17,15 @@ a plane is a line of the image.  ``kernels/headers/sweep.clh`` holds the same.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4
 from tactograph.nodes.light._film import to_pupil
 from tactograph.nodes.light._radiosity import Cells, Grid
@@ -47,7 +49,7 @@ class Sight(NamedTuple):
     """What the cells of the frame see along an azimuth: N pairs of cells, by number."""
 
     share: F4
-    """Share of the light that arrives, N."""
+    """Factor from the other cell's light to what arrives, per radian of azimuth: N."""
     direction: F4
     """To the other cell, 3 x N."""
     here: Numbers
@@ -55,47 +57,16 @@ class Sight(NamedTuple):
     """Among all cells."""
 
 
-class Looking(NamedTuple):
-    """The cells of the frame along one azimuth; the horizon and F there rise during the sweep.
-
-    The camera sees other heights, but straight lines stay straight: what rises over the horizon
-    in its image does so on the film.  Most steps see nothing rise, and the image shows that with
-    less computation.
-    """
-
-    at: F4
-    eye: F4
-    gain: F4
-    """Factor from F to the share of the light that arrives along the azimuth."""
-    facing: F4
-    forwards: F4
-    """The normal's components along the camera's ray and across it, n_e and n_h."""
-    horizon: F4
-    below: F4
-    seen: F4
-    """The height that the camera sees, in mm."""
-    steepest: F4
-    """The horizon's slope in that height, per mm along the longer side of a step."""
-
-
-class Steps(NamedTuple):
-    """The steps along an azimuth, N, as far as any cell of the frame goes."""
+class _Steps(NamedTuple):
+    """The steps along an azimuth, N."""
 
     across: np.float32
     down: np.float32
     """Direction of a step, in cells; the longer side is 1."""
-    width: np.float32
-    """Width of a cell in mm."""
-    beyond: bool
-    """Whether there is film beyond the frame."""
     length: Numbers
     """How many cells each step goes along its longer side."""
-    rows: Numbers
-    columns: Numbers
-    """The first row and column of the frame that go so far, and those after the last: N x 2."""
-    below: Numbers
-    right: Numbers
-    """The two cells that a step ends between, N x 2; ..."""
+    corners: Numbers
+    """The two cells that a step ends between, down and right of the start: N x 2 x 2; ..."""
     part: F4
     """... and where between them."""
     middle: Numbers
@@ -104,72 +75,131 @@ class Steps(NamedTuple):
     """Distance of the film's end from each cell of the frame: rows x columns, as `length`."""
 
 
-def sights(cells: Cells, grid: Grid, camera: float, refraction: float) -> Iterator[Sight]:
-    """Yield what cells see of one another, azimuth by azimuth.
+class _Looking(NamedTuple):
+    """The cells of the frame, which look along an azimuth; planes of rows x columns."""
+
+    at: F4
+    eye: F4
+    facing: F4
+    forwards: F4
+    """The normal's components along the camera's ray and across it, n_e and n_h."""
+    tangent: F4
+    """The first horizon, t_0."""
+    steepness: F4
+    """The tangent's in the camera's image: rise of the height seen, in mm per mm of a step."""
+    gain: F4
+    """Factor from F to the share of the light that arrives, per radian of azimuth."""
+
+
+def azimuths(refraction: float) -> int:
+    """Return the number of azimuths along which film with such a coat looks."""
+    return MATT_AZIMUTHS if refraction == 1 else COATED_AZIMUTHS
+
+
+def sight(cells: Cells, grid: Grid, camera: float, refraction: float, number: int) -> Sight:
+    """Return what cells see of one another along one of the `azimuths`.
 
     `camera` is 1 over the height of the pupil for which the cells form a grid, `refraction` is that
     of their coat.
     """
-    from tactograph.nodes.light._sweep_loops import rise
+    frame = slice(None), *grid.frame
+    turn = 2 * math.pi * (number + 0.5) / azimuths(refraction)
+    azimuth = math.cos(turn), math.sin(turn)
+    on = _looking(cells.at[frame], cells.normal[frame], azimuth, camera)
+    return _sight(on, grid, _steps(grid, *azimuth), np.float32(camera))
 
-    inside = slice(None), *grid.frame
-    at, normal = cells.at[inside].copy(), cells.normal[inside]
+
+def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) -> _Looking:
+    """The start of a sweep, when the horizon of each cell is its own tangent."""
     eye = np.stack(to_pupil(camera, *at))
-    azimuths = MATT_AZIMUTHS if refraction == 1 else COATED_AZIMUTHS
-    for number in range(azimuths):
-        turn = 2 * math.pi * (number + 0.5) / azimuths
-        on, steps = _looking(at, normal, eye, turn, azimuths, grid, camera)
-        most = int(np.prod(np.diff(steps.rows) * np.diff(steps.columns), axis=1).sum())
-        # Room for every cell at every step, but hardly any of it is touched.
-        share, direction = np.empty(most, np.float32), np.empty((3, most), np.float32)
-        here, there = np.empty(most, np.intp), np.empty(most, np.intp)
-        given = on, steps, cells.at[2], grid.rim, np.float32(camera)
-        end = rise(*given, share, direction, here, there)
-        if end:
-            parts = share[:end].copy(), direction[:, :end].copy()
-            yield Sight(*parts, here[:end].copy(), there[:end].copy())
-
-
-def _looking(
-    at: F4, normal: F4, eye: F4, turn: float, azimuths: int, grid: Grid, camera: float
-) -> tuple[Looking, Steps]:
-    """Return the start of a sweep, when the horizon of each cell is its own tangent."""
-    x, y = math.cos(turn), math.sin(turn)
+    x, y = (np.float32(part) for part in azimuth)
     facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
-    along = np.float32(x) * eye[0] + np.float32(y) * eye[1]
+    along = x * eye[0] + y * eye[1]
     flat = 1 - along * along  # the square of the azimuth's component across the camera's ray
-    forwards = np.float32(x) * normal[0] + np.float32(y) * normal[1] - facing * along
-    forwards = forwards / np.sqrt(flat)
-    horizon = -forwards / facing
-    longer = max(abs(x), abs(y))
-    # The image of the tangent.
+    forwards = (x * normal[0] + y * normal[1] - facing * along) / np.sqrt(flat)
+    tangent = -forwards / facing
     nearer = 1 - np.float32(camera) * at[2]
-    away = np.float32(camera * x) * at[0] + np.float32(camera * y) * at[1]
-    widens = nearer * flat - away * along * eye[2]
-    steepest = np.float32(1 / longer) * eye[2] / widens * (horizon * np.sqrt(flat) - along)
-    azimuth = x / longer, y / longer
-    on = Looking(
-        at,
-        eye,
-        np.float32(2 / azimuths) * eye[2] / flat,
-        facing,
-        forwards,
-        horizon,
-        gathered(horizon, forwards, facing),
-        at[2] / nearer,
-        steepest,
+    widens = nearer * flat - np.float32(camera) * (x * at[0] + y * at[1]) * along * eye[2]
+    steepness = eye[2] / widens * (tangent * np.sqrt(flat) - along) / max(abs(x), abs(y))
+    return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
+
+
+def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight:
+    """What rises over the horizon of each cell along an azimuth.
+
+    The camera sees other heights, but straight lines stay straight: what rises over the horizon
+    in its image does so on the film.  Most steps see nothing rise, and the image shows that with
+    less computation.
+    """
+    step, here, far, z = _risen(on, grid, steps, camera)
+    (px, py, pz), eye = on.at.reshape(3, -1)[:, here], on.eye.reshape(3, -1)[:, here]
+    # From where the camera's ray of P meets the film at rest.
+    whole, nearer = 1 - camera * pz, 1 - camera * z
+    x = (px / whole + steps.across * far) * nearer - px
+    y = (py / whole + steps.down * far) * nearer - py
+    z = z - pz
+    up = x * eye[0] + y * eye[1] + z * eye[2]
+    aside = np.sqrt(x * x + y * y + z * z - up * up)
+    t = up / aside
+    tangent, forwards, facing = (
+        plane.ravel()[here] for plane in (on.tangent, on.forwards, on.facing)
     )
-    return on, _steps(grid, azimuth)
+    # A cell's pairs follow one another: each rises over the one before, the first over the tangent.
+    follows = np.diff(here, prepend=-1) == 0
+    before = np.where(follows, np.roll(t, 1), tangent)
+    share = gathered(t, forwards, facing) - gathered(before, forwards, facing)
+    half = (t + before) / 2
+    direction = ((np.stack([x, y, z]) - up * eye) / aside + half * eye) / np.sqrt(1 + half * half)
+    row, column = np.divmod(here, grid.columns)
+    down, right = steps.middle[step].T + grid.rim
+    there = (row + down) * grid.whole[1] + column + right
+    return Sight(on.gain.ravel()[here] * share, direction, here, there)
 
 
-def arriving(seen: Iterable[Sight], law: Law, lights: int, grid: Grid) -> F4:
-    """Return what arrives at the cells of the frame, over pi: K x rows x columns."""
-    total = np.zeros((lights, grid.rows * grid.columns), np.float32)
-    for share, direction, here, there in seen:
+def _risen(
+    on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
+) -> tuple[Numbers, Numbers, F4, F4]:
+    """What rises over the horizons in the image: step and cell, by number, distance and height.
+
+    Sorted by cell, and for each cell from near to far.
+    """
+    rows, columns = steps.longest.shape
+    reach = int(steps.length[-1]) + 1
+    film = np.pad(on.at[2], reach)
+    seen = on.at[2] / (1 - camera * on.at[2])
+    horizon, found = on.steepness, []
+    for number, length in enumerate(steps.length):
+        one, other = (
+            film[reach + down : reach + down + rows, reach + right : reach + right + columns]
+            for down, right in steps.corners[number]
+        )
+        ends = steps.longest < length
+        z = np.where(ends, 0, one + steps.part[number] * (other - one))
+        far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
+        steep = (z / (1 - camera * z) - seen) / far
+        here = np.flatnonzero((steep > horizon) & (~ends | (grid.film > 0)))
+        found.append((np.full(here.size, number), here, far.ravel()[here], z.ravel()[here]))
+        horizon = np.maximum(horizon, steep)
+    step, here, far, z = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.argsort(here, kind="stable")
+    return step[order], here[order], far[order], z[order]
+
+
+def arriving(seen: Callable[[int], Sight], count: int, law: Law, lights: int, grid: Grid) -> F4:
+    """Return what arrives at the cells of the frame, over pi: K x rows x columns.
+
+    `seen` tells what they see along each of `count` azimuths, which all cores share.
+    """
+    size = grid.rows * grid.columns
+
+    def along(number: int) -> NDArray[np.float64]:
+        share, direction, here, there = seen(number)
         thrown = share * law(here, direction, there)
-        for plane, found in zip(total, thrown, strict=True):
-            plane += np.bincount(here, found, plane.size)
-    return total.reshape(-1, grid.rows, grid.columns)
+        return np.stack([np.bincount(here, plane, size) for plane in thrown])
+
+    with ThreadPoolExecutor(cores()) as threads:
+        total: Any = sum(threads.map(along, range(count)))
+    return (2 / count * total).astype(np.float32).reshape(lights, grid.rows, grid.columns)
 
 
 def matt(sources: F4) -> Law:
@@ -197,42 +227,26 @@ def _longest(grid: Grid, azimuth: tuple[float, float]) -> F4:
 
 
 @lru_cache(maxsize=256)
-def _steps(grid: Grid, azimuth: tuple[float, float]) -> Steps:
+def _steps(grid: Grid, x: float, y: float) -> _Steps:
     """Return the steps along an azimuth, which grow with the distance from the start.
 
     Cached: films change from touch to touch and from fit to fit, cells and azimuths do not.
     """
-    across, down = azimuth
-    rows, columns, ends = [], [], [0, 1]
-    while True:
-        row = _reaching(down * ends[-2], grid.rows, grid.film)
-        column = _reaching(across * ends[-2], grid.columns, grid.film)
-        if not row or not column:
-            break
-        rows.append((row.start, row.stop))
-        columns.append((column.start, column.stop))
+    across, down = x / max(abs(x), abs(y)), y / max(abs(x), abs(y))
+    longest = _longest(grid, (across, down))
+    ends = [0, 1]
+    while ends[-2] <= longest.max():
         ends.append(ends[-1] + min(max(1, ends[-1] // GROWTH), LONGEST))
     before, length = np.array(ends[:-2]), np.array(ends[1:-1])
-    dy, dx = down * length, across * length
-    below, right = (np.stack([np.floor(d), np.ceil(d)], axis=1) for d in (dy, dx))
-    return Steps(
+    way = np.outer(length, (down, across))
+    corners = np.stack([np.floor(way), np.ceil(way)], axis=1).astype(np.intp)
+    return _Steps(
         np.float32(across),
         np.float32(down),
-        np.float32(grid.width),
-        grid.film > 0,
-        length.astype(np.intp),
-        np.array(rows, np.intp),
-        np.array(columns, np.intp),
-        below.astype(np.intp),
-        right.astype(np.intp),
-        # One of dx and dy is whole; along the other one the step ends between two cells.
-        np.maximum(dy - below[:, 0], dx - right[:, 0]).astype(np.float32),
+        length,
+        corners,
+        # One component of a way is whole; along the other one the step ends between two cells.
+        (way - corners[:, 0]).max(axis=1).astype(np.float32),
         np.rint(np.outer(before + length, (down, across)) / 2).astype(np.intp),
-        _longest(grid, azimuth),
+        longest,
     )
-
-
-def _reaching(far: float, count: int, film: float) -> range:
-    """Return the cells of an axis that are still on the film after going `far` cells."""
-    first = max(0, math.ceil(-0.5 - film - far))
-    return range(first, min(count, math.floor(count - 0.5 + film - far) + 1))

@@ -21,7 +21,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import sights
+from tactograph.nodes.light._sweep import sight
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -107,7 +107,7 @@ def film_bounce(
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
     """The bounced light, computed on the cells of one grid and interpolated at the pixels."""
     of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
-    seen = sights(of, grid, film.camera, film.refraction)
+    seen = partial(sight, of, grid, film.camera, film.refraction)
     planes = bounce(means(light, grid.factor), film, of, grid, seen)
     return between_cells(planes, height.shape, grid.factor)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import sights
+from tactograph.nodes.light._sweep import sight
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -98,8 +98,8 @@ def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, 
     of = cells_of(height, film.lights, np.float32(pixel), grid)
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
-    # The cells' mutual visibility is the same for every bounce.
-    seen = list(sights(of, grid, 0.0, film.refraction))
+    # What the cells see of one another is the same for every bounce.
+    seen = cache(partial(sight, of, grid, 0.0, film.refraction))
     for _ in range(bounces):
         bounced = bounce(direct + bounced, film, of, grid, seen, from_above=True)
     return between_cells(bounced, height.shape, grid.factor)

@@ -14,7 +14,6 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, make_inputs
 
 LOOPS = {
-    "film_bounce": ["light._sweep_loops"],
     "height_error": ["height._error_loops", "height._spring_loops", "height._system_loops"],
     "integrate_weighted": ["height._spring_loops", "height._system_loops"],
 }
@@ -47,7 +46,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, make_inputs
 
-node, notes = find_node("film_bounce"), []
+node, notes = find_node("integrate_weighted"), []
 case = cases(node, shapes=((3, 5),))[0]
 with collect_warnings(notes):
     node(*node.in_order(make_inputs(node, case)), **case.settings)
