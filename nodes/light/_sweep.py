@@ -167,22 +167,26 @@ def _risen(
     reach = int(steps.length[-1]) + 1
     film = np.pad(on.at[2], reach)
     seen = on.at[2] / (1 - camera * on.at[2])
-    horizon, found = on.steepness, []
-    for number, length in enumerate(steps.length):
+    horizon, cells, heights = on.steepness, [], []
+    for length, corners, part in zip(steps.length, steps.corners, steps.part, strict=True):
         one, other = (
             film[reach + down : reach + down + rows, reach + right : reach + right + columns]
-            for down, right in steps.corners[number]
+            for down, right in corners
         )
         ends = steps.longest < length
-        z = np.where(ends, 0, one + steps.part[number] * (other - one))
+        z = np.where(ends, 0, one + part * (other - one))
         far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
         steep = (z / (1 - camera * z) - seen) / far
-        here = np.flatnonzero((steep > horizon) & (~ends | (grid.film > 0)))
-        found.append((np.full(here.size, number), here, far.ravel()[here], z.ravel()[here]))
+        if grid.film == 0:
+            steep[ends] = -np.inf
+        cells.append(np.flatnonzero(steep > horizon))
+        heights.append(z.ravel()[cells[-1]])
         horizon = np.maximum(horizon, steep)
-    step, here, far, z = (np.concatenate(part) for part in zip(*found, strict=True))
+    here, step = np.concatenate(cells), np.repeat(np.arange(len(cells)), [c.size for c in cells])
     order = np.argsort(here, kind="stable")
-    return step[order], here[order], far[order], z[order]
+    here, step = here[order], step[order]
+    far = np.minimum(steps.longest.ravel()[here], steps.length.astype(np.float32)[step])
+    return step, here, far * np.float32(grid.width), np.concatenate(heights)[order]
 
 
 def arriving(seen: Callable[[int], Sight], count: int, law: Law, lights: int, grid: Grid) -> F4:
