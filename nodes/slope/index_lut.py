@@ -1,11 +1,10 @@
-"""Index the look-up tables once, so that nearest neighbours are found fast.
+"""Index the look-up tables once, so that a device finds nearest neighbours fast.
 
 The look-up is exact.  The index is a tree of three levels of 16 boxes along the table's principal
 axes, along which a Lambertian film's light is thin.  The light of a film at rest lies off the
 table: many entries are then almost equally near, and only boxes along all principal axes prune
-them.  On CPUs the frame is sorted by light, and 16 pixels of similar light search the tree
-together, in the kernel and in ``_packet_search.py``.  Equal entries are merged and ties go to the
-first entry, so both back ends find the same slope.
+them.  On CPUs the kernel sorts the frame by light, and 16 pixels of similar light search the tree
+together.  Entries of equal light are merged, so all back ends find the same slope.
 """
 
 from __future__ import annotations

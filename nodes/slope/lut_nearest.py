@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.graph.run.cores import cores
-from tactograph.nodes import F4, Labels, Light, Slope
-from tactograph.nodes.slope.index_lut import LutIndex, index_lut
+from tactograph.nodes import F4, U1, Labels, Light, Slope
+from tactograph.nodes.slope.index_lut import TOP, LutIndex, index_lut
 
 PIECE = 1024
 """Least mean number of pixels in a cell of the sort; the kernel's PIECE."""
@@ -25,13 +23,11 @@ SPARSER = 3
 """Levels by which the cells of shadowed pixels are coarser; the kernel's SPARSER."""
 CHUNKS = 64
 """Work-items that share the frame's pixels."""
-PARTS = 64
-"""Number of parts of the frame that the host's cores share."""
 
 
 @node(
     tolerance=Flips(
-        1e-3, 1e-6, 1e-6, why="a device fuses multiply and add, which tells ties apart"
+        1e-3, 1e-6, 1e-6, why="of entries that are equally near but for rounding, either is found"
     ),
     sizes={"K": SizeLimit(3, 8, "the tables are for 3 to 8 LEDs")},
 )
@@ -46,7 +42,7 @@ def lut_nearest(
 
     A pixel that all LEDs reach is looked up in the table of all lights.  A shadowed pixel is
     looked up in the table without its shadowed LED, or without the darkest if there are
-    several.  Among equally near entries the first is taken.
+    several.
 
     Parameters
     ----------
@@ -64,47 +60,48 @@ def lut_nearest(
     ndarray
         Slope 2 x H x W; zero where the table needed is empty.
     """
-    # Importing numba takes half a second; a look-up on a device need not wait for it.
-    from tactograph.nodes.slope._packet_search import find_cells, search_cells
+    # SciPy's trees take a fifth of a second to load; a look-up on a device need not wait for them.
+    from scipy.spatial import cKDTree
 
-    count, height, width = light.shape
-    size = height * width
-    lights, shadows = np.ascontiguousarray(light).reshape(count, size), shadow.reshape(size)
-    levels, cells = _cells(count, size)
-    medians = _medians(lights, levels)
-    table = tuple(array.ravel() for array in index[:-1]) + index[-1:]
-    cell, slope = np.empty(size, np.uint16), np.zeros((2, size), np.float32)
-    with ThreadPoolExecutor(cores()) as pool:
+    light = np.nan_to_num(light)
+    needed = _table_of(light, shadow)
+    slope = np.zeros((2, *needed.shape), np.float32)
+    for number in np.unique(needed):
+        here = needed == number
+        entries, slopes = _table(index, number)
+        if len(entries) == 0:
+            continue
+        points = light[:, here].T
+        if number:
+            points[:, number - 1] = 0
+        tree = cKDTree(entries, compact_nodes=False, balanced_tree=False)
+        nearest = np.arange(1, min(neighbours, len(entries)) + 1)
+        _, found = tree.query(points, nearest, workers=cores())
+        slope[:, here] = slopes[found].mean(axis=1).T
+    return slope
 
-        def share(work: Callable[..., None], all_: int, *arguments: Any) -> None:
-            at = np.linspace(0, all_, PARTS + 1).astype(int)
-            list(pool.map(lambda part: work(*part, *arguments), pairwise(at)))
 
-        share(find_cells, size, lights, shadows, medians, levels, cell)
-        pixels = np.argsort(cell, kind="stable")
-        starts = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=cells))])
-        share(search_cells, cells, lights, pixels, starts, levels, table, neighbours, slope)
-    return slope.reshape(2, height, width)
+def _table_of(light: F4, shadow: U1) -> NDArray[np.intp]:
+    """0 where all LEDs reach, else the number of the darkest among the shadowed ones: H x W."""
+    shadowed = np.stack([shadow >> k & 1 for k in range(len(light))]) > 0
+    darkest = np.where(shadowed, light, np.inf).argmin(axis=0) + 1
+    return np.where(shadowed.any(axis=0), darkest, 0)
+
+
+def _table(index: LutIndex, number: int) -> tuple[F4, F4]:
+    """Light and slope of the entries of one table, E x K and E x 2."""
+    tops, _, leaf, first = index.tables[number]
+    leaves = slice(leaf, leaf + tops * TOP)
+    numbers = index.numbers[leaves]
+    entries = np.zeros((numbers.max(initial=-1) + 1, index.entries.shape[1]), np.float32)
+    entries[numbers] = index.entries[leaves]
+    return entries, index.slopes[first : first + len(entries)]
 
 
 def _cells(lights: int, size: int) -> tuple[int, int]:
     """The levels of medians by which pixels are sorted, and the number of cells between them."""
     levels = min(max((size // PIECE).bit_length() - 1, 0), MOST_LEVELS)
     return levels, (1 << levels) + (lights << max(levels - SPARSER, 0))
-
-
-def _medians(lights: F4, levels: int) -> F4:
-    """The medians that separate cells: a sample is halved repeatedly, by each LED in turn."""
-    count, size = lights.shape
-    samples = np.nan_to_num(lights[:, np.arange(SAMPLES << levels) * size // (SAMPLES << levels)])
-    medians = np.zeros(1 << levels, np.float32)
-    for level in range(levels):
-        parts = samples.reshape(count, 1 << level, -1)
-        led, middle = level % count, parts.shape[2] // 2
-        order = np.argpartition(parts[led], middle, axis=1)
-        samples = np.take_along_axis(parts, order[None], axis=2)
-        medians[1 << level : 2 << level] = samples[led, :, middle]
-    return medians
 
 
 @lut_nearest.opencl()
