@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.light._near_light import places
+from tactograph.nodes.light._near_light import expected_light, places, vectors_at
 from tactograph.nodes.live.expose import _lens
 from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -41,6 +41,8 @@ NOISES = 8
 DRAG_REACH_MM = 4.0
 """Standard deviation of a drag's fall-off around the ball; it ends at `DRAGGED` times that."""
 DRAGGED = 4
+LEAST_MM = np.float32(1e-6)
+"""Smallest distance from the ball's axis; prevents division by 0."""
 RECENT = 8
 """Number of latest films that are kept for the true height."""
 
@@ -113,7 +115,7 @@ def read_scene(
 
 
 class _Pressed(NamedTuple):
-    """The film around the ball: window, positions in mm, height, slopes p and q, brightness.
+    """The film around the ball: window, positions in mm, height, slope, brightness.
 
     `bright` is 1 on bare film, and less on a marker.
     """
@@ -123,8 +125,7 @@ class _Pressed(NamedTuple):
     x: F4
     y: F4
     height: F4
-    p: F4
-    q: F4
+    slope: F4
     bright: F4
 
 
@@ -175,7 +176,6 @@ class SimulatedSensor:
         self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISES)]
         self._resting: dict[tuple[int, int], NDArray[np.uint8]] = {}
         self._pressed: dict[float, _Pressed] = {}
-        self._pressed_light(0, self.start)  # loops are compiled before the camera runs
 
     def place(self, moment: float) -> tuple[float, float, float]:
         """The ball at a time: x and y of its axis from the middle, and its depth; all in mm."""
@@ -247,8 +247,7 @@ class SimulatedSensor:
             x, y, depth = self.place(moment)
             rows, columns = self._window(x, y)
             at = self._x[columns], self._y[rows]
-            # Contiguous, so that the loops are compiled for only one kind of array.
-            bright = np.ascontiguousarray(self._brightness(x, y, depth)[rows, columns])
+            bright = self._brightness(x, y, depth)[rows, columns]
             shape = self._film.surface(at[0] - np.float32(x), at[1] - np.float32(y), depth)
             pressed = _Pressed(rows, columns, *at, *shape, bright)
             # Keep only the last few, because a frame's truth is needed soon after the frame.
@@ -257,13 +256,11 @@ class SimulatedSensor:
 
     def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
         """Light of LED k around the ball, and its window (equation N1; no cast shadows)."""
-        from tactograph.nodes.live._pressed_loops import light_around
-
         film = self._press(moment)
-        flat = np.ascontiguousarray(self._bare[k, film.rows, film.columns])
-        led, shape = self.lights[k], (film.height, film.p, film.q)
-        light = light_around(film.x, film.y, led, *shape, flat, film.bright, self.strength[k])
-        return light, (film.rows, film.columns)
+        around = film.rows, film.columns
+        vectors = vectors_at(self.lights[k : k + 1], film.x, film.y[:, None], film.height)
+        lit = np.maximum(expected_light(vectors, film.slope)[0], 0)
+        return self._bare[k][around] * film.bright * self.strength[k] * lit, around
 
     def _brightness(self, x: float, y: float, depth: float) -> F4:
         """H x W: 1 on bare film, less on markers, which the ball at (x, y) drags along."""
@@ -339,15 +336,23 @@ class _PressedFilm:
             section = film[half, half:].astype(np.float64)
             curve = CubicSpline(np.arange(half + 1) * ball.pixel_size, section)
             self._height[i], self._steepness[i] = curve(at), curve(at, 1)
-        # Subtract the last tenth of a micron, so that the window's border is not a step.
+        # The window's border is no step of a tenth of a micron, and beyond it there is no slope.
         self._height -= self._height[:, -1:]
+        self._steepness[:, -1] = 0
 
-    def surface(self, across: F4, down: F4, depth: float) -> tuple[F4, F4, F4]:
-        """Height in mm and slopes p and q at offsets from the ball's axis."""
-        from tactograph.nodes.live._pressed_loops import surface_around
-
-        tables = (self._at_depth(table, depth) for table in (self._height, self._steepness))
-        return surface_around(across, down, *tables, np.float32(1 / self._step))
+    def surface(self, across: F4, down: F4, depth: float) -> tuple[F4, F4]:
+        """Height in mm and slope, H x W and 2 x H x W, at offsets from the ball's axis."""
+        across, down = np.meshgrid(across, down)
+        distance = np.sqrt(across * across + down * down)
+        cell = np.minimum(distance * np.float32(1 / self._step), RADII - 1)
+        index = np.minimum(cell.astype(np.intp), RADII - 2)
+        share = cell - index.astype(np.float32)
+        height, rise = (
+            table[index] + share * np.diff(table)[index]
+            for table in (self._at_depth(each, depth) for each in (self._height, self._steepness))
+        )
+        rise /= np.maximum(distance, LEAST_MM)
+        return np.asarray(height, np.float32), np.stack([rise * across, rise * down])
 
     def _at_depth(self, table: F4, depth: float) -> F4:
         """The table interpolated at a depth."""
