@@ -59,10 +59,14 @@ def real_data(name: str) -> Path:
     return folder
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--device", help="A part of the name of the OpenCL device to test on.")
+
+
 @pytest.fixture(scope="session")
-def device() -> OpenCL:
+def device(request: pytest.FixtureRequest) -> OpenCL:
     """An OpenCL device; its absence fails the tests that need it, it does not skip them."""
-    found, reason = choose_device()
+    found, reason = choose_device(request.config.getoption("--device"))
     assert found is not None, f"{reason}; 'make test' installs one"
     return OpenCL(found)
 

@@ -7,9 +7,11 @@ over.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,7 +87,19 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
         if device.works:
             return device, ""
         reasons.append(f"{device.name}: {device.verdict}")
-    return None, "no OpenCL device works" + (f" ({'; '.join(reasons)})" if reasons else " here")
+    found = f" ({'; '.join(reasons)})" if reasons else " here"
+    return None, f"no OpenCL device works{found}; {how_to_get_one()}"
+
+
+def how_to_get_one() -> str:
+    """What to type on this system for an OpenCL device on its CPU."""
+    if sys.platform == "darwin":
+        return "macOS has one of its own; conda install -c conda-forge pyopencl pocl brings another"
+    if intel_runtime.is_for_this_system():
+        return 'for one: pip install "tactograph[cpu]"'
+    if Path("/etc/debian_version").exists():
+        return "for one: apt-get install pocl-opencl-icd"
+    return "for one: conda install -c conda-forge pyopencl pocl"
 
 
 def _handles() -> Iterator[cl.Device]:

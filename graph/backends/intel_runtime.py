@@ -1,13 +1,15 @@
 """Intel's OpenCL runtime for CPUs, where the Python package `intel-opencl-rt` brings it.
 
-The package lists its driver nowhere that an OpenCL loader looks, and /etc belongs to root.
-Loaders on Linux read the folder that OCL_ICD_VENDORS names in place of the system's, so
-`listed` names a folder that holds both the system's drivers and this one.
+The package lists its driver nowhere that an OpenCL loader looks; /etc and the registry belong to
+the administrator.  Loaders on Linux read the folder that OCL_ICD_VENDORS names in place of the
+system's, so `listed` names a folder that holds both the system's drivers and this one.  On Windows
+the loader of Khronos loads the drivers that OCL_ICD_FILENAMES names before those of the registry.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -15,7 +17,8 @@ from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-_DRIVER = "libintelocl.so"
+_DRIVERS = {"linux": "libintelocl.so", "win32": "intelocl64.dll"}
+"""The driver's file, by `sys.platform`; on Windows it lies in the environment's `Library/bin`."""
 
 
 @contextmanager
@@ -23,34 +26,61 @@ def listed() -> Iterator[None]:
     """List the runtime while the loader looks for drivers, which it does once a process.
 
     Nothing changes where the package is absent, where the system lists the runtime itself,
-    or where the user has set OCL_ICD_VENDORS.
+    or where the user has set the variable.
     """
+    runtime = _runtime()
+    if runtime is None:
+        yield
+    elif sys.platform == "win32":
+        # The libraries that the driver needs lie beside it; older loaders do not look there.
+        with os.add_dll_directory(str(runtime.parent)), _named("OCL_ICD_FILENAMES", str(runtime)):
+            yield
+    else:
+        with _beside_the_systems(runtime):
+            yield
+
+
+@contextmanager
+def _beside_the_systems(runtime: Path) -> Iterator[None]:
     folders = [Path(os.environ.get("OPENCL_VENDOR_PATH") or "/etc/OpenCL/vendors")]
     folders.append(Path(sys.prefix, "etc", "OpenCL", "vendors"))  # conda's loader
     drivers = [line for folder in folders for line in _drivers(folder)]
-    runtime = _runtime()
-    if os.environ.get("OCL_ICD_VENDORS") or runtime is None or any(map(_is_intel, drivers)):
+    if any(map(_is_intel, drivers)):
         yield
         return
     with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
         for number, driver in enumerate([str(runtime), *drivers]):
             Path(folder, f"{number}.icd").write_text(driver, encoding="utf-8")
-        os.environ["OCL_ICD_VENDORS"] = folder
-        try:
+        with _named("OCL_ICD_VENDORS", folder):
             yield
-        finally:
-            del os.environ["OCL_ICD_VENDORS"]
+
+
+@contextmanager
+def _named(variable: str, value: str) -> Iterator[None]:
+    """Set an environment variable for a while, unless the user has set it."""
+    if os.environ.get(variable):
+        yield
+        return
+    os.environ[variable] = value
+    try:
+        yield
+    finally:
+        del os.environ[variable]
+
+
+def is_for_this_system() -> bool:
+    """Whether the package has files for this system and processor."""
+    return sys.platform in _DRIVERS and platform.machine().lower() in ("x86_64", "amd64")
 
 
 def _runtime() -> Path | None:
-    """The driver that the package brought, if it is installed and this is Linux."""
-    if not sys.platform.startswith("linux"):
-        return None
+    """The driver that the package brought, if it is installed."""
     try:
         files = distribution("intel-opencl-rt").files or []
     except PackageNotFoundError:
         return None
-    found = (Path(str(file.locate())).resolve() for file in files if file.name == _DRIVER)
+    name = _DRIVERS.get(sys.platform)
+    found = (Path(str(file.locate())).resolve() for file in files if file.name == name)
     return next((path for path in found if path.is_file()), None)
 
 
@@ -67,4 +97,4 @@ def _drivers(folder: Path) -> list[str]:
 
 
 def _is_intel(driver: str) -> bool:
-    return Path(driver).name.startswith(_DRIVER)
+    return Path(driver).name.startswith(_DRIVERS["linux"])

@@ -22,5 +22,5 @@ def command(require: bool) -> None:
         say(f"in use by default: {chosen.name}")
         return
     if require:
-        raise InputError(f"{reason}; on Debian or Ubuntu: apt-get install pocl-opencl-icd")
-    say(f"{reason}; graphs run on the host")
+        raise InputError(reason)
+    say(f"graphs run on the host: {reason}")

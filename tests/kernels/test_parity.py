@@ -29,9 +29,9 @@ CASES = [(name, case) for name in KERNEL_NODES for case in cases(find_node(name)
 
 
 @pytest.fixture(scope="module")
-def one_lane(device: OpenCL) -> OpenCL:
+def one_lane(request: pytest.FixtureRequest) -> OpenCL:
     """The device as if it were a GPU, whose work-items do one element each."""
-    found, _ = choose_device()
+    found, _ = choose_device(request.config.getoption("--device"))
     assert found is not None
     return OpenCL(found, lanes=1)
 

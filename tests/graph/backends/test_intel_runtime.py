@@ -5,11 +5,16 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
+from tactograph.graph.backends import devices as opencl_devices
+from tactograph.graph.backends.intel_runtime import listed
+
 POCL = [*Path("/usr/lib").glob("*/libpocl.so.*"), *Path("/usr/lib64").glob("libpocl.so.*")]
+METADATA = "Metadata-Version: 2.1\nName: intel-opencl-rt\nVersion: 2026.2.0"
 PLATFORMS = (
     "import os;"
     "from tactograph.graph.backends.devices import find_devices;"
@@ -25,9 +30,7 @@ def package(tmp_path: Path) -> Path:
     (tmp_path / "libintelocl.so").symlink_to(POCL[0])
     info = tmp_path / "intel_opencl_rt-2026.2.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: intel-opencl-rt\nVersion: 2026.2.0"
-    )
+    (info / "METADATA").write_text(METADATA)
     (info / "RECORD").write_text("libintelocl.so,,\nintel_opencl_rt-2026.2.0.dist-info/RECORD,,\n")
     return tmp_path
 
@@ -80,3 +83,54 @@ def test_where_the_system_lists_a_runtime_of_its_own_the_package_adds_none(
     (system / "libintelocl.so").write_text("the system's")
     (system / "intel.icd").write_text(f"{system / 'libintelocl.so'}\n")
     assert "Portable" not in devices(OPENCL_VENDOR_PATH=system, PYTHONPATH=package)
+
+
+def test_on_windows_it_is_found_where_the_package_puts_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A made-up environment, as its wheel for Windows fills one."""
+    driver, packages = tmp_path / "Library/bin/intelocl64.dll", tmp_path / "Lib/site-packages"
+    info = packages / "intel_opencl_rt-2026.2.0.dist-info"
+    driver.parent.mkdir(parents=True)
+    info.mkdir(parents=True)
+    driver.write_text("a driver")
+    (info / "METADATA").write_text(METADATA)
+    (info / "RECORD").write_text("../../Library/bin/intelocl64.dll,,\n")
+    searched: list[str] = []
+
+    def add(folder: str) -> nullcontext[None]:
+        searched.append(folder)
+        return nullcontext()
+
+    monkeypatch.syspath_prepend(packages)
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os, "add_dll_directory", add, raising=False)
+    monkeypatch.delenv("OCL_ICD_FILENAMES", raising=False)
+    with listed():
+        assert os.environ["OCL_ICD_FILENAMES"] == str(driver)
+        assert searched == [str(driver.parent)]
+    assert "OCL_ICD_FILENAMES" not in os.environ
+    monkeypatch.setenv("OCL_ICD_FILENAMES", "the user's")
+    with listed():
+        assert os.environ["OCL_ICD_FILENAMES"] == "the user's"
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "said"),
+    [
+        ("linux", "x86_64", 'pip install "tactograph[cpu]"'),
+        ("win32", "AMD64", 'pip install "tactograph[cpu]"'),
+        ("linux", "aarch64", "pocl"),
+        ("darwin", "arm64", "macOS has one of its own"),
+    ],
+)
+def test_where_no_device_works_the_reason_ends_with_what_to_type(
+    system: str, processor: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(opencl_devices, "_handles", lambda: iter(()))
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr("platform.machine", lambda: processor)
+    device, reason = opencl_devices.choose_device()
+    assert device is None
+    assert reason.startswith("no OpenCL device works here; ")
+    assert said in reason
