@@ -13,7 +13,6 @@ _VERSIONS = (
     "tactograph",
     "numpy",
     "scipy",
-    "numba",
     "pyopencl",
     "pyvkfft",
     "opencv-contrib-python-headless",
