@@ -3,7 +3,8 @@
 A wrong radius gives the normals a wrong scale.  LEDs at other distances, a gain of touched film
 or a coat can make up for that on the ball, but then the film at rest is not lit as the flat frame
 shows it.  So a plain model is fitted with other radii, and balls and flat frame are judged
-together.  A pixel size that is wrong by a factor is a radius that is wrong by its inverse.
+together.  Where the gel diffuses light, a radius that is too large looks like a gel that diffuses
+none.  A pixel size that is wrong by a factor is a radius that is wrong by its inverse.
 """
 
 from __future__ import annotations
@@ -39,6 +40,12 @@ BETTER, CLEAR = 0.6, 0.3
 """Departure, relative to that with the given radius, below which another radius is believed, and
 below which the given one is refused."""
 FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
+SMALLER, ALIKE = 0.75, 1.1
+"""Factor below which a radius counts as another one where the light cannot tell them apart, and the
+ratio of what they leave on the balls up to which it cannot."""
+CLEAREST, GEL = 0.05, (0.2, 0.65)
+"""Share of diffused light below which a gel has none, and the range of real gels: a radius too
+large by a third or more takes it for curvature.  0.3 to 0.5 on two real sensors."""
 SAME = 0.02
 """Relative difference of two radii that counts as none."""
 FAR_OFF = 0.15
@@ -52,12 +59,25 @@ class RadiusVerdict(NamedTuple):
     doubts: list[str]
 
 
-class _Tried(NamedTuple):
-    """A radius, relative to the given one, the departure that it leaves, and the LEDs in mm."""
+class Tried(NamedTuple):
+    """A radius, relative to the given one, and what a plain film with it says.
+
+    The departure left on balls and flat frame, that on the balls alone, the LEDs' mean distance
+    in mm, and the mean share of light that the gel diffuses.
+    """
 
     factor: float
     departure: float
+    on_balls: float
     distance: float
+    diffuse: float
+
+
+class Doubt(NamedTuple):
+    """What is said against a radius, empty if nothing; whether the light contradicts it."""
+
+    said: str
+    is_clear: bool
 
 
 @node
@@ -98,10 +118,11 @@ def judge_radius(
     Returns
     -------
     RadiusVerdict
-        The figures of `fit_film`, ``light_radius_mm``, the radius of the first ball that explains the light best, and
-        ``light_departure_percent``, what the plain model with the given radius leaves of the
-        balls' light and of the flat frame.  One doubt if another radius explains the light
-        better, and one if the LEDs are found at another distance than given.
+        The figures of `fit_film`; ``light_radius_mm``, the radius of the first ball that explains
+        the light best; ``light_departure_percent``, what the plain model with the given radius
+        leaves of the balls' light and of the flat frame.  One doubt if another radius explains
+        the light better, or as well with a gel as real ones are, and one if the LEDs are found at
+        another distance than given.
 
     Raises
     ------
@@ -115,41 +136,82 @@ def judge_radius(
         most=SAMPLES,
         fine=True,
     )
+    found = try_radii(balls, flat, pixel, lights, strength, shift_px)
+    first = float(radius[used[0]])
+    doubt = doubt_of_radius(found, first, _left(fitted))
+    doubts = [doubt.said] if doubt.said else []
+    if doubt.is_clear and not force:
+        raise InputError(doubt.said + FORCE)
+    if led_distance_mm is not None:
+        mean = float(np.linalg.norm(film.lights, axis=1).mean())
+        doubts += _of_distance(mean, led_distance_mm, first, found)
+    quality = fitted | {
+        "light_radius_mm": first * _best(found).factor,
+        "light_departure_percent": 100 * _given(found).departure,
+    }
+    return RadiusVerdict(quality, doubts)
+
+
+def try_radii(
+    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4, shift_px: float
+) -> list[Tried]:
+    """Fit the plain film to the balls with all radii of `FACTORS`, and near the best one."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
     leds = start.leds.copy()
     leds[:, 2] = USUAL_NEARNESS / width
     start = start.with_leds(leds)
-
     deepest = float((balls.rim / balls.radius).max())
 
-    def tried(factors: Iterable[float]) -> list[_Tried]:
+    def tried(factors: Iterable[float]) -> list[Tried]:
         possible = (factor for factor in factors if factor >= min(deepest, 1))
         return [_try(balls, rest, start, f, shift_px * pixel, width) for f in possible]
 
     found = tried(FACTORS)
-    found = sorted(found + tried(_beside(_best(found), found)))
-    best, given = _best(found), next(each for each in found if each.factor == 1)
-    first = float(radius[used[0]])
-    doubts = []
-    is_other = abs(best.factor - 1) > SAME and best.departure < _left(fitted)
-    if is_other and best.departure < BETTER * given.departure:
-        doubt = (
-            f"a ball of {first * best.factor:.3g} mm radius explains the light better than one of "
-            f"{first:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
-            "is ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both"
+    return sorted(found + tried(_beside(_best(found), found)))
+
+
+def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
+    """Return what the light says against a radius; nothing if it is right.
+
+    Parameters
+    ----------
+    tried
+        As `try_radii` returns it.
+    radius
+        The radius given, in mm.
+    left
+        What the film chosen for that radius leaves of the light.
+    """
+    best, given = _best(tried), _given(tried)
+    other = f"a ball of {radius * best.factor:.3g} mm radius"
+    if (
+        abs(best.factor - 1) > SAME
+        and best.departure < left
+        and best.departure < BETTER * given.departure
+    ):
+        return Doubt(
+            f"{other} explains the light better than one of {radius:.3g} mm "
+            f"({best.departure:.1%} left of it instead of {given.departure:.1%}): is "
+            "ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both",
+            best.departure < CLEAR * given.departure,
         )
-        if best.departure < CLEAR * given.departure and not force:
-            raise InputError(doubt + FORCE)
-        doubts.append(doubt)
-    if led_distance_mm is not None:
-        mean = float(np.linalg.norm(film.lights, axis=1).mean())
-        doubts += _of_distance(mean, led_distance_mm, first, found)
-    quality = fitted | {
-        "light_radius_mm": first * best.factor,
-        "light_departure_percent": 100 * given.departure,
-    }
-    return RadiusVerdict(quality, doubts)
+    smaller = [
+        each
+        for each in tried
+        if each.factor < SMALLER
+        and each.on_balls < ALIKE * given.on_balls
+        and GEL[0] < each.diffuse < GEL[1]
+    ]
+    if given.diffuse < CLEAREST and smaller:
+        usual = max(smaller, key=lambda each: each.factor)
+        return Doubt(
+            f"with a ball of {radius:.3g} mm radius the gel would diffuse no light; with one of "
+            f"{radius * usual.factor:.2g} mm, {usual.diffuse:.0%}, as gels do: is ball_radius_mm "
+            "its diameter, or pixel_size_mm wrong? Measure both",
+            False,
+        )
+    return Doubt("", False)
 
 
 def _left(fitted: Metrics) -> float:
@@ -160,21 +222,26 @@ def _left(fitted: Metrics) -> float:
 
 def _try(
     balls: Balls, rest: Rest | None, start: Fitted, factor: float, shift_mm: float, width_mm: float
-) -> _Tried:
+) -> Tried:
     """Fit the plain film to balls of other radii and the same contacts."""
     radius = balls.radius * factor
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
     got = fit(other, rest, PLAIN, start, shift_mm, width_mm)
     flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, got)).mean()))
     distance = float(np.linalg.norm(got.film.lights, axis=1).mean())
-    return _Tried(factor, float(np.hypot(got.scale, flat)), distance)
+    diffuse = float(got.film.diffuse.mean())
+    return Tried(factor, float(np.hypot(got.scale, flat)), got.scale, distance, diffuse)
 
 
-def _best(found: list[_Tried]) -> _Tried:
+def _best(found: list[Tried]) -> Tried:
     return min(found, key=lambda each: each.departure)
 
 
-def _beside(best: _Tried, found: list[_Tried]) -> list[float]:
+def _given(found: list[Tried]) -> Tried:
+    return next(each for each in found if each.factor == 1)
+
+
+def _beside(best: Tried, found: list[Tried]) -> list[float]:
     """Factors between the best one and its neighbours."""
     factors = [each.factor for each in found]
     at = factors.index(best.factor)
@@ -182,7 +249,7 @@ def _beside(best: _Tried, found: list[_Tried]) -> list[float]:
     return [best.factor + share * (other - best.factor) for other in near for share in FINER]
 
 
-def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[_Tried]) -> list[str]:
+def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tried]) -> list[str]:
     """A doubt if the LEDs are not where the sensor's drawing has them, with what would agree."""
     if abs(found_mm / given_mm - 1) < FAR_OFF:
         return []

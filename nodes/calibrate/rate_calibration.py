@@ -19,6 +19,7 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate._light_fit import is_uniform
+from tactograph.nodes.calibrate._verdict import of_heldout_error, verdict_of
 from tactograph.nodes.calibrate.judge_radius import FORCE
 from tactograph.nodes.capture._sheet import SheetLabels, SheetMask
 from tactograph.nodes.light.light_noise import light_noise
@@ -34,8 +35,6 @@ FAR = 100.0
 """Widths of the image; no LED of a sensor is farther from its film."""
 BRIGHTEST = 0.94
 """Albedo next to the largest that `fit_film` allows."""
-POOR_NORMALS = 3.0
-"""Degrees of held-out error above which a calibration is doubtful."""
 
 
 class Rating(NamedTuple):
@@ -115,14 +114,7 @@ def rate_calibration(
     """
     count = len(residual)
     error = (fitted or {}).get("film_heldout_deg")
-    doubts = []
-    if error is not None and error > POOR_NORMALS:
-        doubts.append(
-            f"normals of held-out parts are {error:.1f} degrees off, and {POOR_NORMALS:g} is the "
-            "most that is useful: check the ball's radius, the pixel size, the order of the images "
-            "and dirt on the ball"
-        )
-    doubts += of_radius or []
+    doubts = of_heldout_error(error) + (of_radius or [])
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)
@@ -171,18 +163,8 @@ def rate_calibration(
     }
     if goodness is not None:
         rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
-    return Rating(rated | _directions(lights), doubts, _verdict(doubts, error))
-
-
-def _verdict(doubts: list[str], error: float | None) -> str:
-    """One sentence that leads with what matters most."""
-    if doubts:
-        return f"doubtful: {doubts[0]}"
-    if error is None:
-        return "nothing speaks against it"
-    return (
-        f"nothing speaks against it; film_heldout_deg counts: normals of what was held out are "
-        f"{error:.2g} degrees off under the film's whole model"
+    return Rating(
+        rated | _directions(lights), doubts, verdict_of(doubts, "film_heldout_deg", error)
     )
 
 
