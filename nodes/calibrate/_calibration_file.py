@@ -168,16 +168,17 @@ def read_about(file: Path) -> About:
     InputError
         If the figures are not numbers by name, or the doubts are not sentences.
     """
-    head = _head(load_arrays(file))
+    head = head_of(load_arrays(file))
     quality, doubts = head.get("quality", {}), head.get("doubts", [])
     if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
         raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
     if not isinstance(doubts, list) or not all(isinstance(d, str) for d in doubts):
         raise InputError(f"{file}: 'doubts' is not a list of sentences; calibrate again")
-    lights = head
+    lights: Any = head
     for name in ("made", "given", "lights"):
         lights = lights.get(name) if isinstance(lights, dict) else None
-    return About({name: float(value) for name, value in quality.items()}, doubts, lights)
+    figures = {name: float(value) for name, value in quality.items()}
+    return About(figures, doubts, lights if isinstance(lights, str) else None)
 
 
 def check_use(file: Path, about: About, lights: str | None) -> None:
@@ -226,7 +227,7 @@ def is_of_kind(file: Path, kind: FileKind) -> bool:
     InputError
         If there is no such file, or it holds no arrays.
     """
-    return bool(_head(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
+    return bool(head_of(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
 
 
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
@@ -239,7 +240,7 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         raise InputError(f"{file}: the calibration is refused: {why}") from None
 
 
-def _head(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def head_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """What a file says of itself; empty if that cannot be read."""
     try:
         head = json.loads(str(arrays["about"]))
@@ -249,7 +250,7 @@ def _head(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
-    head = _head(arrays)
+    head = head_of(arrays)
     name, version = head.get("kind"), head.get("format")
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")

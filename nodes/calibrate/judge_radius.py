@@ -184,17 +184,19 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
         What the film chosen for that radius leaves of the light.
     """
     best, given = _best(tried), _given(tried)
-    other = f"a ball of {radius * best.factor:.3g} mm radius"
-    if (
-        abs(best.factor - 1) > SAME
-        and best.departure < left
-        and best.departure < BETTER * given.departure
-    ):
+    if best.departure < BETTER * min(left, given.departure) and abs(best.factor - 1) > SAME:
         return Doubt(
-            f"{other} explains the light better than one of {radius:.3g} mm "
-            f"({best.departure:.1%} left of it instead of {given.departure:.1%}): is "
-            "ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both",
+            f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
+            f"{radius:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
+            "is ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both",
             best.departure < CLEAR * given.departure,
+        )
+    if best.departure < BETTER * left < np.inf:
+        return Doubt(
+            f"the film found leaves {left:.1%} of the light of balls and untouched film, and a "
+            f"plain one {best.departure:.1%}: check the ball's radius, the pixel size and the "
+            "order of the images",
+            False,
         )
     smaller = [
         each
