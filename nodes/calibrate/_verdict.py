@@ -27,3 +27,8 @@ def verdict_of(doubts: list[str], figure: str, degrees: float | None) -> str:
         f"nothing speaks against it; {figure} counts: normals of what was held out are "
         f"{degrees:.2g} degrees off"
     )
+
+
+def advice_after(doubts: list[str], advice: str) -> str:
+    """Return advice that does not say that all is well while something is doubtful."""
+    return f"settle first what is doubtful; else {advice}" if doubts else advice

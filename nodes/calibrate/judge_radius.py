@@ -28,8 +28,8 @@ from tactograph.nodes.light._film import matt_film
 
 FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
-FINER = (0.25, 0.5, 0.75)
-"""Places between the best radius and its neighbours that are tried then."""
+FINER, ROUNDS = (0.35, 0.7), 2
+"""Places between the best radius and its neighbours that are tried then, and how often."""
 SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
 PLAIN = frozenset({"diffuse"})
@@ -161,14 +161,15 @@ def try_radii(
     leds = start.leds.copy()
     leds[:, 2] = USUAL_NEARNESS / width
     start = start.with_leds(leds)
-    deepest = float((balls.rim / balls.radius).max())
+    deepest = min(float((balls.rim / balls.radius).max()), 1.0)
 
     def tried(factors: Iterable[float]) -> list[Tried]:
-        possible = (factor for factor in factors if factor >= min(deepest, 1))
-        return [_try(balls, rest, start, f, shift_px * pixel, width) for f in possible]
+        return [_try(balls, rest, start, f, shift_px * pixel, width) for f in factors]
 
-    found = tried(FACTORS)
-    return sorted(found + tried(_beside(_best(found), found)))
+    found = tried(sorted({deepest, 1.0, *(factor for factor in FACTORS if factor > deepest)}))
+    for _ in range(ROUNDS):
+        found = sorted(found + tried(_beside(_best(found), found)))
+    return found
 
 
 def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
@@ -184,12 +185,13 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
         What the film chosen for that radius leaves of the light.
     """
     best, given = _best(tried), _given(tried)
-    if best.departure < BETTER * min(left, given.departure) and abs(best.factor - 1) > SAME:
+    is_other = abs(best.factor - 1) > SAME and best.departure < left
+    if is_other and best.departure < BETTER * given.departure:
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
             f"{radius:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
             "is ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both",
-            best.departure < CLEAR * given.departure,
+            best.departure < min(CLEAR * given.departure, BETTER * left),
         )
     if best.departure < BETTER * left < np.inf:
         return Doubt(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate._verdict import of_heldout_error, verdict_of
+from tactograph.nodes.calibrate._verdict import advice_after, of_heldout_error, verdict_of
 from tactograph.nodes.calibrate.advise_press import REGIONS
 from tactograph.nodes.calibrate.find_presses import Circles
 from tactograph.nodes.calibrate.fit_reflectance_map import (
@@ -115,7 +115,7 @@ def rate_presses(
     for doubt in doubts:
         warn(doubt)
     counting = "heldout_normal_deg", float(degrees)
-    advice = advise(pressed, bench.shape, steepest)
+    advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
     return PressRating(quality, advice, doubts, verdict_of(doubts, *counting))
 
 

@@ -51,6 +51,7 @@ class Calibration(NamedTuple):
     lens: Lens
     misfit: Misfit
     quality: Metrics
+    doubts: list[str]
 
 
 @node
@@ -96,4 +97,5 @@ def read_calibration(
     found.setdefault("correlation", 1.0)
     film = {name: found.pop(name) for name in Film._fields if name in found}
     matt = matt_film(film["lights"])
-    return Calibration(film=matt._replace(**film), **found, quality=about.quality)
+    whole = matt._replace(**film)
+    return Calibration(film=whole, **found, quality=about.quality, doubts=about.doubts)

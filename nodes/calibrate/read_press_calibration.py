@@ -25,6 +25,7 @@ class PressCalibration(NamedTuple):
     reflectance: ReflectanceMap
     misfit: Misfit
     quality: Metrics
+    doubts: list[str]
 
 
 @node
@@ -58,10 +59,10 @@ def read_press_calibration(
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
     film = found["flat"] if flat is None else _fresh(flat, order, found["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
-    error = about.quality.get("residual_percent", 0.0) / 100
+    quality, size, reflectance = about.quality, found["pixel_size"], found["reflectance"]
+    error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    size, reflectance = found["pixel_size"], found["reflectance"]
-    return PressCalibration(film, dark, size, reflectance, misfit, about.quality)
+    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts)
 
 
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:
