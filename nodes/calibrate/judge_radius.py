@@ -118,9 +118,9 @@ def judge_radius(
     Returns
     -------
     RadiusVerdict
-        The figures of `fit_film`; ``light_radius_mm``, the radius of the first ball that explains
-        the light best; ``light_departure_percent``, what the plain model with the given radius
-        leaves of the balls' light and of the flat frame.  One doubt if another radius explains
+        The figures of `fit_film`; ``light_departure_percent``, what the plain model with the given
+        radius leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius
+        of the first ball that explains the light best, where a plain film does.  One doubt if another radius explains
         the light better, or as well with a gel as real ones are, and one if the LEDs are found at
         another distance than given.
 
@@ -145,10 +145,9 @@ def judge_radius(
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, found)
-    quality = fitted | {
-        "light_radius_mm": first * _best(found).factor,
-        "light_departure_percent": 100 * _given(found).departure,
-    }
+    quality = fitted | {"light_departure_percent": 100 * _given(found).departure}
+    if (best := _best(found)).departure < ALIKE * _left(fitted):
+        quality["light_radius_mm"] = first * best.factor
     return RadiusVerdict(quality, doubts)
 
 
