@@ -19,7 +19,10 @@ def command(file: Path, out: Path | None) -> None:
 
     A calibration says whether it is doubtful and why, from what settings it was made and when.
     """
-    from tactograph.graph.command import run_command
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.run.open_pipeline import open_pipeline
 
-    drawn = [] if out is None else [f"out={out}"]
-    run_command(["run", "show", f"file={file}", *drawn, "--quiet"])
+    given = {"file": str(file), "out": None if out is None else str(out)}
+    with open_pipeline(read_graph("show"), given) as pipeline:
+        for _ in pipeline.items():
+            pass  # its sink prints
