@@ -23,6 +23,8 @@ from tactograph.nodes.light._film import matt_film
 
 JUDGED = 12
 """Most presses that are looked at."""
+COARSELY = (0.5, 0.6, 0.7, 1.5, 2.0)
+"""Radii that are tried, relative to the given one: a guided calibration does so at every press."""
 DARKEST = np.float32(0.02)
 LIT = 0.1
 """Light of a sample above which an LED reaches it."""
@@ -77,7 +79,7 @@ def judge_press_radius(
         fine=True,
     )
     strength = np.ones(len(flat), np.float32)
-    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px)
+    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px, COARSELY, 0)
     doubt = doubt_of_radius(tried, radius_mm)
     share = next(each.diffuse for each in tried if each.factor == 1)
     return RadiusVerdict({"diffuse_percent": 100 * share}, [doubt.said] if doubt.said else [])

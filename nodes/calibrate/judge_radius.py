@@ -152,9 +152,16 @@ def judge_radius(
 
 
 def try_radii(
-    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4, shift_px: float
+    balls: Balls,
+    flat: F4,
+    pixel: float,
+    lights: F4,
+    strength: F4,
+    shift_px: float,
+    factors: tuple[float, ...] = FACTORS,
+    rounds: int = ROUNDS,
 ) -> list[Tried]:
-    """Fit the plain film to the balls with all radii of `FACTORS`, and near the best one."""
+    """Fit the plain film to balls of other radii, by `factors`, and near the best one."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
     leds = start.leds.copy()
@@ -165,8 +172,8 @@ def try_radii(
     def tried(factors: Iterable[float]) -> list[Tried]:
         return [_try(balls, rest, start, f, shift_px * pixel, width) for f in factors]
 
-    found = tried(sorted({deepest, 1.0, *(factor for factor in FACTORS if factor > deepest)}))
-    for _ in range(ROUNDS):
+    found = tried(sorted({deepest, 1.0, *(factor for factor in factors if factor > deepest)}))
+    for _ in range(rounds):
         found = sorted(found + tried(_beside(_best(found), found)))
     return found
 
