@@ -9,12 +9,18 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Mask, ShadowRises, Slope, SlopeVariance
 from tactograph.nodes.height._springs import Springs, Ties
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._only_read import only_read
 
 MARGIN = 8
 HOLD = np.float32(1e5)
 """Stiffness of the film at rest; that of the surest step is 1."""
+KNOWN = np.float32(1e6)
+"""Variance from which on a slope is unknown."""
+SMOOTH = np.float32(1)
+"""Variance up to which a slope counts in a cubic."""
+LONELY = np.float32(4)
+"""Variance that a step has in addition if only one slope is known."""
+WALL = np.float32(1e3)
+HALF, QUARTER = np.float32(0.5), np.float32(0.25)
 
 
 Pixel = TypeVar("Pixel", bound=np.generic)
@@ -49,10 +55,11 @@ class HeightSystem(NamedTuple):
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
         """By how much the height departs from the targets, in mm."""
+        flat = height.ravel()
         return (
             height[:, 1:] - height[:, :-1] - self.right,
             height[1:] - height[:-1] - self.down,
-            self._rise_residuals(height),
+            flat[self.rises.top] - flat[self.rises.foot] - self.rise,
         )
 
     def cost(self, height: F4, scale: float) -> float:
@@ -72,21 +79,18 @@ class HeightSystem(NamedTuple):
         Cauchy's weights: 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the
         stiffest step's.
         """
-        from tactograph.nodes.height._system_loops import stiffen
-
         square = np.float32(scale * scale)
-        right, down = np.empty_like(self.right), np.empty_like(self.down)
-        variances = self.right_variance, self.down_variance
-        wants = self.right, self.down
-        stiffen(height, *wants, *variances, self.unit, square, right, down)
-        rise = self._rise_residuals(height)
-        stiffness = self.unit / (self.rise_variance + rise * rise / square)
-        ties = self.rises._replace(stiffness=np.asarray(stiffness, np.float32))
-        return Springs(right, down, self.at_rest * HOLD, ties)
 
-    def _rise_residuals(self, height: F4) -> F4:
-        flat = height.ravel()
-        return flat[self.rises.top] - flat[self.rises.foot] - self.rise
+        def stiffness(residual: F4, variance: F4 | np.float32) -> F4:
+            return np.asarray(self.unit / (variance + residual * residual / square), np.float32)
+
+        right, down, rise = self.residuals(height)
+        return Springs(
+            stiffness(right, self.right_variance),
+            stiffness(down, self.down_variance),
+            self.at_rest * HOLD,
+            self.rises._replace(stiffness=stiffness(rise, self.rise_variance)),
+        )
 
 
 def contact_window(rest: Mask, mask: Mask | None) -> Window:
@@ -139,13 +143,15 @@ def height_system(
         counts = window.of(mask) != 0
         variances = np.where(counts, variances, np.float32(np.inf))
         at_rest = np.where(counts, at_rest, np.float32(0))
-    right, right_variance, down, down_variance = _steps(slopes, variances, bend, floor, pixel)
+    right, right_variance = _steps(slopes[0], variances[0], bend, floor)
+    down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
+    size = np.float32(pixel)
     ties, rise = rises_inside(window, rises, rest.shape[1], mask)
     return HeightSystem(
-        right,
-        down,
-        right_variance,
-        down_variance,
+        right * size,
+        down.T * size,
+        right_variance * size * size,
+        down_variance.T * size * size,
         at_rest,
         ties,
         rise,
@@ -164,29 +170,34 @@ def rise_variance(rise_px: float, pixel: float) -> np.float32:
     return np.float32((rise_px * pixel) ** 2)
 
 
-def _steps(
-    slope: F4, variance: F4, bend: float, floor: float, pixel: float
-) -> tuple[F4, F4, F4, F4]:
-    """Steps to the right in mm, from the slopes at both ends, and their variances; those down.
+def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
+    """Steps along the rows in px, from the slopes at both ends, and their variances.
 
     On smooth film a cubic through four slopes weights them with (-1, 9, 9, -1) / 16; elsewhere
     two slopes are used.  If only one slope is known, it is used with little weight.  A slope of
     infinite variance makes that of the step infinite.
     """
-    from tactograph.nodes.height._system_loops import steps_down, steps_right
+    before, after = slope[:, :-1], slope[:, 1:]
+    of_before, of_after = variance[:, :-1], variance[:, 1:]
+    step = HALF * (before + after)
+    step[:, 1:-1] += _cubic_part(slope, variance)
+    turn = np.float32(bend) * (after - before)
+    both = QUARTER * (of_before + of_after) + turn * turn
+    surer = np.where(of_before < of_after, before, after)
+    # A wall ends within the pixel that shows it.
+    little = np.minimum(np.minimum(of_before, of_after), WALL) + LONELY + surer * surer
+    alone = np.where(np.isinf(both), both, little)
+    known = np.maximum(of_before, of_after) < KNOWN
+    return np.where(known, step, surer), np.where(known, both, alone) + np.float32(floor * floor)
 
-    rows, columns = slope.shape[1:]
-    right, of_right = np.empty((2, rows, columns - 1), np.float32)
-    down, of_down = np.empty((2, rows - 1, columns), np.float32)
-    p, q, of_p, of_q = map(only_read, (*slope, *variance))
-    numbers = np.float32(bend), np.float32(floor), np.float32(pixel)
 
-    def step(part: slice) -> None:
-        steps_right(part.start, part.stop, p, of_p, *numbers, right, of_right)
-        steps_down(part.start, min(part.stop, rows - 1), q, of_q, *numbers, down, of_down)
-
-    in_blocks(step, rows, columns)
-    return right, of_right, down, of_down
+def _cubic_part(slope: F4, variance: F4) -> F4:
+    """What four slopes add to the mean of the inner two; at most a quarter of their difference."""
+    before, after = slope[:, 1:-2], slope[:, 2:-1]
+    curve = (before + after - (slope[:, :-3] + slope[:, 3:])) / np.float32(16)
+    limit = QUARTER * np.abs(after - before)
+    smooth = (variance[:, :-3] < SMOOTH) & (variance[:, 3:] < SMOOTH)
+    return np.where(smooth, np.clip(curve, -limit, limit), np.float32(0))
 
 
 def rises_inside(

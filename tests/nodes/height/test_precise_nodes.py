@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, ShadowRises
-from tactograph.nodes.height import _spring_loops
+from tactograph.nodes.height import _springs
 from tactograph.nodes.height._height_system import Window, height_system
-from tactograph.nodes.height._springs import Grids, Springs, Ties, hierarchy
+from tactograph.nodes.height._springs import Springs, Ties
 from tactograph.nodes.height.height_error import height_error
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tactograph.nodes.height.settle_loose import settle_loose
@@ -150,13 +151,13 @@ def test_outliers_are_given_up() -> None:
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many cycles every call of the solver takes, from now on."""
     counts: list[int] = []
-    plain = _spring_loops.cycle
+    plain = _springs.cycle
 
-    def cycle(grids: Grids, *planes: F4) -> None:
-        counts[-1] += 1
-        plain(grids, *planes)
+    def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
+        counts[-1] += depth == 0
+        return plain(levels, force, depth)
 
-    monkeypatch.setattr(_spring_loops, "cycle", cycle)
+    monkeypatch.setattr(_springs, "cycle", cycle)
     return counts
 
 
@@ -482,9 +483,10 @@ def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
     )
     stiff = np.array([0.7, 0.3, 0.5], np.float32)
     ties = Ties(np.array([3, 20, 40]), np.array([50, 67, 220]), stiff)
-    grids = hierarchy(Springs(right, down, ground, ties))
-    assert grids.ties.start.tolist() == [0, 3, 5]
+    springs = Springs(right, down, ground, ties)
+    coarser = springs.coarser()
+    assert coarser.ties.stiffness.tolist() == pytest.approx([1.0, 0.5])
     z = rng.uniform(size=(7, 9)).astype(np.float32)
     fine = z.repeat(2, axis=0).repeat(2, axis=1)[:13, :17]
-    energies = np.vdot(fine, grids.apply(fine)), np.vdot(z, grids.apply(z, 1))
+    energies = np.vdot(fine, springs.apply(fine)), np.vdot(z, coarser.apply(z))
     assert energies[0] == pytest.approx(energies[1], 1e-5)
