@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, U1, LightPlaces, LightPositions, Misfit
+from tactograph.nodes import F4, U1, Film, LightPositions, Misfit
 from tactograph.nodes.height._random_errors import (
     ERRORS,
     LEANING,
@@ -74,10 +74,8 @@ class Unperturbed(NamedTuple):
 class Causes(NamedTuple):
     """What is not known for certain."""
 
-    lights: LightPositions
-    others: LightPlaces
-    uneven: np.float32
-    """Standard deviation of the film's brightness."""
+    leds: Film
+    """Where the LEDs are, and may be instead; how uneven the film's brightness is."""
     misfit: Misfit | None
     flat_noise: np.float32
     """Noise of the flat frame, relative to a touch's."""
@@ -93,11 +91,11 @@ def slope_errors(film: Unperturbed, causes: Causes, seed: int) -> F4:
     def enter(part: slice) -> None:
         here = film.rows(part)
         by_light = slope_by_light(here, causes)
-        by_place = light_by_place(causes.lights, here.x, here.y, here.height, here.slope)
+        by_place = light_by_place(causes.leds.lights, here.x, here.y, here.height, here.slope)
         root = _root_of_noise(here, by_light, causes)
         first = part.start * columns
-        for number, other in enumerate(causes.others):
-            change = _moved_leds(by_place, other - causes.lights)
+        for number, other in enumerate(causes.leds.others):
+            change = _moved_leds(by_place, other - causes.leds.lights)
             change += _wrong_bounce(here, causes.misfit, number)
             error = (by_light * change).sum(axis=1)
             error += _noise(root, keys_of(seed, number).light, first, rows * columns)
@@ -119,13 +117,13 @@ def slope_by_light(film: Unperturbed, causes: Causes) -> F4:
     """
     p, q = film.slope
     nz = ONE / np.sqrt(ONE + p * p + q * q)
-    vectors = vectors_at(causes.lights, film.x, film.y, film.height)
+    vectors = vectors_at(causes.leds.lights, film.x, film.y, film.height)
     shown = expected_light(vectors, film.slope)
     tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
     counts = film.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
     weight = counts / np.maximum(film.sigma * film.sigma, LEAST_VARIANCE)
     weighted = weight * shown
-    share = brightness_share((weighted * shown).sum(axis=0), ONE, causes.uneven)
+    share = brightness_share((weighted * shown).sum(axis=0), ONE, np.float32(causes.leds.uneven))
     share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
     (a, b), (of_a, of_b) = (
         tangents,

@@ -15,34 +15,29 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import (
     F4,
+    Film,
     Height,
     HeightError,
     Labels,
     Light,
-    LightPlaces,
-    LightPositions,
-    Mask,
     Misfit,
     NoiseCorrelation,
-    PixelSize,
-    ShadowRises,
     Slope,
-    SlopeVariance,
-    Uneven,
 )
 from tactograph.nodes.height._cells import Cells, cells_of
-from tactograph.nodes.height._height_solver import HeightSolver, find_touch
-from tactograph.nodes.height._height_system import Window, contact_window, height_system
+from tactograph.nodes.height._height_solver import HeightSolver
+from tactograph.nodes.height._height_system import FREE, HeightSystem
 from tactograph.nodes.height._random_errors import ERRORS, Keys, drawn, keys_of, kinds
 from tactograph.nodes.height._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.height._springs import Springs, conjugate_gradients, hierarchy
 from tactograph.nodes.height._step_errors import kinks, random_steps, turns, unresolved
+from tactograph.nodes.height.height_system import example_system
 from tactograph.nodes.light._near_light import places
 
 if TYPE_CHECKING:
@@ -75,26 +70,16 @@ BESIDE = 0.1
 def height_error(
     height: Height,
     slope: Slope,
-    variance: SlopeVariance,
-    rest: Mask,
-    rises: ShadowRises,
+    system: HeightSystem,
     light: Light,
     sigma: Light,
     used: Labels,
-    lights: LightPositions,
-    others: LightPlaces,
-    pixel: PixelSize,
-    uneven: Uneven,
-    mask: Mask | None = None,
+    film: Film,
     misfit: Misfit | None = None,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
     *,
-    robust: Annotated[float, Ge(0.1)] = 2.5,
-    bend: Annotated[float, Ge(0)] = 0.25,
-    floor: Annotated[float, Gt(0)] = 0.07,
-    rise_px: Annotated[float, Gt(0)] = 0.5,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
@@ -137,18 +122,16 @@ def height_error(
     ----------
     height
         H x W in mm, as integrated.
-    slope, variance, rest, rises, pixel, mask, robust, bend, floor, rise_px
-        As given to `integrate_weighted`.
+    slope
+        2 x H x W, as given to `height_system`.
+    system
+        The equations from which the height was integrated.
     light, sigma
         K x H x W, and its standard deviation.
     used
         H x W, the LEDs the slope was found with.
-    lights
-        K x 3 in mm.
-    others
-        8 x K x 3 in mm, other possible positions of the LEDs; `lights` itself if it is exact.
-    uneven
-        Standard deviation of the film's brightness, as given to `label_lights`.
+    film
+        Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Errors of the film's model; without it the model counts as exact.
     bounced, earlier
@@ -174,70 +157,53 @@ def height_error(
     ndarray
         H x W, one standard deviation in mm.
     """
-    window = contact_window(rest, mask)
-    system = height_system(
-        window,
-        slope,
-        variance,
-        rest,
-        rises,
-        pixel,
-        mask,
-        bend=bend,
-        floor=floor,
-        rise_px=rise_px,
-    )
-    film = _film_inside(window, light, sigma, slope, height, used, rest, pixel, bounced, earlier)
+    seen = _inside(system, light, sigma, slope, height, used, bounced, earlier)
     shared = np.float32(math.sqrt(correlation or 1.0))
-    causes = Causes(lights, others, np.float32(uneven), misfit, np.float32(flat_noise), shared)
-    slopes = slope_errors(film, causes, seed)
-    wanted = system.right, system.down
-    turn = turns(wanted)
+    causes = Causes(film, misfit, np.float32(flat_noise), shared)
+    slopes, turn = slope_errors(seen, causes, seed), turns(system.steps)
+    _, rise_error, robust, pixel = (float(number) for number in system.scales)
 
     def random_load(number: int) -> Wants:
         keys = keys_of(seed, number)
-        steps_wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
-        return *steps_wrong, np.float32(rise_px * pixel) * drawn(keys.rises, system.rise.shape)
+        wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
+        return *wrong, np.float32(rise_error) * drawn(keys.rises, system.rise.shape)
 
-    common = *kinks(wanted, turn, kink, pixel), np.zeros_like(system.rise)
-    springs = system.springs(system.cut(window.of(height)), robust)
+    common = *kinks(system.steps, turn, kink, pixel), np.zeros_like(system.rise)
+    springs = system.springs(system.cut(height), robust)
     total = _variance(springs, random_load, common, steps)
-    free = film.free if mask is None else film.free & (window.of(mask) != 0)
-    deviation = _smooth_deviation(total, free.astype(np.float32))
-    edge = window.of(unresolved(height, pixel))
-    out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = np.sqrt(deviation * deviation + edge * edge) * free
+    deviation = _smooth_deviation(total, seen.free.astype(np.float32))
+    edge = system.window.of(unresolved(height, pixel))
+    out = np.zeros_like(height)
+    out[system.window] = np.sqrt(deviation * deviation + edge * edge) * seen.free
     return out
 
 
-def _film_inside(
-    window: Window,
+def _inside(
+    system: HeightSystem,
     light: Light,
     sigma: Light,
     slope: Slope,
     height: Height,
     used: Labels,
-    rest: Mask,
-    pixel: float,
     bounced: Light | None,
     earlier: Light | None,
 ) -> Unperturbed:
     """What the errors start from, inside the window."""
-    inside = window.of(light)
+    window, (rows, columns) = system.window, height.shape
+    inside, pixel = window.of(light), np.float32(system.scales[3])
     thrown = changed = np.broadcast_to(np.float32(0), inside.shape)
     if bounced is not None:
         thrown = window.of(bounced)
         changed = thrown - window.of(earlier) if earlier is not None else changed
-    rows, columns = height.shape
     return Unperturbed(
         inside,
         window.of(sigma),
         window.of(slope),
         window.of(height),
-        places(columns, np.float32(pixel))[None, window.columns],
-        places(rows, np.float32(pixel))[window.rows, None],
+        places(columns, pixel)[None, window.columns],
+        places(rows, pixel)[window.rows, None],
         window.of(used),
-        window.of(rest) == 0,
+        system.state == FREE,
         thrown,
         changed,
     )
@@ -318,10 +284,10 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 @height_error.opencl()
 def _launch(run: Launch) -> None:
     """Send the same errors through the same networks; no pixel comes to the host."""
-    of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
-    touch = find_touch(run)
-    solver = HeightSolver(run, touch, DEEPEST)
-    solver.weigh(solver.cut(of["height"]), settings["robust"])
+    of, settings = run.inputs, run.settings
+    solver = HeightSolver(run, DEEPEST)
+    pixel = solver.pixel
+    solver.weigh(solver.cut(of["height"]), solver.robust)
     shape, ties, cells = solver.shape, solver.rises, solver.cells
     coarse = solver.pixels if cells is None else cells
     wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
@@ -351,7 +317,7 @@ def _launch(run: Launch) -> None:
             wants.right, wants.down, *shape, number, to, 0.5 * pixel,
             settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
-        err_rises(to, settings["rise_px"] * pixel, keys.rises)
+        err_rises(to, solver.rise_error, keys.rises)
         if cells is not None:
             solver.wants_of_cells(wants, to, wanted, number)
     beside = solver.energies(solver.pixels, wants)
@@ -392,9 +358,9 @@ def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[Keys]) -> 
     keys = run.put(np.array([each.light for each in drawn], np.uint32))
     run.kernel(
         "err_slopes", run.in_row_lanes(*solver.shape), of["light"], of["sigma"], of["height"],
-        of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
-        *frame, *solver.place, float(of["pixel"]), settings["flat_noise"],
-        math.sqrt(of.get("correlation") or 1.0), of["uneven"],
+        of["slope"], solver.state, of["used"], of["film.lights"], of["film.others"], slopes,
+        *frame, *solver.place, solver.pixel, settings["flat_noise"],
+        math.sqrt(of.get("correlation") or 1.0), of["film.uneven"],
         told, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
@@ -409,16 +375,15 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
     free, half, weight = (run.scratch(shape) for _ in range(3))
     run.kernel(
-        "free_part", shape,
-        run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
+        "free_part", shape, solver.state, total, free, *shape
     )  # fmt: skip
     by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out, bent = run.outputs["height_error"], run.scratch(frame)
-    height, pixel = run.inputs["height"], float(run.inputs["pixel"])
-    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
+    height = run.inputs["height"]
+    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, solver.pixel)
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
@@ -427,30 +392,21 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     """A touch with some film at rest around it, and shadows with both ends in the frame."""
     rows, columns, lights = sizes["H"], sizes["W"], sizes["K"]
-    number = rows * columns // 7
-    rest = np.ones((rows, columns), np.uint8)
-    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
-    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
     around = rng.uniform(0, 2 * np.pi, lights)
     places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     shape = rows, columns
     # Level film at the left; an edge that no pixel resolves in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
+    slope = (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32)
     return {
-        "rest": rest,
+        **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
-        "variance": rng.uniform(1e-6, 1e-2, (2, *shape)).astype(np.float32),
-        "slope": (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32),
+        "slope": slope,
         "height": np.asarray(height, np.float32),
         "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
         "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
-        "lights": places.astype(np.float32),
-        "others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
-        "rises.top": ends[0],
-        "rises.foot": ends[1],
-        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
-        "rises.led": rng.integers(1, lights + 1, number).astype(np.uint8),
-        "mask": (rng.random(shape) < 0.95).astype(np.uint8),
+        "film.lights": places.astype(np.float32),
+        "film.others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
         "correlation": float(rng.uniform(1, 4)),
     }
