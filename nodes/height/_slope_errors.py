@@ -74,7 +74,7 @@ class Unperturbed(NamedTuple):
 class Causes(NamedTuple):
     """What is not known for certain."""
 
-    leds: Film
+    film: Film
     """Where the LEDs are, and may be instead; how uneven the film's brightness is."""
     misfit: Misfit | None
     flat_noise: np.float32
@@ -83,19 +83,19 @@ class Causes(NamedTuple):
     """Factor on the noise of pixels that accounts for correlated neighbours."""
 
 
-def slope_errors(film: Unperturbed, causes: Causes, seed: int) -> F4:
+def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
     """Return all errors of the slopes inside the window, ERRORS x 2 x h x w."""
-    rows, columns = film.height.shape
+    rows, columns = seen.height.shape
     errors = np.empty((ERRORS, 2, rows, columns), np.float32)
 
     def enter(part: slice) -> None:
-        here = film.rows(part)
+        here = seen.rows(part)
         by_light = slope_by_light(here, causes)
-        by_place = light_by_place(causes.leds.lights, here.x, here.y, here.height, here.slope)
+        by_place = light_by_place(causes.film.lights, here.x, here.y, here.height, here.slope)
         root = _root_of_noise(here, by_light, causes)
         first = part.start * columns
-        for number, other in enumerate(causes.leds.others):
-            change = _moved_leds(by_place, other - causes.leds.lights)
+        for number, other in enumerate(causes.film.others):
+            change = _moved_leds(by_place, other - causes.film.lights)
             change += _wrong_bounce(here, causes.misfit, number)
             error = (by_light * change).sum(axis=1)
             error += _noise(root, keys_of(seed, number).light, first, rows * columns)
@@ -108,22 +108,22 @@ def slope_errors(film: Unperturbed, causes: Causes, seed: int) -> F4:
     return errors
 
 
-def slope_by_light(film: Unperturbed, causes: Causes) -> F4:
+def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
     """Return the derivative of p and q by each LED's light, 2 x K x h x w; 0 on film at rest.
 
     The derivative of the weighted least-squares normal by the lights, transformed to p and q, in
     the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y).  For three LEDs or more the film's
     brightness is free; see `label_lights`.
     """
-    p, q = film.slope
+    p, q = seen.slope
     nz = ONE / np.sqrt(ONE + p * p + q * q)
-    vectors = vectors_at(causes.leds.lights, film.x, film.y, film.height)
-    shown = expected_light(vectors, film.slope)
+    vectors = vectors_at(causes.film.lights, seen.x, seen.y, seen.height)
+    shown = expected_light(vectors, seen.slope)
     tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
-    counts = film.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
-    weight = counts / np.maximum(film.sigma * film.sigma, LEAST_VARIANCE)
+    counts = seen.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
+    weight = counts / np.maximum(seen.sigma * seen.sigma, LEAST_VARIANCE)
     weighted = weight * shown
-    share = brightness_share((weighted * shown).sum(axis=0), ONE, np.float32(causes.leds.uneven))
+    share = brightness_share((weighted * shown).sum(axis=0), ONE, np.float32(causes.film.uneven))
     share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
     (a, b), (of_a, of_b) = (
         tangents,
@@ -131,7 +131,7 @@ def slope_by_light(film: Unperturbed, causes: Causes) -> F4:
     )
     aa, ab, bb = (of_a * a).sum(axis=0), (of_a * b).sum(axis=0), (of_b * b).sum(axis=0)
     determinant = aa * bb - ab * ab
-    known = (determinant > SINGULAR * aa * bb) & film.free
+    known = (determinant > SINGULAR * aa * bb) & seen.free
     inverse = np.where(known, ONE / np.where(known, determinant, ONE), np.float32(0))
     by_a, by_b = (bb * of_a - ab * of_b) * inverse, (aa * of_b - ab * of_a) * inverse
     by_p, by_q = (ONE + p * p) * by_a + p * q * by_b, p * q * by_a + (ONE + q * q) * by_b
@@ -143,19 +143,19 @@ def _moved_leds(by_place: F4, moved: LightPositions) -> F4:
     return np.asarray((by_place * moved[:, :, None, None]).sum(axis=1))
 
 
-def _wrong_bounce(film: Unperturbed, misfit: Misfit | None, number: int) -> F4:
+def _wrong_bounce(seen: Unperturbed, misfit: Misfit | None, number: int) -> F4:
     """What is wrong of the light that the film throws on itself: a share, and its last change."""
     wrong = np.float32(0) if misfit is None else SIGNS[number] * misfit[3]
-    return np.asarray(wrong * film.bounced + np.float32(SETTLING[number]) * film.changed)
+    return np.asarray(wrong * seen.bounced + np.float32(SETTLING[number]) * seen.changed)
 
 
-def _root_of_noise(film: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
+def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
     """A root of the covariance of p and q by the noise of the lights and of the flat frame.
 
     The noise of p, the noise of q that is correlated with it, and that which is independent.
     """
-    flat = causes.flat_noise * film.light
-    noise = by_light * (causes.shared * film.sigma * np.sqrt(ONE + flat * flat))
+    flat = causes.flat_noise * seen.light
+    noise = by_light * (causes.shared * seen.sigma * np.sqrt(ONE + flat * flat))
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
     along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, LEAST_NOISE)
     rest = (noise[1] * noise[1]).sum(axis=0) - along * along
@@ -170,11 +170,11 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
     return np.asarray([alone * of_both, along * of_both + across * of_q])
 
 
-def _leaning(film: Unperturbed, misfit: Misfit, number: int) -> F4:
+def _leaning(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
     """The error of the film's model: normals that lean in waves, and all too much or too little."""
-    (p, q), of = film.slope, wave(number)
+    (p, q), of = seen.slope, wave(number)
     per_mm = np.float32(2 * math.pi) / (of.length * np.maximum(misfit[1], NARROWEST))
-    turned = per_mm * (of.across * film.x + of.down * film.y) + of.phase
+    turned = per_mm * (of.across * seen.x + of.down * seen.y) + of.phase
     square = p * p + q * q
     slant = np.sqrt(square)
     tilted = np.clip(slant / TILTED, FLAT, ONE)

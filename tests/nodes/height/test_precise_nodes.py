@@ -324,14 +324,19 @@ def exact(lights: F4) -> F4:
 
 
 def stated_error(
-    z: F4, slope: F4, noise: float, others: F4 | None = None, bend: float = 0.25, **given: Any
+    z: F4,
+    slope: F4,
+    noise: float,
+    others: F4 | None = None,
+    system: HeightSystem | None = None,
+    **given: Any,
 ) -> F4:
     """The error that is stated of a height whose slopes four LEDs of this noise have told."""
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     film = matt_film(lights)._replace(
         others=exact(lights) if others is None else others, uneven=UNEVEN
     )
-    system = equations(slope, 1e-4, at_rest(z), bend=bend)
+    system = system or equations(slope, 1e-4, at_rest(z))
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
     noisy = np.float32(noise) * light
     return np.asarray(height_error(z, slope, system, light, noisy, used, film, **given))
@@ -343,8 +348,8 @@ LIGHT_ALONE = {"aperture": 0.0, "kink": 0.0, "flat_noise": 0.0}
 
 def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
     """The error of a dome's height when `brightness` times more photons arrive."""
-    noise = 0.01 / np.sqrt(brightness)
-    return stated_error(z, slope, noise, bend=0.0, correlation=correlation, **LIGHT_ALONE)
+    noise, system = 0.01 / np.sqrt(brightness), equations(slope, 1e-4, at_rest(z), bend=0.0)
+    return stated_error(z, slope, noise, system=system, correlation=correlation, **LIGHT_ALONE)
 
 
 def test_the_error_shrinks_with_the_root_of_the_light() -> None:
