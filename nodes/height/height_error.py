@@ -30,7 +30,7 @@ from tactograph.nodes import (
     NoiseCorrelation,
     Slope,
 )
-from tactograph.nodes.height._cells import Cells, cells_of
+from tactograph.nodes.height._cells import coarsened, on_pixels
 from tactograph.nodes.height._height_solver import HeightSolver
 from tactograph.nodes.height._height_system import FREE, HeightSystem
 from tactograph.nodes.height._random_errors import ERRORS, Keys, drawn, keys_of, kinds
@@ -214,7 +214,7 @@ def _variance(
 ) -> F4:
     """The variance of the height by the random loads and by the common one, in mm^2."""
     levels = hierarchy(springs)
-    cells = _on_cells(springs, len(levels))
+    cells = coarsened(springs, min(DEEPEST, len(levels) - 1))
     coarse = hierarchy(cells[-1].springs) if cells else levels
 
     def send(number: int) -> tuple[F4, F4 | None]:
@@ -226,7 +226,7 @@ def _variance(
         change = _moved(coarse, wants_there, there, steps)
         if not cells or number >= FINE:
             return change, None
-        return change, _moved(levels, wants, _on_pixels(cells, change), AGAIN)
+        return change, _moved(levels, wants, on_pixels(cells, change), AGAIN)
 
     beside = BESIDE * springs.energy(*random_load(0)[:2])
     total, of_cells = (np.zeros(network.shape, np.float32) for network in (springs, coarse[0]))
@@ -237,7 +237,7 @@ def _variance(
             of_cells += _share(number, len(cells)) * change * change
             if fine is not None:
                 total += fine * fine / np.float32(FINE)
-    total += _on_pixels(cells, of_cells)
+    total += on_pixels(cells, of_cells)
     total += by_kinks.result() * by_kinks.result()
     return total
 
@@ -248,21 +248,6 @@ def _moved(
     """The change of height by a load, in mm, found from a first one."""
     enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
     return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
-
-
-def _on_cells(springs: Springs, levels: int) -> list[Cells]:
-    """Cells of pixels, and cells of those; fewer levels if there are too few pixels."""
-    cells: list[Cells] = []
-    for _ in range(min(DEEPEST, levels - 1)):
-        cells.append(cells_of(cells[-1].springs if cells else springs))
-    return cells
-
-
-def _on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
-    """Values of the coarsest cells, interpolated at the pixels."""
-    for network in reversed(cells):
-        plane = network.on_pixels(plane)
-    return plane
 
 
 def _share(number: int, deepest: int) -> np.float32:
