@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 MARGIN = 8
+"""Pixels around what is touched."""
 KNOWN = np.float32(1e6)
 """Variance from which on a slope is unknown."""
 SMOOTH = np.float32(1)
