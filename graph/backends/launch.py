@@ -234,12 +234,16 @@ class Launch:
         return array  # type: ignore[no-any-return]
 
     def found(self, symbol: str, size: int) -> None:
-        """Set a size that only the data determine, and make the outputs that have it."""
+        """Set a size that only the data determine, and make the outputs that have it.
+
+        An output of several such sizes is made when the last of them is found.
+        """
         self.repeats = False
         node = self._compiled.node
         self.sizes[symbol] = size
         for name, port in node.outputs.items():
-            if symbol in port.dims:
+            sizes = {dim for dim in port.dims if isinstance(dim, str)}
+            if symbol in sizes and sizes <= self.sizes.keys():
                 assert port.dtype is not None
                 shape = node.output_shape(name, self.sizes)
                 self.outputs[name] = self._device.empty(shape, port.dtype)

@@ -273,13 +273,14 @@ def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
 def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:
     """H and W as given, four lights or as many as the node needs, the rest H times W.
 
-    Sizes that the node derives from others are what its parameters make of those.
+    A part h x w of an image may be as large as it.  Sizes that the node derives from others are
+    what its parameters make of those.
     """
     sizes: dict[str, int] = {}
     for symbol in node.symbols:
         limit = node.sizes.get(symbol)
-        if symbol in ("H", "W"):
-            sizes[symbol] = shape["HW".index(symbol)]
+        if symbol.upper() in ("H", "W"):
+            sizes[symbol] = shape["HW".index(symbol.upper())]
         elif symbol == "K":
             sizes[symbol] = max(4, limit.low if limit else 0)
         else:

@@ -24,7 +24,7 @@
 #define MOST 8
 #endif
 
-// The hash of nodes/height/height_error.py, _drawn, of one number or of several in lanes.
+// The hash of nodes/height/_random_errors.py, drawn, of one number or of several in lanes.
 #define SCATTER(x) \
     x ^= x >> 16;  \
     x *= 0x7feb352dU; \
@@ -64,7 +64,7 @@ typedef struct {
 // Nothing on the film at rest.
 static Response respond(
     const floats p, const floats q, const floats nz, const floats x, const floats y, const floats z,
-    const ints touched, const ints used, const floats *noise, __global const float *lights,
+    const ints free_, const ints used, const floats *noise, __global const float *lights,
     const int K, const float uneven)
 {
     const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
@@ -97,7 +97,7 @@ static Response respond(
         bb += told_b[k] * b;
     }
     const floats determinant = aa * bb - ab * ab;
-    const ints known = (determinant > SINGULAR * aa * bb) & touched;
+    const ints known = (determinant > SINGULAR * aa * bb) & free_;
     const floats divisor = known ? determinant : one;
     const floats inverse = known ? 1.0f / divisor : none;
     Response found;
@@ -138,7 +138,7 @@ typedef struct {
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
-    __global const uchar *restrict rest, __global const uchar *restrict used,
+    __global const uchar *restrict state, __global const uchar *restrict used,
     __global const float *restrict lights, __global const float *restrict others,
     __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
@@ -160,9 +160,9 @@ LANED __kernel void err_slopes(
     const float wrong = misfit ? misfit[3] : 0.0f;
     floats noise[MOST];
     EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
-    const ints touched = load_bytes(rest + from, count) == 0;
+    const ints free_ = load_bytes(state + i, count) == 0;
     const Response response = respond(
-        a, b, nz, x, y, z, touched, load_bytes(used + from, count), noise, lights, K, uneven);
+        a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
     floats p[ERRORS], q[ERRORS], pp = 0.0f, pq = 0.0f, qq = 0.0f;
     for (int n = 0; n < ERRORS; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
@@ -314,13 +314,12 @@ LANED __kernel void add_squares(
 
 // What counts and is not at rest, and the variance there.
 __kernel void free_part(
-    __global const uchar *restrict rest, __global const uchar *mask,
-    __global float *restrict variance, __global float *restrict freed, const int frame_width,
-    const int top, const int left, const int H, const int W)
+    __global const uchar *restrict state, __global float *restrict variance,
+    __global float *restrict freed, const int H, const int W)
 {
     GRID_2(y, x, H, W)
-    const int i = y * W + x, from = (top + y) * frame_width + left + x;
-    freed[i] = rest[from] || (mask && !mask[from]) ? 0.0f : 1.0f;
+    const int i = y * W + x;
+    freed[i] = state[i] ? 0.0f : 1.0f;
     variance[i] *= freed[i];
 }
 

@@ -8,6 +8,7 @@ and both rows are in parallel, so that cells move as their pixels do on average.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -15,12 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.height._springs import (
-    Springs,
-    Ties,
-    block_sums,
-    join_ends,
-)
+from tactograph.nodes.height._springs import Springs, Ties, block_sums, join_ends, pair_sums
 
 WEAKEST = np.float32(1e-12)
 """Smallest stiffness that is divided by."""
@@ -42,8 +38,8 @@ class Cells(NamedTuple):
 
     def wants(self, right: F4, down: F4, rise: F4) -> tuple[F4, F4, F4]:
         """The target steps and rises between cells, from those between pixels."""
-        stretch = _side_by_side(self.in_rows * _one_by_one(right))
-        stretch_down = _side_by_side((self.in_columns * _one_by_one(down.T).T).T).T
+        stretch = pair_sums(self.in_rows * _one_by_one(right))
+        stretch_down = pair_sums((self.in_columns * _one_by_one(down.T).T).T).T
         apart, springs = self.which >= 0, self.springs
         joined = np.bincount(
             self.which[apart], (self.ties * rise)[apart], springs.ties.stiffness.size
@@ -73,12 +69,27 @@ def cells_of(springs: Springs) -> Cells:
     apart = which >= 0
     stiffness = np.bincount(which[apart], ties.stiffness[apart], len(top)).astype(np.float32)
     network = Springs(
-        _side_by_side(in_rows),
-        np.ascontiguousarray(_side_by_side(in_columns.T).T),
+        pair_sums(in_rows),
+        np.ascontiguousarray(pair_sums(in_columns.T).T),
         block_sums(springs.ground),
         Ties(top, foot, stiffness),
     )
     return Cells(network, springs.shape, in_rows, in_columns, which, ties.stiffness)
+
+
+def coarsened(springs: Springs, times: int) -> list[Cells]:
+    """Return the cells of pixels, the cells of those, and so on."""
+    cells: list[Cells] = []
+    for _ in range(times):
+        cells.append(cells_of(cells[-1].springs if cells else springs))
+    return cells
+
+
+def on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
+    """Values of the coarsest of such cells, interpolated at the pixels."""
+    for network in reversed(cells):
+        plane = network.on_pixels(plane)
+    return plane
 
 
 def _in_series(stiffness: F4) -> F4:
@@ -96,10 +107,3 @@ def _one_by_one(steps: F4) -> F4:
         steps = np.pad(steps, ((0, 0), (0, 1)))
     first, middle, last = steps[:, 0:-1:2], steps[:, 1::2], steps[:, 2::2]
     return np.asarray(np.float32(0.5) * first + middle + np.float32(0.5) * last, np.float32)
-
-
-def _side_by_side(rows: F4) -> F4:
-    """The sums of each two rows."""
-    if len(rows) % 2:
-        rows = np.pad(rows, ((0, 1), (0, 0)))
-    return np.asarray(rows[0::2] + rows[1::2])

@@ -1,4 +1,4 @@
-"""`_height_system` and `_springs` on an OpenCL device: pixels there, decisions here.
+"""`_springs` on an OpenCL device: pixels there, decisions here.
 
 Each step of conjugate gradients downloads a few numbers: whether there is more to gain.  Levels of
 at most ONE_GROUP pixels run in one work-group, all steps in one launch.  The preconditioner is
@@ -20,14 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, I4, Mask, ShadowRises
-from tactograph.nodes.height._height_system import (
-    Window,
-    rise_variance,
-    rises_inside,
-    stiffest,
-    window_around,
-)
+from tactograph.nodes import F4, I4
+from tactograph.nodes.height._height_system import rise_variance, surest, window_at
 from tactograph.nodes.height._springs import (
     SINGLE_VISITS,
     SMALLEST,
@@ -77,18 +71,6 @@ class Step(NamedTuple):
     what: int
     level: int
     twice: bool
-
-
-class Touch(NamedTuple):
-    """The window around what is not at rest, whether any film is, and the rises by shadows.
-
-    `mask` says which pixels count, if not all do and there are rises.
-    """
-
-    window: Window
-    any_rest: bool
-    rises: ShadowRises
-    mask: Mask | None
 
 
 @dataclass
@@ -142,37 +124,19 @@ class _Planes(NamedTuple):
         return self.base, self.apart
 
 
-def find_touch(run: Launch) -> Touch:
-    """Find what `contact_window` finds."""
-    height, width = run.sizes["H"], run.sizes["W"]
-    rows, columns = run.scratch((height,), np.uint8), run.scratch((width,), np.uint8)
-    rest, mask = run.inputs["rest"], run.inputs.get("mask")
-    run.kernel("find_touch", (height + width,), rest, mask, rows, columns, height, width)
-    # One transfer brings all that the host must know before the device goes on.
-    coming = [run.begin_download(run.inputs[f"rises.{name}"]) for name in ShadowRises._fields]
-    rises_there = run.inputs["rises.top"].shape[0] > 0
-    mask_coming = run.begin_download(mask) if mask is not None and rises_there else None
-    in_rows, in_columns = run.download(rows), run.download(columns)
-    window = window_around((in_rows & 1) > 0, (in_columns & 1) > 0)
-    mask_here = None if mask_coming is None else mask_coming()
-    rises = ShadowRises(*(arrived() for arrived in coming))
-    return Touch(window, bool((in_rows & 2).any()), rises, mask_here)
-
-
 class HeightSolver:
-    """The equations of a launch of `integrate_weighted` or `height_error`, and their solution.
+    """The equations that a launch has as its input `system`, and their solution.
 
-    It reads the node's inputs slope, variance, rest, rises, pixel and mask, and its settings
-    bend, floor and rise_px.  With `deepest` above 0 it also solves them on cells (`_cells`), after
-    this many coarsenings by 2 x 2, or fewer if there are too few pixels.
+    With `deepest` above 0 it also solves them on cells (`_cells`), after this many coarsenings by
+    2 x 2, or fewer if there are too few pixels.
     """
 
-    def __init__(self, run: Launch, touch: Touch, deepest: int = 0) -> None:
-        self._run, window = run, touch.window
-        rows = window.rows.stop - window.rows.start
-        columns = window.columns.stop - window.columns.start
-        self.shape = rows, columns
-        self.place = window.rows.start, window.columns.start, rows, columns
+    def __init__(self, run: Launch, deepest: int = 0) -> None:
+        self._run = run
+        self.state = self._system("state")
+        told = ("corner", "anchored", "scales", "top", "foot")
+        coming = [run.begin_download(self._system(name)) for name in told]
+        self.shape = rows, columns = self.state.shape
         self._levels = _levels(rows, columns)
         gaps = _gaps(self._levels)
         total = int(gaps[-1]) + GAP
@@ -183,15 +147,31 @@ class HeightSolver:
         last = self._levels[-1]
         self._dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
-        # Launched early, so that the device has work while the host prepares the rest.
-        self._gather()
+        first, _, stride = self._levels[0].there
+        run.kernel(
+            "hold", run.in_row_lanes(rows, stride),
+            self.state, self.ground, first, rows, columns, stride,
+        )  # fmt: skip
         self._depth = min(deepest, len(self._levels) - 1)
         self.cells = self._stack(self._depth, gaps) if self._depth else None
         halved = self._levels[1 : 1 + self._depth]
         self._shares = [[run.scratch((c.rows, c.columns)) for _ in range(2)] for c in halved]
-        self._tie(touch, total)
+        self.wants = Wants(*(self._system(name) for name in ("right", "down", "rise")))
+        self._variances = self._system("right_variance"), self._system("down_variance")
+        corner, anchored, scales, top, foot = (arrived() for arrived in coming)
+        self.window = window_at(corner, self.shape)
+        self.place = *(int(number) for number in corner), rows, columns
+        self.anchored = bool(anchored[0])
+        _, self.rise_error, self.robust, self.pixel = (float(number) for number in scales)
+        self._unit, self._rise_variance = float(surest(scales)), float(rise_variance(scales))
+        stiffness = np.ones(top.size, np.float32)
+        self._tie(Ties(top.astype(np.int64), foot.astype(np.int64), stiffness), total)
         there = [level.there for level in self._levels]
         self._levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
+
+    def _system(self, name: str) -> DeviceArray:
+        found: DeviceArray = self._run.inputs[f"system.{name}"]
+        return found
 
     def _stack(self, top: int, gaps: I4) -> Stack:
         """Allocate the networks from a level on; the gaps between them are cleared."""
@@ -216,32 +196,11 @@ class HeightSolver:
     def _planes(self, count: int, size: int) -> list[DeviceArray]:
         return [self._run.scratch((size,)) for _ in range(count)]
 
-    def _gather(self) -> None:
-        """Gather the steps and their variances, and what is at rest."""
-        run, (rows, columns) = self._run, self.shape
-        settings, width = run.settings, run.sizes["W"]
-        finest = self._levels[0]
-        right, down, *variances = self._planes(4, rows * columns)
-        self._variances = variances
-        run.kernel(
-            "gather_system", run.in_row_lanes(rows, finest.stride),
-            run.inputs["slope"], run.inputs["variance"], run.inputs["rest"], run.inputs.get("mask"),
-            right, down, *variances, self.ground, finest.first, finest.stride,
-            run.sizes["H"] * width, width, *self.place,
-            float(run.inputs["pixel"]), settings["bend"], float(np.float32(settings["floor"] ** 2)),
-        )  # fmt: skip
-        self._steps_wanted = right, down
-        pixel = run.inputs["pixel"]
-        self._unit = float(stiffest(settings["floor"], pixel))
-        self._rise_variance = float(rise_variance(settings["rise_px"], pixel))
-
-    def _tie(self, touch: Touch, total: int) -> None:
+    def _tie(self, ties: Ties, total: int) -> None:
         """The rises as ties of every level, and where in the planes they are."""
         run = self._run
-        ties, rise = rises_inside(touch.window, touch.rises, run.sizes["W"], touch.mask)
-        self.wants = Wants(*self._steps_wanted, run.put(rise))
         found = _tie_levels(ties, self._levels)
-        self._ties, self._all_ties = len(rise), len(found.member_start) - 1
+        self._ties, self._all_ties = ties.top.size, len(found.member_start) - 1
         self._finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))

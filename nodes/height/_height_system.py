@@ -1,21 +1,20 @@
-"""The equations for the height: steps between neighbours, rises across shadows, film at rest."""
+"""The equations for the height as a record, and what a height departs from them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Mask, ShadowRises, Slope, SlopeVariance
+from tactograph.graph.declare.ports import Port
+from tactograph.nodes import F4, I4, U1, Height
 from tactograph.nodes.height._springs import Springs, Ties
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._only_read import only_read
 
-MARGIN = 8
 HOLD = np.float32(1e5)
 """Stiffness of the film at rest; that of the surest step is 1."""
-
+FREE, REST, AWAY = 0, 1, 2
+"""The states of a pixel: its height is sought, it is at rest, or it does not count."""
 
 Pixel = TypeVar("Pixel", bound=np.generic)
 
@@ -31,180 +30,101 @@ class Window(NamedTuple):
 
 
 class HeightSystem(NamedTuple):
-    """Steps of height to the right and down with variances, rises, and what is at rest."""
+    """Weighted equations inside a window of the frame: steps, rises by shadows, film at rest.
 
-    right: F4
-    down: F4
-    right_variance: F4
-    down_variance: F4
-    at_rest: F4
-    rises: Ties
-    rise: F4
-    rise_variance: np.float32
-    unit: np.float32
+    Heights that agree best with them minimise the sum of rho(r^2 / variance), with r the residual
+    of an equation, z = 0 on the film at rest, and rho as given by `scales`.
+    """
 
-    def cut(self, height: F4) -> F4:
-        """A height inside the window, put to zero on the film at rest."""
-        return np.where(self.at_rest > 0, np.float32(0), height)
+    right: Annotated[F4, Port("h w", "mm")]
+    """Step of the height to the next pixel; 0 in the last column."""
+    down: Annotated[F4, Port("h w", "mm")]
+    """Step to the pixel below; 0 in the last row."""
+    right_variance: Annotated[F4, Port("h w", "mm^2")]
+    """Infinite where a step is not known at all, as beyond the window."""
+    down_variance: Annotated[F4, Port("h w", "mm^2")]
+    state: Annotated[U1, Port("h w", "state", high=2)]
+    """0 where the height is sought, 1 on the film at rest, 2 where a pixel does not count."""
+    top: Annotated[I4, Port("T", "pixel number")]
+    """The pixels that lie `rise` above `foot`; the window's pixels are counted row by row."""
+    foot: Annotated[I4, Port("T", "pixel number")]
+    rise: Annotated[F4, Port("T", "mm")]
+    corner: Annotated[I4, Port("2", "px")]
+    """The window's first row and column."""
+    anchored: Annotated[U1, Port("1", "flag", high=1)]
+    """1 if any film is at rest; else the median of the frame's border is zero."""
+    scales: Annotated[NDArray[np.float64], Port("4")]
+    """(step, rise, robust, pixel).
+
+    - step, rise: standard deviations of the surest step and of each rise, in mm.
+    - robust: Cauchy's c in rho(s) = c^2 log(1 + s / c^2), in standard deviations.
+    - pixel: mm per px."""
+
+    @property
+    def window(self) -> Window:
+        return window_at(self.corner, self.state.shape)
+
+    @property
+    def steps(self) -> tuple[F4, F4]:
+        """The steps to the right, h x w-1, and down, h-1 x w."""
+        return self.right[:, :-1], self.down[:-1]
+
+    def cut(self, height: Height) -> F4:
+        """A height over the frame inside the window, put to zero on the film at rest."""
+        return np.where(self.state == REST, np.float32(0), self.window.of(height))
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
-        """By how much the height departs from the targets, in mm."""
+        """By how much the height departs from the equations, in mm."""
+        (right, down), flat = self.steps, height.ravel()
         return (
-            height[:, 1:] - height[:, :-1] - self.right,
-            height[1:] - height[:-1] - self.down,
-            self._rise_residuals(height),
+            height[:, 1:] - height[:, :-1] - right,
+            height[1:] - height[:-1] - down,
+            flat[self.top] - flat[self.foot] - self.rise,
         )
 
     def cost(self, height: F4, scale: float) -> float:
-        """What is minimised: the sum of log(1 + r^2 / (scale^2 variance))."""
+        """What is minimised if c is `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""
         square = np.float32(scale * scale)
 
         def part(residual: F4, variance: F4 | np.float32) -> float:
             return float(np.log1p(residual * residual / square / variance).sum(dtype=float))
 
         right, down, rise = self.residuals(height)
-        steps = part(right, self.right_variance) + part(down, self.down_variance)
-        return steps + part(rise, self.rise_variance)
+        steps = part(right, self.right_variance[:, :-1]) + part(down, self.down_variance[:-1])
+        return steps + part(rise, rise_variance(self.scales))
 
     def springs(self, height: F4, scale: float) -> Springs:
         """The network, each spring weaker the farther the height departs from it.
 
         Cauchy's weights: 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the
-        stiffest step's.
+        surest step's.
         """
-        from tactograph.nodes.height._system_loops import stiffen
+        unit, square = surest(self.scales), np.float32(scale * scale)
 
-        square = np.float32(scale * scale)
-        right, down = np.empty_like(self.right), np.empty_like(self.down)
-        variances = self.right_variance, self.down_variance
-        wants = self.right, self.down
-        stiffen(height, *wants, *variances, self.unit, square, right, down)
-        rise = self._rise_residuals(height)
-        stiffness = self.unit / (self.rise_variance + rise * rise / square)
-        ties = self.rises._replace(stiffness=np.asarray(stiffness, np.float32))
-        return Springs(right, down, self.at_rest * HOLD, ties)
+        def stiffness(residual: F4, variance: F4 | np.float32) -> F4:
+            return np.asarray(unit / (variance + residual * residual / square), np.float32)
 
-    def _rise_residuals(self, height: F4) -> F4:
-        flat = height.ravel()
-        return flat[self.rises.top] - flat[self.rises.foot] - self.rise
+        right, down, rise = self.residuals(height)
+        top, foot = self.top.astype(np.int64), self.foot.astype(np.int64)
+        return Springs(
+            stiffness(right, self.right_variance[:, :-1]),
+            stiffness(down, self.down_variance[:-1]),
+            (self.state == REST) * HOLD,
+            Ties(top, foot, stiffness(rise, rise_variance(self.scales))),
+        )
 
 
-def contact_window(rest: Mask, mask: Mask | None) -> Window:
-    """The smallest window around all that counts and is not at rest; a few pixels if all is."""
-    touched = rest == 0 if mask is None else (rest == 0) & (mask != 0)
-    return window_around(touched.any(axis=1), touched.any(axis=0))
+def window_at(corner: I4, shape: tuple[int, ...]) -> Window:
+    """The window of a shape at its first row and column."""
+    (row, column), (rows, columns) = corner.tolist(), shape
+    return Window(slice(row, row + rows), slice(column, column + columns))
 
 
-def window_around(rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> Window:
-    """The window around the rows and columns that are touched, with its margin."""
-    return Window(
-        _span(np.flatnonzero(rows), len(rows)), _span(np.flatnonzero(columns), len(columns))
-    )
-
-
-def _span(found: NDArray[np.intp], size: int) -> slice:
-    first, last = (int(found[0]), int(found[-1])) if found.size else (0, 0)
-    return slice(max(first - MARGIN, 0), min(last + 1 + MARGIN, size))
-
-
-def height_system(
-    window: Window,
-    slope: Slope,
-    variance: SlopeVariance,
-    rest: Mask,
-    rises: ShadowRises,
-    pixel: float,
-    mask: Mask | None,
-    *,
-    bend: float,
-    floor: float,
-    rise_px: float,
-) -> HeightSystem:
-    """Gather the equations inside a window of the frame.
-
-    Parameters
-    ----------
-    mask
-        The pixels that count; no equation contains another.
-    bend
-        Standard deviation of a step, in px, per difference of the slopes at its ends.
-    floor
-        Standard deviation, in px, of every step.
-    rise_px
-        Standard deviation of a rise, in px.
-    """
-    slopes, variances = window.of(slope), window.of(variance)
-    at_rest = window.of(rest.astype(np.float32))
-    if mask is not None:
-        counts = window.of(mask) != 0
-        variances = np.where(counts, variances, np.float32(np.inf))
-        at_rest = np.where(counts, at_rest, np.float32(0))
-    right, right_variance, down, down_variance = _steps(slopes, variances, bend, floor, pixel)
-    ties, rise = rises_inside(window, rises, rest.shape[1], mask)
-    return HeightSystem(
-        right,
-        down,
-        right_variance,
-        down_variance,
-        at_rest,
-        ties,
-        rise,
-        rise_variance(rise_px, pixel),
-        stiffest(floor, pixel),
-    )
-
-
-def stiffest(floor: float, pixel: float) -> np.float32:
+def surest(scales: NDArray[np.float64]) -> np.float32:
     """The variance of the surest step, in mm^2."""
-    return np.float32((floor * pixel) ** 2)
+    return np.float32(float(scales[0]) ** 2)
 
 
-def rise_variance(rise_px: float, pixel: float) -> np.float32:
+def rise_variance(scales: NDArray[np.float64]) -> np.float32:
     """The variance of a shadow's rise, in mm^2."""
-    return np.float32((rise_px * pixel) ** 2)
-
-
-def _steps(
-    slope: F4, variance: F4, bend: float, floor: float, pixel: float
-) -> tuple[F4, F4, F4, F4]:
-    """Steps to the right in mm, from the slopes at both ends, and their variances; those down.
-
-    On smooth film a cubic through four slopes weights them with (-1, 9, 9, -1) / 16; elsewhere
-    two slopes are used.  If only one slope is known, it is used with little weight.  A slope of
-    infinite variance makes that of the step infinite.
-    """
-    from tactograph.nodes.height._system_loops import steps_down, steps_right
-
-    rows, columns = slope.shape[1:]
-    right, of_right = np.empty((2, rows, columns - 1), np.float32)
-    down, of_down = np.empty((2, rows - 1, columns), np.float32)
-    p, q, of_p, of_q = map(only_read, (*slope, *variance))
-    numbers = np.float32(bend), np.float32(floor), np.float32(pixel)
-
-    def step(part: slice) -> None:
-        steps_right(part.start, part.stop, p, of_p, *numbers, right, of_right)
-        steps_down(part.start, min(part.stop, rows - 1), q, of_q, *numbers, down, of_down)
-
-    in_blocks(step, rows, columns)
-    return right, of_right, down, of_down
-
-
-def rises_inside(
-    window: Window, rises: ShadowRises, columns: int, mask: Mask | None
-) -> tuple[Ties, F4]:
-    """The rises of which both ends lie in the window and count, numbered by its pixels.
-
-    A tie's `stiffness` is 1 here.
-    """
-    ends = []
-    kept = np.ones(rises.top.size, bool)
-    width = window.columns.stop - window.columns.start
-    for index in (rises.top.astype(np.int64), rises.foot.astype(np.int64)):
-        row, column = index // columns, index % columns
-        kept &= (row >= window.rows.start) & (row < window.rows.stop)
-        kept &= (column >= window.columns.start) & (column < window.columns.stop)
-        if mask is not None:
-            kept &= mask.ravel()[index] != 0
-        ends.append((row - window.rows.start) * width + column - window.columns.start)
-    ones = np.ones(int(kept.sum()), np.float32)
-    return Ties(ends[0][kept], ends[1][kept], ones), rises.rise[kept]
+    return np.float32(float(scales[1]) ** 2)

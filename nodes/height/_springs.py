@@ -9,6 +9,8 @@ that differ by orders of magnitude; a transform that ignores the weights does no
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +19,14 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4
 
 SMALLEST = 128
+"""A network of at most this many pixels is solved by its inverse matrix."""
 SINGLE_VISITS = 2
 """How many of the finest networks are visited once a cycle; the coarser ones twice."""
+DAMPING = np.float32(0.7)
+OVERSHOOT = np.float32(1.5)
+"""Rigid blocks are too stiff: their correction is too small by this factor."""
 
+TINY = np.float32(1e-30)
 
 Pixels = NDArray[np.int64]
 """Flat indices."""
@@ -42,14 +49,23 @@ class Springs:
 
     def pull(self, right: F4, down: F4, rise: F4) -> F4:
         """Force on each pixel for these target differences of height."""
-        from tactograph.nodes.height import _spring_loops as loops
-
         force = np.zeros(self.shape, np.float32)
-        loops.pull(self.right, self.down, right, down, force)
-        if rise.size:
-            stretch = self.ties.stiffness * rise
-            np.add.at(force.ravel(), self.ties.top, stretch)
-            np.subtract.at(force.ravel(), self.ties.foot, stretch)
+        across, along = self.right * right, self.down * down
+        force[:, 1:] += across
+        force[:, :-1] -= across
+        force[1:] += along
+        force[:-1] -= along
+        stretch = self.ties.stiffness * rise
+        np.add.at(force.ravel(), self.ties.top, stretch)
+        np.subtract.at(force.ravel(), self.ties.foot, stretch)
+        return force
+
+    def apply(self, height: F4) -> F4:
+        """The matrix of the normal equations times `height`."""
+        flat = height.ravel()
+        rise = flat[self.ties.top] - flat[self.ties.foot]
+        force = self.pull(height[:, 1:] - height[:, :-1], height[1:] - height[:-1], rise)
+        force += self.ground * height
         return force
 
     def energy(self, right: F4, down: F4) -> float:
@@ -59,130 +75,37 @@ class Springs:
         """
         return float(np.vdot(self.right * right, right) + np.vdot(self.down * down, down))
 
+    @cached_property
+    def relax(self) -> F4:
+        """One over the diagonal of the matrix, times the damping of Jacobi's steps."""
+        total = self.ground.copy()
+        total[:, 1:] += self.right
+        total[:, :-1] += self.right
+        total[1:] += self.down
+        total[:-1] += self.down
+        np.add.at(total.ravel(), self.ties.top, self.ties.stiffness)
+        np.add.at(total.ravel(), self.ties.foot, self.ties.stiffness)
+        return np.where(total > 0, DAMPING / np.maximum(total, TINY), np.float32(0))
 
-class LevelTies(NamedTuple):
-    """The ties of all levels, one after another; pixels are counted in the planes of `Grids`."""
+    @cached_property
+    def inverse(self) -> F4:
+        """The inverse matrix; only of the smallest network."""
+        units = np.eye(self.ground.size, dtype=np.float32).reshape(-1, *self.shape)
+        return soft_inverse(np.stack([self.apply(unit).ravel() for unit in units]))
 
-    start: Pixels
-    """The first tie of each level, and how many there are."""
-    top: Pixels
-    foot: Pixels
-    stiffness: F4
-    top_block: Pixels
-    """The pixels of the coarser level that hold the ends."""
-    foot_block: Pixels
-
-
-class Grids(NamedTuple):
-    """A network and its coarser ones down to a few pixels, each of 2 x 2 pixels of the one before.
-
-    Planes hold all levels, one after another.
-    """
-
-    places: NDArray[np.int64]
-    """Levels x 3: where in the planes each begins, its rows and columns."""
-    right: F4
-    down: F4
-    ground: F4
-    relax: F4
-    """One over the diagonal of the matrix, times the damping of Jacobi's steps."""
-    ties: LevelTies
-    dense: F4
-    """The inverse matrix of the smallest network."""
-    visits: NDArray[np.int64]
-    """What a cycle does at which level, one after another (`_spring_loops`)."""
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return int(self.places[0, 1]), int(self.places[0, 2])
-
-    def apply(self, height: F4, level: int = 0) -> F4:
-        """The matrix of a level's normal equations times `height`."""
-        from tactograph.nodes.height import _spring_loops as loops
-
-        first, rows, columns = self.places[level]
-        planes = np.zeros((2, self.right.size), np.float32)
-        planes[0, first : first + rows * columns] = height.ravel()
-        loops.apply(self, level, *planes)
-        return planes[1, first : first + rows * columns].reshape(rows, columns)
-
-
-def hierarchy(springs: Springs) -> Grids:
-    """The network and its coarser ones down to a few pixels."""
-    # Imported here: importing numba takes half a second, and a device does not need it.
-    from tactograph.nodes.height import _spring_loops as loops
-
-    places = _places(*springs.shape)
-    first, rows, columns = places[0]
-    planes = np.zeros((4, places[-1, 0] + (places[-1, 1] + 1) * places[-1, 2]), np.float32)
-    finest = planes[:, first : first + rows * columns].reshape(4, rows, columns)
-    finest[0, :, :-1], finest[1, :-1], finest[2] = springs.right, springs.down, springs.ground
-    nothing = np.zeros((0, 0), np.float32)
-    ties, visits = _tied(springs.ties, places), _visits(len(places))
-    grids = Grids(places, planes[0], planes[1], planes[2], planes[3], ties, nothing, visits)
-    loops.coarsen(grids)
-    loops.prepare(grids)
-    return grids._replace(dense=soft_inverse(_smallest_matrix(grids)))
-
-
-def _places(rows: int, columns: int) -> NDArray[np.int64]:
-    """Where the levels of a network begin, with room for a row before and after each."""
-    places = [(columns, rows, columns)]
-    while rows * columns > SMALLEST:
-        end = places[-1][0] + (rows + 1) * columns
-        rows, columns = (rows + 1) // 2, (columns + 1) // 2
-        places.append((end, rows, columns))
-    return np.array(places, np.int64)
-
-
-def _visits(levels: int) -> NDArray[np.int64]:
-    """What a multigrid cycle does, and where."""
-    from tactograph.nodes.height import _spring_loops as loops
-
-    def cycle(level: int) -> list[tuple[int, int]]:
-        below = level + 1
-        if below == levels:
-            return [(loops.SOLVE, level)]
-        visits = [(loops.RESTRICT, level), *cycle(below)]
-        if below >= SINGLE_VISITS and below + 1 < levels:
-            visits += [(loops.REDO, below), *cycle(below), (loops.ADD, below)]
-        return [*visits, (loops.LIFT, level)]
-
-    return np.array(cycle(0), np.int64)
-
-
-def _tied(ties: Ties, places: NDArray[np.int64]) -> LevelTies:
-    """The ties of all levels."""
-    levels: list[Ties] = []
-    blocks: list[list[Pixels]] = []
-    starts = [0]
-    for level, (first, _, columns) in enumerate(places):
-        levels.append(Ties(ties.top + first, ties.foot + first, ties.stiffness))
-        starts.append(starts[-1] + ties.top.size)
-        if level + 1 < len(places):
-            below, *half = (int(number) for number in places[level + 1])
-            blocks.append(
-                [below + blocks_of(index, int(columns), half[1]) for index in (ties.top, ties.foot)]
-            )
-            ties = coarser_ties(ties, int(columns), (half[0], half[1]))
-    blocks.append([np.zeros(ties.top.size, np.int64)] * 2)
-    tops, feet, stiffness = map(np.concatenate, zip(*levels, strict=True))
-    top_blocks, foot_blocks = map(np.concatenate, zip(*blocks, strict=True))
-    start = np.array(starts, np.int64)
-    return LevelTies(start, tops, feet, stiffness, top_blocks, foot_blocks)
-
-
-def coarser_ties(ties: Ties, width: int, half: tuple[int, int]) -> Ties:
-    """The ties between blocks of 2 x 2 pixels, each as stiff as all those that it joins."""
-    top, foot, which = join_ends(ties.top, ties.foot, width, half)
-    apart = which >= 0
-    stiffness = np.bincount(which[apart], ties.stiffness[apart], len(top))
-    return Ties(top, foot, stiffness.astype(np.float32))
-
-
-def blocks_of(index: Pixels, width: int, half: int) -> Pixels:
-    """The blocks of 2 x 2 that hold pixels of a network `width` pixels wide; `half` in a row."""
-    return index // width // 2 * half + index % width // 2
+    def coarser(self) -> Springs:
+        """The network of blocks of 2 x 2 pixels, joined rigidly."""
+        columns = self.shape[1]
+        half = (self.shape[0] + 1) // 2, (columns + 1) // 2
+        top, foot, which = join_ends(self.ties.top, self.ties.foot, columns, half)
+        apart = which >= 0
+        stiffness = np.bincount(which[apart], self.ties.stiffness[apart], len(top))
+        return Springs(
+            pair_sums(self.right[:, 1::2]),
+            pair_sums(self.down[1::2].T).T,
+            block_sums(self.ground),
+            Ties(top, foot, stiffness.astype(np.float32)),
+        )
 
 
 def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> tuple[Pixels, ...]:
@@ -191,7 +114,7 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
     A tie whose ends become one pixel joins none: -1.
     """
     size = half[0] * half[1]
-    top, foot = (blocks_of(index, width, half[1]) for index in (top, foot))
+    top, foot = (index // width // 2 * half[1] + index % width // 2 for index in (top, foot))
     apart = top != foot
     which = np.full(top.size, -1, np.int64)
     pairs = top[apart] * size + foot[apart]
@@ -210,24 +133,6 @@ def stable_order(keys: Pixels) -> Pixels:
     numbered = (keys.astype(np.int64) << bits) + np.arange(keys.size)
     numbered.sort()
     return numbered & ((1 << bits) - 1)
-
-
-def _smallest_matrix(grids: Grids) -> F4:
-    """The matrix of the normal equations of the coarsest level."""
-    first, rows, columns = (int(number) for number in grids.places[-1])
-    size, start = rows * columns, int(grids.ties.start[-2])
-    end = first + size
-    here, ties = np.arange(size), grids.ties
-    ends = np.concatenate([here[:-1], here[:-columns], ties.top[start:] - first])
-    others = np.concatenate([here[1:], here[columns:], ties.foot[start:] - first])
-    right, down = grids.right[first : end - 1], grids.down[first : end - columns]
-    stiffness = np.concatenate([right, down, ties.stiffness[start:]])
-    matrix = np.diag(grids.ground[first:end])
-    np.subtract.at(matrix, (ends, others), stiffness)
-    np.subtract.at(matrix, (others, ends), stiffness)
-    np.add.at(matrix, (ends, ends), stiffness)
-    np.add.at(matrix, (others, others), stiffness)
-    return matrix
 
 
 def soft_inverse(matrix: F4) -> F4:
@@ -252,47 +157,65 @@ def soft_inverse(matrix: F4) -> F4:
     return (keep @ np.linalg.inv(held + stiffness / size) @ keep).astype(np.float32)
 
 
-def _padded(plane: F4, half: tuple[int, int]) -> F4:
-    rows, columns = plane.shape
-    return np.pad(plane, ((0, 2 * half[0] - rows), (0, 2 * half[1] - columns)))
+def pair_sums(rows: F4) -> F4:
+    """The sums of each two rows; the last of an odd number stays alone."""
+    sums = rows[0::2].copy(order="K")
+    sums[: len(rows) // 2] += rows[1::2]
+    return sums
 
 
 def block_sums(plane: F4) -> F4:
     """Sums over 2 x 2 pixels; zero beyond an odd border."""
-    rows, columns = plane.shape
-    if (rows | columns) & 1:
-        plane = _padded(plane, ((rows + 1) // 2, (columns + 1) // 2))
-    return np.asarray(plane[0::2, 0::2] + plane[1::2, 0::2] + plane[0::2, 1::2] + plane[1::2, 1::2])
+    return pair_sums(pair_sums(plane).T).T
 
 
-def conjugate_gradients(grids: Grids, force: F4, height: F4, steps: int, enough: float) -> F4:
+def hierarchy(springs: Springs) -> list[Springs]:
+    """The network and its coarser ones down to a few pixels."""
+    levels = [springs]
+    while levels[-1].ground.size > SMALLEST:
+        levels.append(levels[-1].coarser())
+    return levels
+
+
+def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
+    """Return the heights that nearly balance `force`: one symmetric multigrid cycle."""
+    network, *coarser = levels
+    if not coarser:
+        return (network.inverse @ force.ravel()).reshape(force.shape)
+    height = network.relax * force
+    left = block_sums(force - network.apply(height))
+    moved = cycle(coarser, left, depth + 1)
+    if depth + 1 >= SINGLE_VISITS and len(coarser) > 1:
+        moved = moved + cycle(coarser, left - coarser[0].apply(moved), depth + 1)
+    # Every pixel of a block moves as the block does.
+    rows, columns = height.shape
+    height += OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
+    height += network.relax * (force - network.apply(height))
+    return height
+
+
+def conjugate_gradients(
+    levels: Sequence[Springs], force: F4, height: F4, steps: int, enough: float
+) -> F4:
     """Improve `height` until about `enough` energy is left to gain, in at most `steps` steps.
 
     If there is nothing to gain, the same array is returned.
     """
-    from tactograph.nodes.height import _spring_loops as loops
-
-    first, rows, columns = grids.places[0]
-    planes = np.zeros((6, grids.right.size), np.float32)
-    whole_left, whole_correction, whole_direction, whole_moved, *room = planes
-    left, correction, direction, moved, *_ = planes[:, first : first + rows * columns]
-    direction[:] = height.ravel()
-    loops.apply(grids, 0, whole_direction, whole_moved)
-    np.subtract(force.ravel(), moved, out=left)
-    loops.cycle(grids, whole_left, whole_correction, *room)
-    direction[:] = correction
+    matrix = levels[0]
+    left = force - matrix.apply(height)
+    direction = correction = cycle(levels, left)
     energy = float(np.vdot(left, correction))
-    found = height
     for _ in range(steps):
         if energy <= enough or energy <= 0:
             break
-        loops.apply(grids, 0, whole_direction, whole_moved)
+        moved = matrix.apply(direction)
         stretched = float(np.vdot(direction, moved))
         if stretched <= 0:
             break
-        found = height.copy() if found is height else found
-        loops.advance(found.ravel(), left, direction, moved, np.float32(energy / stretched))
-        loops.cycle(grids, whole_left, whole_correction, *room)
+        length = np.float32(energy / stretched)
+        height = height + length * direction
+        left = left - length * moved
+        correction = cycle(levels, left)
         before, energy = energy, float(np.vdot(left, correction))
-        loops.turn(direction, correction, np.float32(energy / before))
-    return found
+        direction = correction + np.float32(energy / before) * direction
+    return height

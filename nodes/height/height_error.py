@@ -9,57 +9,40 @@ Long because one node is one algorithm: every source of error goes through the s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import (
     F4,
+    Film,
     Height,
     HeightError,
     Labels,
     Light,
-    LightPlaces,
-    LightPositions,
-    Mask,
     Misfit,
     NoiseCorrelation,
-    PixelSize,
-    ShadowRises,
     Slope,
-    SlopeVariance,
-    Uneven,
 )
-from tactograph.nodes.height._cells import Cells, cells_of
-from tactograph.nodes.height._height_solver import HeightSolver, find_touch
-from tactograph.nodes.height._height_system import (
-    HeightSystem,
-    contact_window,
-    height_system,
-)
-from tactograph.nodes.height._slope_errors import (
-    Error,
-    Turns,
-    Unperturbed,
-    film_inside,
-    response_of,
-)
-from tactograph.nodes.height._springs import Grids, Springs, conjugate_gradients, hierarchy
-from tactograph.nodes.light._only_read import only_read
+from tactograph.nodes.height._cells import coarsened, on_pixels
+from tactograph.nodes.height._height_solver import HeightSolver
+from tactograph.nodes.height._height_system import FREE, HeightSystem
+from tactograph.nodes.height._random_errors import ERRORS, Keys, drawn, keys_of, kinds
+from tactograph.nodes.height._slope_errors import Causes, Unperturbed, slope_errors
+from tactograph.nodes.height._springs import Springs, conjugate_gradients, hierarchy
+from tactograph.nodes.height._step_errors import kinks, random_steps, turns, unresolved
+from tactograph.nodes.height.height_system import example_system
+from tactograph.nodes.light._near_light import places
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
-ERRORS = 8
-"""Number of random errors, each with other LED positions.  The kernel's ERRORS."""
-SHARPEST = np.float32(2)
-"""A sharper kink counts as this sharp: its step has little weight."""
 DEEPEST = 2
 """Number of coarsenings by 2 x 2: random errors are integrated on cells of 4 x 4 pixels."""
 FINE = 2
@@ -70,18 +53,8 @@ AGAIN = 4
 """Conjugate-gradient steps for such an error, starting from the result on cells."""
 FEW = 4
 """Work-items per group on a CPU, where each keeps much data."""
-WAVES = 4.0, 12.0
-"""Lengths of the waves, relative to the width of the model's errors: at that width the correlation
-of the first has fallen to a half."""
-SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
-LEANING = 1, -1, 1, -1, 1, -1, 1, -1
-"""Signs of the errors that every random error holds in full, so that they hardly interfere."""
-NARROWEST = np.float32(1e-3)
-"""Smallest width in mm from which waves are made."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
-SHARP = np.float32(0.5)
-"""Difference of slopes from pixel to pixel up to which an edge is resolved."""
 ENOUGH = 1e-6
 """Stop when less than this share of the steps' energy is left to gain."""
 Wants = tuple[F4, F4, F4]
@@ -97,26 +70,16 @@ BESIDE = 0.1
 def height_error(
     height: Height,
     slope: Slope,
-    variance: SlopeVariance,
-    rest: Mask,
-    rises: ShadowRises,
+    system: HeightSystem,
     light: Light,
     sigma: Light,
     used: Labels,
-    lights: LightPositions,
-    others: LightPlaces,
-    pixel: PixelSize,
-    uneven: Uneven,
-    mask: Mask | None = None,
+    film: Film,
     misfit: Misfit | None = None,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
     *,
-    robust: Annotated[float, Ge(0.1)] = 2.5,
-    bend: Annotated[float, Ge(0)] = 0.25,
-    floor: Annotated[float, Gt(0)] = 0.07,
-    rise_px: Annotated[float, Gt(0)] = 0.5,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.45,
@@ -159,18 +122,16 @@ def height_error(
     ----------
     height
         H x W in mm, as integrated.
-    slope, variance, rest, rises, pixel, mask, robust, bend, floor, rise_px
-        As given to `integrate_weighted`.
+    slope
+        2 x H x W, as given to `height_system`.
+    system
+        The equations from which the height was integrated.
     light, sigma
         K x H x W, and its standard deviation.
     used
         H x W, the LEDs the slope was found with.
-    lights
-        K x 3 in mm.
-    others
-        8 x K x 3 in mm, other possible positions of the LEDs; `lights` itself if it is exact.
-    uneven
-        Standard deviation of the film's brightness, as given to `label_lights`.
+    film
+        Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Errors of the film's model; without it the model counts as exact.
     bounced, earlier
@@ -196,108 +157,97 @@ def height_error(
     ndarray
         H x W, one standard deviation in mm.
     """
-    window = contact_window(rest, mask)
-    system = height_system(
-        window,
-        slope,
-        variance,
-        rest,
-        rises,
-        pixel,
-        mask,
-        bend=bend,
-        floor=floor,
-        rise_px=rise_px,
-    )
-    from tactograph.nodes.height._error_loops import err
+    seen = _inside(system, light, sigma, slope, height, used, bounced, earlier)
+    shared = np.float32(math.sqrt(correlation or 1.0))
+    causes = Causes(film, misfit, np.float32(flat_noise), shared)
+    slopes, turn = slope_errors(seen, causes, seed), turns(system.steps)
+    _, rise_error, robust, pixel = (float(number) for number in system.scales)
 
-    springs = system.springs(system.cut(window.of(height)), robust)
-    levels = hierarchy(springs)
-    cells = _on_cells(springs, len(levels.places))
-    coarsest = cells[-1].springs if cells else springs
-    coarse = hierarchy(coarsest) if cells else levels
-    film = film_inside(window, light, sigma, slope, height, pixel, bounced, earlier)
-    noise = np.float32(flat_noise), _shared(correlation)
-    response = response_of(film, lights, window.of(used), window.of(rest), uneven, *noise)
-    turn = _turns(system)
-    turns = Turns(*(np.float32(aperture) * part for part in turn))
-    rise_error = np.float32(rise_px * pixel)
-    level = np.zeros(springs.shape, np.float32)
+    def random_load(number: int) -> Wants:
+        keys = keys_of(seed, number)
+        wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
+        return *wrong, np.float32(rise_error) * drawn(keys.rises, system.rise.shape)
 
-    def load(number: int) -> tuple[Wants, Wants]:
-        """The steps and rises of an error, between pixels and between cells."""
-        keys = _keys(seed, number)
-        error = _error(number, keys, others[number] - lights, misfit, film)
-        steps = Turns(np.empty_like(system.right), np.empty_like(system.down))
-        err(film, response, error, turns, np.float32(pixel), steps)
-        wants = *steps, rise_error * _drawn(keys.rises, system.rise.shape)
-        wants_there = wants
-        for network in cells:
-            wants_there = network.wants(*wants_there)
-        # The later errors are not integrated on pixels.
-        return (wants if number < FINE else wants_there), wants_there
-
-    def moved(
-        springs: Springs,
-        levels: Grids,
-        wants: Wants,
-        start: F4,
-        steps: int,
-        beside: float = 0.0,
-    ) -> F4:
-        enough = ENOUGH * max(springs.energy(*wants[:2]), beside)
-        return conjugate_gradients(levels, springs.pull(*wants), start, steps, enough)
-
-    def send(number: int) -> tuple[F4, F4 | None]:
-        """The change of height by an error, on cells and, if it is integrated there, on pixels."""
-        wants, wants_there = loads[number]
-        there = np.zeros(coarsest.shape, np.float32)
-        change = moved(coarsest, coarse, wants_there, there, steps)
-        if not cells or number >= FINE:
-            return change, None
-        return change, moved(springs, levels, wants, _on_pixels(cells, change), AGAIN)
-
-    kinks = *_kink_errors(system, turn, kink, pixel), np.zeros_like(system.rise)
-    with ThreadPoolExecutor(cores()) as threads:
-        loads = list(threads.map(load, range(ERRORS)))
-        beside = BESIDE * springs.energy(*loads[0][0][:2])
-        by_kinks = threads.submit(moved, springs, levels, kinks, level, steps, beside)
-        changes = list(threads.map(send, range(ERRORS)))
-    total, of_cells = np.zeros_like(level), np.zeros(coarsest.shape, np.float32)
-    for number, (change, fine) in enumerate(changes):
-        of_cells += _share(number, len(cells)) * change * change
-        if fine is not None:
-            total += fine * fine / np.float32(FINE)
-    total += _on_pixels(cells, of_cells)
-    total += by_kinks.result() * by_kinks.result()
-    free = window.of(rest) == 0
-    if mask is not None:
-        free &= window.of(mask) != 0
-    out = np.zeros(rest.shape, np.float32)
-    deviation = _smooth_deviation(total, free.astype(np.float32))
-    edge = window.of(_unresolved(height, pixel))
-    out[window.rows, window.columns] = np.sqrt(deviation * deviation + edge * edge) * free
+    common = *kinks(system.steps, turn, kink, pixel), np.zeros_like(system.rise)
+    springs = system.springs(system.cut(height), robust)
+    total = _variance(springs, random_load, common, steps)
+    deviation = _smooth_deviation(total, seen.free.astype(np.float32))
+    edge = system.window.of(unresolved(height, pixel))
+    out = np.zeros_like(height)
+    out[system.window] = np.sqrt(deviation * deviation + edge * edge) * seen.free
     return out
 
 
-def _shared(correlation: float | None) -> np.float32:
-    """Factor on the pixel noise that accounts for correlated neighbours."""
-    return np.float32(math.sqrt(correlation or 1.0))
+def _inside(
+    system: HeightSystem,
+    light: Light,
+    sigma: Light,
+    slope: Slope,
+    height: Height,
+    used: Labels,
+    bounced: Light | None,
+    earlier: Light | None,
+) -> Unperturbed:
+    """What the errors start from, inside the window."""
+    window, (rows, columns) = system.window, height.shape
+    inside, pixel = window.of(light), np.float32(system.scales[3])
+    thrown = changed = np.broadcast_to(np.float32(0), inside.shape)
+    if bounced is not None:
+        thrown = window.of(bounced)
+        changed = thrown - window.of(earlier) if earlier is not None else changed
+    return Unperturbed(
+        inside,
+        window.of(sigma),
+        window.of(slope),
+        window.of(height),
+        places(columns, pixel)[None, window.columns],
+        places(rows, pixel)[window.rows, None],
+        window.of(used),
+        system.state == FREE,
+        thrown,
+        changed,
+    )
 
 
-def _on_cells(springs: Springs, levels: int) -> list[Cells]:
-    """Cells of pixels, and cells of those; fewer levels if there are too few pixels."""
-    cells: list[Cells] = []
-    for _ in range(min(DEEPEST, levels - 1)):
-        cells.append(cells_of(cells[-1].springs if cells else springs))
-    return cells
+def _variance(
+    springs: Springs, random_load: Callable[[int], Wants], common: Wants, steps: int
+) -> F4:
+    """The variance of the height by the random loads and by the common one, in mm^2."""
+    levels = hierarchy(springs)
+    cells = coarsened(springs, min(DEEPEST, len(levels) - 1))
+    coarse = hierarchy(cells[-1].springs) if cells else levels
+
+    def send(number: int) -> tuple[F4, F4 | None]:
+        """The change of height by a load, on cells and, if it is integrated there, on pixels."""
+        wants = wants_there = random_load(number)
+        for network in cells:
+            wants_there = network.wants(*wants_there)
+        there = np.zeros(coarse[0].shape, np.float32)
+        change = _moved(coarse, wants_there, there, steps)
+        if not cells or number >= FINE:
+            return change, None
+        return change, _moved(levels, wants, on_pixels(cells, change), AGAIN)
+
+    beside = BESIDE * springs.energy(*random_load(0)[:2])
+    total, of_cells = (np.zeros(network.shape, np.float32) for network in (springs, coarse[0]))
+    with ThreadPoolExecutor(cores()) as threads:
+        by_kinks = threads.submit(_moved, levels, common, np.zeros_like(total), steps, beside)
+        changes = enumerate(threads.map(send, range(ERRORS)))
+        for number, (change, fine) in changes:
+            of_cells += _share(number, len(cells)) * change * change
+            if fine is not None:
+                total += fine * fine / np.float32(FINE)
+    total += on_pixels(cells, of_cells)
+    total += by_kinks.result() * by_kinks.result()
+    return total
 
 
-def _on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
-    """Values of the coarsest cells, interpolated at the pixels."""
-    for network in reversed(cells):
-        plane = network.on_pixels(plane)
-    return plane
+def _moved(
+    levels: Sequence[Springs], wants: Wants, start: F4, steps: int, beside: float = 0.0
+) -> F4:
+    """The change of height by a load, in mm, found from a first one."""
+    enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
+    return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
 
 
 def _share(number: int, deepest: int) -> np.float32:
@@ -307,132 +257,6 @@ def _share(number: int, deepest: int) -> np.float32:
     subtracted with the same weight.
     """
     return np.float32(1 / ERRORS - (1 / FINE if deepest and number < FINE else 0))
-
-
-def _unresolved(height: Height, pixel: float) -> F4:
-    """Half of the height's second difference beyond `SHARP`, the largest of 3 x 3 pixels.
-
-    An edge that a pixel does not resolve may equally lie in the next pixel.
-    """
-    around = np.pad(height, 1, mode="edge")
-    across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
-    along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
-    bend = np.sqrt(across * across + along * along) - SHARP * np.float32(pixel)
-    beyond = np.maximum(bend, np.float32(0)) * np.float32(0.5)
-    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
-
-
-class _Wave(NamedTuple):
-    """A wave of the model's errors: direction, phase, and length relative to their width."""
-
-    across: np.float32
-    down: np.float32
-    phase: np.float32
-    length: np.float32
-
-
-def _wave(number: int) -> _Wave:
-    """The wave of an error; each odd one is a quarter of a wave ahead of the even one before."""
-    angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
-    numbers = math.cos(angle), math.sin(angle), phase, WAVES[number // 2 % 2]
-    return _Wave(*map(np.float32, numbers))
-
-
-def _kinds() -> F4:
-    """Return the parameters of each error for the device (`Kind` of the kernel)."""
-    waves = np.array([_wave(number) for number in range(ERRORS)], np.float32)
-    waves[:, 2] /= np.float32(2 * math.pi)
-    return np.column_stack([SIGNS, SETTLING, LEANING, waves]).astype(np.float32)
-
-
-class _Keys(NamedTuple):
-    """The keys from which the random signs of one error are drawn."""
-
-    light: int
-    right: int
-    down: int
-    rises: int
-
-
-def _keys(seed: int, number: int) -> _Keys:
-    start = 4 * (ERRORS * seed + number)
-    return _Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
-
-
-def _drawn(key: int, shape: tuple[int, ...]) -> F4:
-    """+1 or -1 for each element, by a hash, so that every device draws the same.
-
-    Their variance is 1, like that of a standard normal distribution; only the variance matters.
-    """
-    numbers = np.arange(np.prod(shape), dtype=np.uint32) ^ np.uint32(key)
-    return np.where(_hashed(numbers) >> np.uint32(31), np.float32(1), np.float32(-1)).reshape(shape)
-
-
-def _hashed(x: Any) -> Any:
-    """Every bit of a 32-bit number depends on all bits of `x` (after Wellons, lowbias32)."""
-    with np.errstate(over="ignore"):
-        x = (x ^ x >> np.uint32(16)) * np.uint32(0x7FEB352D)
-        x = (x ^ x >> np.uint32(15)) * np.uint32(0x846CA68B)
-    return x ^ x >> np.uint32(16)
-
-
-def _error(
-    number: int,
-    keys: _Keys,
-    moved: F4,
-    misfit: Misfit | None,
-    film: Unperturbed,
-) -> Error:
-    """One of the random errors; `moved` is the displacement of the LEDs, K x 3 in mm."""
-    wave, zero = _wave(number), np.float32(0)
-    of_columns = of_rows = np.zeros((2, 0), np.float32)
-    wrong = steeper = zero
-    if misfit is not None:
-        per_mm = np.float32(2 * math.pi) / (wave.length * np.maximum(misfit[1], NARROWEST))
-        turned, strength = per_mm * wave.across * film.x + wave.phase, math.sqrt(2) * misfit[0]
-        of_columns = np.float32(strength) * np.stack([np.cos(turned), np.sin(turned)])
-        turned = per_mm * wave.down * film.y
-        of_rows = np.stack([np.cos(turned), np.sin(turned)])
-        wrong, steeper = SIGNS[number] * misfit[3], LEANING[number] * misfit[4]
-    return Error(
-        only_read(np.asarray(moved, np.float32)),
-        np.float32(wrong),
-        np.float32(SETTLING[number]),
-        wave.across,
-        wave.down,
-        of_columns,
-        of_rows,
-        np.float32(steeper),
-        np.uint32(keys.light),
-        np.uint32(keys.right),
-        np.uint32(keys.down),
-    )
-
-
-def _turns(system: HeightSystem) -> tuple[F4, F4]:
-    """By how much the steps to the right and down differ from their neighbours, in mm."""
-    return (
-        np.abs(np.gradient(system.right, axis=1))
-        if system.right.shape[1] > 1
-        else np.zeros_like(system.right),
-        np.abs(np.gradient(system.down, axis=0))
-        if system.down.shape[0] > 1
-        else np.zeros_like(system.down),
-    )
-
-
-def _kink_errors(
-    system: HeightSystem, turn: tuple[F4, F4], kink: float, pixel: float
-) -> tuple[F4, F4]:
-    """By how much the steps to the right and down are too small, all of them uphill, in mm."""
-
-    def lacking(step: F4, turned: F4) -> F4:
-        slopes = np.minimum(turned / np.float32(pixel), SHARPEST)
-        return np.asarray(
-            np.float32(kink * pixel) * (slopes * slopes * slopes) * np.sign(step), np.float32
-        )
-
-    return lacking(system.right, turn[0]), lacking(system.down, turn[1])
 
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
@@ -445,10 +269,10 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 @height_error.opencl()
 def _launch(run: Launch) -> None:
     """Send the same errors through the same networks; no pixel comes to the host."""
-    of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
-    touch = find_touch(run)
-    solver = HeightSolver(run, touch, DEEPEST)
-    solver.weigh(solver.cut(of["height"]), settings["robust"])
+    of, settings = run.inputs, run.settings
+    solver = HeightSolver(run, DEEPEST)
+    pixel = solver.pixel
+    solver.weigh(solver.cut(of["height"]), solver.robust)
     shape, ties, cells = solver.shape, solver.rises, solver.cells
     coarse = solver.pixels if cells is None else cells
     wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
@@ -467,7 +291,7 @@ def _launch(run: Launch) -> None:
         told = run.put(np.array(shares, np.float32))
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
-    drawn = [_keys(settings["seed"], number) for number in range(ERRORS)]
+    drawn = [keys_of(settings["seed"], number) for number in range(ERRORS)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
     slopes = _launch_slopes(run, solver, drawn)
     # In reverse order: the first errors' steps between pixels must remain afterwards.
@@ -478,7 +302,7 @@ def _launch(run: Launch) -> None:
             wants.right, wants.down, *shape, number, to, 0.5 * pixel,
             settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
-        err_rises(to, settings["rise_px"] * pixel, keys.rises)
+        err_rises(to, solver.rise_error, keys.rises)
         if cells is not None:
             solver.wants_of_cells(wants, to, wanted, number)
     beside = solver.energies(solver.pixels, wants)
@@ -510,19 +334,19 @@ def _launch(run: Launch) -> None:
     _deviate(run, solver, total)
 
 
-def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[_Keys]) -> DeviceArray:
+def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[Keys]) -> DeviceArray:
     """All errors of the slopes inside the window: ERRORS x 2 x rows x columns."""
     of, settings = run.inputs, run.settings
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERRORS, 2, *solver.shape))
-    kinds = run.keep("kinds", lambda: run.upload(_kinds()))
+    told = run.keep("kinds", lambda: run.upload(kinds()))
     keys = run.put(np.array([each.light for each in drawn], np.uint32))
     run.kernel(
         "err_slopes", run.in_row_lanes(*solver.shape), of["light"], of["sigma"], of["height"],
-        of["slope"], of["rest"], of["used"], of["lights"], of["others"], slopes,
-        *frame, *solver.place, float(of["pixel"]), settings["flat_noise"],
-        _shared(of.get("correlation")), of["uneven"],
-        kinds, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
+        of["slope"], solver.state, of["used"], of["film.lights"], of["film.others"], slopes,
+        *frame, *solver.place, solver.pixel, settings["flat_noise"],
+        math.sqrt(of.get("correlation") or 1.0), of["film.uneven"],
+        told, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -536,16 +360,15 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
     taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
     free, half, weight = (run.scratch(shape) for _ in range(3))
     run.kernel(
-        "free_part", shape,
-        run.inputs["rest"], run.inputs.get("mask"), total, free, frame[1], *solver.place,
+        "free_part", shape, solver.state, total, free, *shape
     )  # fmt: skip
     by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out, bent = run.outputs["height_error"], run.scratch(frame)
-    height, pixel = run.inputs["height"], float(run.inputs["pixel"])
-    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, pixel)
+    height = run.inputs["height"]
+    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, solver.pixel)
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
 
@@ -554,30 +377,21 @@ def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     """A touch with some film at rest around it, and shadows with both ends in the frame."""
     rows, columns, lights = sizes["H"], sizes["W"], sizes["K"]
-    number = rows * columns // 7
-    rest = np.ones((rows, columns), np.uint8)
-    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
-    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
     around = rng.uniform(0, 2 * np.pi, lights)
     places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     shape = rows, columns
     # Level film at the left; an edge that no pixel resolves in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
+    slope = (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32)
     return {
-        "rest": rest,
+        **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
-        "variance": rng.uniform(1e-6, 1e-2, (2, *shape)).astype(np.float32),
-        "slope": (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32),
+        "slope": slope,
         "height": np.asarray(height, np.float32),
         "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
         "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
-        "lights": places.astype(np.float32),
-        "others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
-        "rises.top": ends[0],
-        "rises.foot": ends[1],
-        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
-        "rises.led": rng.integers(1, lights + 1, number).astype(np.uint8),
-        "mask": (rng.random(shape) < 0.95).astype(np.uint8),
+        "film.lights": places.astype(np.float32),
+        "film.others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
         "correlation": float(rng.uniform(1, 4)),
     }

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
-from tactograph.nodes import F4, Height, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
-from tactograph.nodes.height._height_solver import HeightSolver, find_touch
-from tactograph.nodes.height._height_system import HeightSystem, contact_window, height_system
+from tactograph.nodes import F4, U1, Height
+from tactograph.nodes.height._height_solver import HeightSolver
+from tactograph.nodes.height._height_system import AWAY, HeightSystem
 from tactograph.nodes.height._springs import conjugate_gradients, hierarchy
+from tactograph.nodes.height.height_system import example_system
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -22,22 +24,13 @@ ENOUGH = 4e-9
 
 @node(tolerance=Close(5e-4, 1e-4, why="conjugate gradients add up in another order"))
 def integrate_weighted(
-    slope: Slope,
-    variance: SlopeVariance,
-    rest: Mask,
+    system: HeightSystem,
     start: Height,
-    rises: ShadowRises,
-    pixel: PixelSize,
-    mask: Mask | None = None,
     before: Height | None = None,
     *,
     rounds: Annotated[int, Interval(ge=1, le=50)] = 4,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
-    robust: Annotated[float, Ge(0.1)] = 2.5,
     ease: Annotated[float, Ge(1)] = 1.0,
-    bend: Annotated[float, Ge(0)] = 0.25,
-    floor: Annotated[float, Ge(0.01)] = 0.07,
-    rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> Height:
     """Return the height that best agrees with slopes, shadows and the film at rest.
 
@@ -50,58 +43,29 @@ def integrate_weighted(
 
     Parameters
     ----------
-    slope, variance
-        2 x H x W; the variance of p and q.
-    rest
-        H x W, 1 on the film at rest.  Where there is none, the border's median is zero.
+    system
+        The equations, by `height_system`.  Where no film is at rest, the border's median is zero.
     start
         H x W in mm, a first height.
-    rises
-        The C measurements of `shadow_constraints`.
-    pixel
-        mm per px.
-    mask
-        H x W, 1 on the pixels that count; without it all count.  The height of the others is 0.
     before
         H x W in mm, the height of the previous touch in a stream.  If it fits better than
         `start`, it is the first height, outliers are suppressed at once (no `ease`), and half
         of the rounds are done.
     rounds, steps
         Number of rounds, and conjugate-gradient steps in each.
-    robust
-        c, in standard deviations.
     ease
-        Factor by which the scale is larger for each round that remains: first least squares of
+        Factor by which c is larger for each round that remains: first least squares of
         everything, finally with the outliers suppressed (graduated non-convexity, Blake and
         Zisserman, "Visual reconstruction", 1987).
-    bend
-        Error of a step, in px, per difference of the slopes at its ends.
-    floor
-        Error of every step, in px; limits the contrast of the weights.
-    rise_px
-        Standard deviation of a shadow's rise, in px.
 
     Returns
     -------
     ndarray
-        H x W in mm.
+        H x W in mm; 0 where pixels do not count.
     """
-    window = contact_window(rest, mask)
-    system = height_system(
-        window,
-        slope,
-        variance,
-        rest,
-        rises,
-        pixel,
-        mask,
-        bend=bend,
-        floor=floor,
-        rise_px=rise_px,
-    )
-    height, warm = system.cut(window.of(start)), False
+    height, warm, robust = system.cut(start), False, float(system.scales[2])
     if before is not None:
-        known = system.cut(window.of(before))
+        known = system.cut(before)
         warm = system.cost(known, robust) < system.cost(height, robust)
         height = known if warm else height
     scales = _scales(rounds, robust, ease, warm=warm)
@@ -110,12 +74,12 @@ def integrate_weighted(
         # An unchanged height has the same weights: the remaining rounds would change nothing.
         if height is last and scale == scales[-1]:
             break
-    out = np.zeros(rest.shape, np.float32)
-    out[window.rows, window.columns] = height
-    counts = np.ones_like(rest) if mask is None else mask
-    if not (rest & counts).any():
-        out -= _border_median(out, counts)
-    return out * counts
+    counts, rows, columns = system.state != AWAY, *system.window
+    out = np.zeros(start.shape, np.float32)
+    out[rows, columns] = height * counts
+    if not system.anchored[0]:
+        out[rows, columns] -= _border_median(out, system.state, rows, columns) * counts
+    return out
 
 
 def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[float]:
@@ -128,16 +92,19 @@ def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[floa
 def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
     """One round: weights from the height, then a better height."""
     springs = system.springs(height, scale)
-    force = springs.pull(system.right, system.down, system.rise)
-    enough = ENOUGH * springs.energy(system.right, system.down)
+    force = springs.pull(*system.steps, system.rise)
+    enough = ENOUGH * springs.energy(*system.steps)
     return conjugate_gradients(hierarchy(springs), force, height, steps, enough)
 
 
-def _border_median(height: F4, counts: Mask) -> np.float32:
-    """The median over the frame's outermost pixels that count; 0 if none does."""
-    border = np.ones(height.shape, bool)
+def _border_median(height: F4, state: U1, rows: slice, columns: slice) -> np.float32:
+    """The median over the frame's outermost pixels that count; 0 if none does.
+
+    Where no film is at rest, none counts outside the window.
+    """
+    border: NDArray[np.bool_] = np.ones(height.shape, bool)
     border[1:-1, 1:-1] = False
-    found = height[border & (counts > 0)]
+    found = height[rows, columns][border[rows, columns] & (state != AWAY)]
     return np.float32(np.median(found) if found.size else 0)
 
 
@@ -145,54 +112,35 @@ def _border_median(height: F4, counts: Mask) -> np.float32:
 def _launch(run: Launch) -> None:
     size = run.sizes["H"], run.sizes["W"]
     settings, out = run.settings, run.outputs["integrate_weighted"]
-    robust = settings["robust"]
-    touch = find_touch(run)
-    solver = HeightSolver(run, touch)
+    solver = HeightSolver(run)
     height, warm = solver.cut(run.inputs["start"]), False
     if run.inputs.get("before") is not None:
         known = solver.cut(run.inputs["before"])
-        warm = solver.cost(known, robust) < solver.cost(height, robust)
+        warm = solver.cost(known, solver.robust) < solver.cost(height, solver.robust)
         height = known if warm else height
-    scales = _scales(settings["rounds"], robust, settings["ease"], warm=warm)
+    scales = _scales(settings["rounds"], solver.robust, settings["ease"], warm=warm)
     for scale in scales:
         solver.weigh(height, scale)
         enough = solver.enough(ENOUGH, solver.energies(solver.pixels, solver.wants))
         moved = solver.solve(solver.pixels, solver.wants, height, settings["steps"], enough)
         if scale == scales[-1] and not moved():
             break
-    run.kernel("place", size, height, out, *size, *solver.place)
-    mask = run.inputs.get("mask")
-    if not touch.any_rest:
-        counts = np.ones(size, np.uint8) if mask is None else run.download(mask)
-        run.kernel("lower", size, out, *size, float(_border_median(run.download(out), counts)))
-    if mask is not None:
-        run.kernel("leave_out", size, mask, out, *size)
+
+    def place(by: float) -> None:
+        run.kernel("place", size, height, solver.state, out, by, *size, *solver.place)
+
+    place(0.0)
+    if not solver.anchored:
+        state = run.download(solver.state)
+        place(float(_border_median(run.download(out), state, *solver.window)))
 
 
 @integrate_weighted.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """Shadows with both ends in the frame; some slopes are not known; the film rests outside.
-
-    Sometimes it rests nowhere.  Then all pixels count, because a part without any constraint
-    could have any height.
-    """
-    rows, columns = sizes["H"], sizes["W"]
-    number = rows * columns // 7
-    rest = np.ones((rows, columns), np.uint8)
-    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
-    mask = (rng.random((rows, columns)) < 0.95).astype(np.uint8)
-    if rng.random() < 0.2:
-        rest[:], mask[:] = 0, 1
-    variance = rng.uniform(1e-6, 1e-2, (2, rows, columns)).astype(np.float32)
-    variance[:, rng.random((rows, columns)) < 0.1] = 1e12
-    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
-    return {
-        "rest": rest,
-        "variance": variance,
-        "rises.top": ends[0],
-        "rises.foot": ends[1],
-        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
-        "rises.led": rng.integers(1, 5, number).astype(np.uint8),
-        "before": rng.uniform(-0.1, 1, (rows, columns)).astype(np.float32),
-        "mask": mask,
-    }
+    """The equations of rough film; the height before sometimes fits better along rows alone."""
+    shape = sizes["H"], sizes["W"]
+    slope = rng.uniform(-2, 2, (2, *shape)).astype(np.float32)
+    before = rng.uniform(-0.1, 1, shape)
+    if rng.random() < 0.5:
+        before[:] = rng.uniform(-2, 6, (sizes["H"], 1))
+    return {**example_system(rng, slope, **sizes), "before": before.astype(np.float32)}

@@ -71,9 +71,30 @@ def vectors_at(lights: F4, x: F4, y: F4, z: F4) -> F4:
     vectors = np.empty((len(lights), 3, *z.shape), np.float32)
     for vector, (lx, ly, lz) in zip(vectors, lights, strict=True):
         dx, dy, dz = lx - x, ly - y, lz - z
-        plan = dx * dx + dy * dy
-        nearer = (plan + lz * lz) / (plan + dz * dz)
-        gain = nearer * np.sqrt(nearer) * (np.float32(1) / lz)
+        gain = _gain(dx * dx + dy * dy, dz, lz)
         for component, away in zip(vector, (dx, dy, dz), strict=True):
             np.multiply(away, gain, out=component)
     return vectors
+
+
+def light_by_place(lights: F4, x: F4, y: F4, z: F4, slope: F4) -> F4:
+    """Return the derivative of n.v by each LED's position, K x 3 x ..., per mm."""
+    p, q = slope
+    nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
+    by_place = np.empty((len(lights), 3, *z.shape), np.float32)
+    for by, (lx, ly, lz) in zip(by_place, lights, strict=True):
+        dx, dy, dz = lx - x, ly - y, lz - z
+        plan = dx * dx + dy * dy
+        gain = _gain(plan, dz, lz) * nz
+        at_rest, here = np.float32(1) / (plan + lz * lz), np.float32(1) / (plan + dz * dz)
+        thrice = np.float32(3) * gain * (dz - dx * p - dy * q)
+        by[0] = thrice * dx * (at_rest - here) - gain * p
+        by[1] = thrice * dy * (at_rest - here) - gain * q
+        by[2] = thrice * (lz * at_rest - dz * here - np.float32(1 / 3) / lz) + gain
+    return by_place
+
+
+def _gain(plan: F4, dz: F4, lz: np.float32) -> F4:
+    """The factor on L - P in v of equation N1; `plan` is its length squared in the plane."""
+    nearer = (plan + lz * lz) / (plan + dz * dz)
+    return np.asarray(nearer * np.sqrt(nearer) * (np.float32(1) / lz))

@@ -15,8 +15,6 @@ from tactograph.graph.declare.parity import cases, make_inputs
 
 LOOPS = {
     "film_bounce": ["light._sweep_loops"],
-    "height_error": ["height._error_loops", "height._spring_loops", "height._system_loops"],
-    "integrate_weighted": ["height._spring_loops", "height._system_loops"],
 }
 
 

@@ -11,6 +11,8 @@ import pytest
 
 from tactograph.graph.backends.launch import Launch
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.parity import cases, make_inputs
+from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.rest_at_border import rest_at_border
 
 SIZES = {"H": 24, "W": 32}
@@ -120,3 +122,17 @@ def test_what_is_made_once_does_not_keep_a_launch_from_being_repeated(
     for _ in range(5):
         prepared.launch({"height": height})
     assert counted.times == 2
+
+
+def test_an_output_is_as_large_as_the_data_tell_of_both_its_sides(device: OpenCL) -> None:
+    case = cases(height_system, shapes=((64, 64),))[0]
+    inputs = {**make_inputs(height_system, case), "rest": np.ones((64, 64), np.uint8)}
+    inputs["rest"][20:30, 30:35] = 0
+    there = {n: device.upload(v) if hasattr(v, "shape") else v for n, v in inputs.items()}
+    sizes = {symbol: case.sizes[symbol] for symbol in "HWC"}
+    made, _ = device.prepare(height_system, case.settings, sizes).launch(there)
+    expected = height_system(*height_system.in_order(inputs), **case.settings)
+    assert {name: array.shape for name, array in made.items()} == {
+        name: array.shape for name, array in expected._asdict().items()
+    }
+    assert made["right"].shape == (10 + 16, 5 + 16)

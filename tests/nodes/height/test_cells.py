@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.height._cells import cells_of
+from tactograph.nodes.height._cells import cells_of, coarsened, on_pixels
 from tactograph.nodes.height._springs import Springs, Ties, conjugate_gradients, hierarchy
 
 NO_TIES = Ties(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.float32))
@@ -37,13 +37,10 @@ def test_cells_move_as_their_pixels_do(shape: tuple[int, int], times: int) -> No
     springs = network(shape)
     wants = np.diff(bump, axis=1), np.diff(bump, axis=0), np.zeros(0, np.float32)
     fine = solved(springs, wants)
-    cells, there = [], wants
-    for _ in range(times):
-        cells.append(cells_of(cells[-1].springs if cells else springs))
-        there = cells[-1].wants(*there)
-    found = solved(cells[-1].springs, there)
-    for level in reversed(cells):
-        found = level.on_pixels(found)
+    cells, there = coarsened(springs, times), wants
+    for level in cells:
+        there = level.wants(*there)
+    found = on_pixels(cells, solved(cells[-1].springs, there))
     assert fine.max() > 0.9
     assert np.abs(found - fine).max() < 0.04 * times
 

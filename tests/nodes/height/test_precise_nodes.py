@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, ShadowRises
-from tactograph.nodes.height import _spring_loops
-from tactograph.nodes.height._height_system import Window, height_system
-from tactograph.nodes.height._springs import Grids, Springs, Ties, hierarchy
+from tactograph.nodes.height import _springs
+from tactograph.nodes.height._height_system import HeightSystem
+from tactograph.nodes.height._springs import Springs, Ties
 from tactograph.nodes.height.height_error import height_error
+from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tactograph.nodes.height.settle_loose import settle_loose
+from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.calm_film import calm_film
 from tactograph.nodes.light.rest_mask import rest_mask
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
@@ -68,6 +71,21 @@ def variance_of(value: float) -> F4:
     return np.full((2, *SHAPE), value, np.float32)
 
 
+def equations(
+    slope: F4,
+    variance: float | F4,
+    rest: NDArray[np.uint8],
+    rises: ShadowRises = NO_RISES,
+    mask: NDArray[np.uint8] | None = None,
+    **settings: float,
+) -> HeightSystem:
+    """What slopes of this variance, film at rest and shadows say about the height."""
+    if isinstance(variance, float):
+        variance = variance_of(variance)
+    made: HeightSystem = height_system(slope, variance, rest, rises, PIXEL, mask, **settings)
+    return made
+
+
 def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
     shadow = cast_shadows(plateau(0.5), distant_led(45), PIXEL)
     assert shadow[20].sum() == pytest.approx(5, abs=1)
@@ -97,9 +115,7 @@ def test_no_shadow_measures_nothing() -> None:
 
 def test_exact_slopes_give_the_exact_surface() -> None:
     z, slope = dome()
-    found = integrate_weighted(
-        slope, variance_of(1e-6), at_rest(z), np.zeros_like(z), NO_RISES, PIXEL, steps=30
-    )
+    found = integrate_weighted(equations(slope, 1e-6, at_rest(z)), np.zeros_like(z), steps=30)
     assert np.abs(found - z).max() < 0.01 * PIXEL
 
 
@@ -118,9 +134,9 @@ def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
         np.ones(12, np.uint8),
     )
     level = np.zeros((2, *SHAPE), np.float32)
-    arguments = (level, variance.astype(np.float32), at_rest(z), level[0])
-    lying = integrate_weighted(*arguments, NO_RISES, PIXEL)
-    standing = integrate_weighted(*arguments, rises, PIXEL, steps=30)
+    known = level, variance.astype(np.float32), at_rest(z)
+    lying = integrate_weighted(equations(*known), level[0])
+    standing = integrate_weighted(equations(*known, rises), level[0], steps=30)
     assert np.abs(lying[16:24, 24:32]).max() < 0.02
     assert np.abs(standing[16:24, 24:32] - 0.5).max() < 0.02
 
@@ -129,9 +145,7 @@ def test_a_wall_beside_the_dark_may_end_there() -> None:
     slope, variance = np.zeros((2, *SHAPE), np.float32), variance_of(1e-6)
     slope[0, :, 24] = -30
     variance[:, :, 25:30] = 1e12
-    rest, frame = np.zeros(SHAPE, np.uint8), Window(slice(0, SHAPE[0]), slice(0, SHAPE[1]))
-    arguments = (frame, slope, variance, rest, NO_RISES, PIXEL, None)
-    system = height_system(*arguments, bend=0.25, floor=0.07, rise_px=0.5)
+    system = equations(slope, variance, np.zeros(SHAPE, np.uint8))
     assert system.right[:, 24] == pytest.approx(-30 * PIXEL)
     assert (system.right_variance[:, 24] > (30 * PIXEL) ** 2).all()
 
@@ -141,22 +155,22 @@ def test_outliers_are_given_up() -> None:
     spoilt = slope.copy()
     rng = np.random.default_rng(3)
     spoilt[:, rng.random(SHAPE) < 0.03] = 3.0
-    arguments = (spoilt, variance_of(1e-6), at_rest(z), np.zeros_like(z), NO_RISES, PIXEL)
-    robust = integrate_weighted(*arguments, rounds=8, steps=15, ease=2.0, bend=0.0)
-    plain = integrate_weighted(*arguments, rounds=1, steps=60, robust=1e6, bend=0.0)
+    known, flat = (spoilt, 1e-6, at_rest(z)), np.zeros_like(z)
+    robust = integrate_weighted(equations(*known, bend=0.0), flat, rounds=8, steps=15, ease=2.0)
+    plain = integrate_weighted(equations(*known, bend=0.0, robust=1e6), flat, rounds=1, steps=60)
     assert np.abs(robust - z).mean() < 0.2 * np.abs(plain - z).mean()
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many cycles every call of the solver takes, from now on."""
     counts: list[int] = []
-    plain = _spring_loops.cycle
+    plain = _springs.cycle
 
-    def cycle(grids: Grids, *planes: F4) -> None:
-        counts[-1] += 1
-        plain(grids, *planes)
+    def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
+        counts[-1] += depth == 0
+        return plain(levels, force, depth)
 
-    monkeypatch.setattr(_spring_loops, "cycle", cycle)
+    monkeypatch.setattr(_springs, "cycle", cycle)
     return counts
 
 
@@ -169,12 +183,12 @@ def test_a_film_that_changes_little_is_found_from_the_height_before(
     noise = np.random.default_rng(5).normal(0, 0.003, slope.shape).astype(np.float32)
     before, cold_cycles, warm_cycles = None, 0, 0
     for size in 1 + 0.01 * np.arange(20, dtype=np.float32):
-        given = (size * slope + noise, variance_of(1e-5), at_rest(z), 0.7 * size * z, NO_RISES)
+        given = equations(size * slope + noise, 1e-5, at_rest(z)), 0.7 * size * z
         counts.append(0)
-        cold = integrate_weighted(*given, PIXEL, ease=4.0)
+        cold = integrate_weighted(*given, ease=4.0)
         cold_cycles += counts[-1]
         counts.append(0)
-        warm = integrate_weighted(*given, PIXEL, None, before, ease=4.0)
+        warm = integrate_weighted(*given, before, ease=4.0)
         warm_cycles += counts[-1]
         assert np.abs(warm - cold).max() < 0.003 * PIXEL
         before = warm
@@ -183,8 +197,8 @@ def test_a_film_that_changes_little_is_found_from_the_height_before(
 
 def test_the_height_before_does_not_count_when_the_touch_is_another() -> None:
     z, slope = dome()
-    given = (slope, variance_of(1e-5), at_rest(z), z, NO_RISES, PIXEL)
-    other = integrate_weighted(*given, None, np.roll(z, 12, axis=1))
+    given = equations(slope, 1e-5, at_rest(z)), z
+    other = integrate_weighted(*given, np.roll(z, 12, axis=1))
     assert np.array_equal(other, integrate_weighted(*given))
 
 
@@ -195,9 +209,8 @@ def test_pixels_that_do_not_count_change_nothing() -> None:
     wild = np.where(mask, slope, np.float32(3)).astype(np.float32)
     top, foot = np.array([17 * SHAPE[1] + 32], np.int32), np.array([5], np.int32)
     wrong = ShadowRises(top, foot, np.array([2], np.float32), np.array([1], np.uint8))
-    found = integrate_weighted(
-        wild, variance_of(1e-6), at_rest(z), 0 * z, wrong, PIXEL, mask, steps=30
-    )
+    system = equations(wild, 1e-6, at_rest(z), wrong, mask)
+    found = integrate_weighted(system, 0 * z, steps=30)
     assert not found[mask == 0].any()
     assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
 
@@ -209,14 +222,14 @@ def test_parts_that_a_mask_parts_are_found_each_for_itself() -> None:
     mask[:, 40:42] = 0
     rest = at_rest(z)
     rest[:, 40:] = 0
-    found = integrate_weighted(slope, variance_of(1e-6), rest, z, NO_RISES, PIXEL, mask, steps=30)
+    found = integrate_weighted(equations(slope, 1e-6, rest, NO_RISES, mask), z, steps=30)
     assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
 
 
 def test_a_touch_without_any_film_at_rest_has_a_border_at_zero() -> None:
     z, slope = dome()
     nowhere = np.zeros(SHAPE, np.uint8)
-    found = integrate_weighted(slope, variance_of(1e-6), nowhere, z + 1, NO_RISES, PIXEL, steps=30)
+    found = integrate_weighted(equations(slope, 1e-6, nowhere), z + 1, steps=30)
     assert np.abs(found - z).max() < 0.02 * PIXEL
 
 
@@ -224,7 +237,7 @@ def test_the_film_at_rest_stays_at_zero() -> None:
     z, slope = dome()
     rest = at_rest(z)
     noisy = slope + np.random.default_rng(1).normal(0, 0.02, slope.shape).astype(np.float32)
-    found = integrate_weighted(noisy, variance_of(4e-4), rest, z, NO_RISES, PIXEL)
+    found = integrate_weighted(equations(noisy, 4e-4, rest), z)
     assert np.abs(found[rest > 0]).max() < 1e-5
 
 
@@ -234,7 +247,7 @@ def test_without_a_touch_everything_is_at_rest() -> None:
     rest = rest_mask(calm_film(light, np.full_like(light, 0.01)), PIXEL)
     assert rest.all()
     none = np.zeros((2, *SHAPE), np.float32)
-    assert not integrate_weighted(none, variance_of(1), rest, none[0], NO_RISES, PIXEL).any()
+    assert not integrate_weighted(equations(none, 1.0, rest), none[0]).any()
 
 
 def test_a_flat_top_is_not_the_film_at_rest() -> None:
@@ -310,19 +323,33 @@ def exact(lights: F4) -> F4:
     return np.repeat(lights[None], 8, axis=0)
 
 
+def stated_error(
+    z: F4,
+    slope: F4,
+    noise: float,
+    others: F4 | None = None,
+    system: HeightSystem | None = None,
+    **given: Any,
+) -> F4:
+    """The error that is stated of a height whose slopes four LEDs of this noise have told."""
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    film = matt_film(lights)._replace(
+        others=exact(lights) if others is None else others, uneven=UNEVEN
+    )
+    system = system or equations(slope, 1e-4, at_rest(z))
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    noisy = np.float32(noise) * light
+    return np.asarray(height_error(z, slope, system, light, noisy, used, film, **given))
+
+
+LIGHT_ALONE = {"aperture": 0.0, "kink": 0.0, "flat_noise": 0.0}
+"""Settings without errors of steps and of the flat frame."""
+
+
 def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
     """The error of a dome's height when `brightness` times more photons arrive."""
-    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    light = np.ones((4, *SHAPE), np.float32)
-    sigma = np.full_like(light, 0.01 / np.sqrt(brightness))
-    used = np.full(SHAPE, 15, np.uint8)
-    noise_alone = dict.fromkeys(("aperture", "kink", "flat_noise", "bend"), 0.0)
-    return np.asarray(
-        height_error(
-            z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, sigma, used, lights,
-            exact(lights), PIXEL, UNEVEN, correlation=correlation, **noise_alone,
-        )
-    )  # fmt: skip
+    noise, system = 0.01 / np.sqrt(brightness), equations(slope, 1e-4, at_rest(z), bend=0.0)
+    return stated_error(z, slope, noise, system=system, correlation=correlation, **LIGHT_ALONE)
 
 
 def test_the_error_shrinks_with_the_root_of_the_light() -> None:
@@ -342,19 +369,12 @@ def test_the_error_grows_with_the_noise_that_neighbours_share() -> None:
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
     found = []
     for share in (0.0, 0.01, 0.02):
         others = exact(lights)
         others[::2, 0, 0] *= 1 + share
         others[1::2, 0, 0] *= 1 - share
-        found.append(
-            height_error(
-                z, slope, variance_of(1e-4), at_rest(z), NO_RISES, light, 1e-6 * light, used,
-                lights, others, PIXEL, UNEVEN, **nothing,
-            )
-        )  # fmt: skip
+        found.append(stated_error(z, slope, 1e-6, others, **LIGHT_ALONE))
     inside = at_rest(z) == 0
     assert found[1][inside].min() > 10 * found[0][inside].max()
     assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
@@ -365,27 +385,11 @@ def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest()
 def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
     """Of normals that lean by so many radians over some width, or all too much."""
     z, slope = dome()
-    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    nothing = dict.fromkeys(("aperture", "kink", "flat_noise"), 0.0)
-    surroundings = (
-        at_rest(z),
-        NO_RISES,
-        light,
-        1e-6 * light,
-        used,
-        lights,
-        exact(lights),
-        PIXEL,
-        UNEVEN,
-    )
     misfit = np.float32([0, 0.5, 0, 0, 0])
     found = []
     for level in (0.0, 0.01, 0.02):
         misfit[part] = level
-        found.append(
-            height_error(z, slope, variance_of(1e-4), *surroundings, misfit=misfit, **nothing)
-        )
+        found.append(stated_error(z, slope, 1e-6, misfit=misfit, **LIGHT_ALONE))
     none, some, more = found
     inside = at_rest(z) == 0
     assert some[inside].min() > 10 * none[inside].max()
@@ -393,21 +397,7 @@ def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
 
 
 def bounced_error(**given: Any) -> F4:
-    z, slope = dome()
-    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    surroundings = (
-        at_rest(z),
-        NO_RISES,
-        light,
-        0.001 * light,
-        used,
-        lights,
-        exact(lights),
-        PIXEL,
-        UNEVEN,
-    )
-    return np.asarray(height_error(z, slope, variance_of(1e-4), *surroundings, **given))
+    return stated_error(*dome(), 0.001, **given)
 
 
 def thrown(light: float) -> F4:
@@ -445,13 +435,7 @@ def test_all_that_a_rim_carries_shares_its_error() -> None:
     z = np.zeros(SHAPE, np.float32)
     z[10:30, 20:44] = 1
     slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
-    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    noise, others = 0.001 * light, exact(lights)
-    surroundings = (at_rest(z), NO_RISES, light, noise, used, lights, others, PIXEL, UNEVEN)
-    sharp, blind = (
-        height_error(z, slope, variance_of(1e-4), *surroundings, kink=kink) for kink in (0.45, 0.0)
-    )
+    sharp, blind = (stated_error(z, slope, 0.001, kink=kink) for kink in (0.45, 0.0))
     top = np.s_[15:25, 26:38]
     assert sharp[top].min() > 2 * blind[top].max()
     assert np.ptp(sharp[top]) < 0.3 * sharp[top].mean()
@@ -464,12 +448,9 @@ def test_noise_does_to_the_height_what_the_error_says() -> None:
     sd = 0.01 / (np.sqrt(2) * np.cos(np.radians(60)) / np.sin(np.radians(60)))
     rng = np.random.default_rng(7)
     found = [
-        integrate_weighted(
-            slope + rng.normal(0, sd, slope.shape).astype(np.float32),
-            variance_of(1e-4), at_rest(z), z, NO_RISES, PIXEL, bend=0.0, robust=1e6,
-        ) - z
-        for _ in range(12)
-    ]  # fmt: skip
+        integrate_weighted(equations(slope + noise, 1e-4, at_rest(z), bend=0.0, robust=1e6), z) - z
+        for noise in rng.normal(0, sd, (12, *slope.shape)).astype(np.float32)
+    ]
     ratio = np.sqrt(np.mean(np.square(found), axis=0)[inside]).mean() / stated[inside].mean()
     assert ratio == pytest.approx(1, abs=0.3)
 
@@ -482,9 +463,10 @@ def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
     )
     stiff = np.array([0.7, 0.3, 0.5], np.float32)
     ties = Ties(np.array([3, 20, 40]), np.array([50, 67, 220]), stiff)
-    grids = hierarchy(Springs(right, down, ground, ties))
-    assert grids.ties.start.tolist() == [0, 3, 5]
+    springs = Springs(right, down, ground, ties)
+    coarser = springs.coarser()
+    assert coarser.ties.stiffness.tolist() == pytest.approx([1.0, 0.5])
     z = rng.uniform(size=(7, 9)).astype(np.float32)
     fine = z.repeat(2, axis=0).repeat(2, axis=1)[:13, :17]
-    energies = np.vdot(fine, grids.apply(fine)), np.vdot(z, grids.apply(z, 1))
+    energies = np.vdot(fine, springs.apply(fine)), np.vdot(z, coarser.apply(z))
     assert energies[0] == pytest.approx(energies[1], 1e-5)

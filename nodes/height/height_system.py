@@ -1,0 +1,238 @@
+"""The weighted equations for the heights: steps between neighbours, rises, film at rest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from annotated_types import Ge
+from numpy.typing import NDArray
+
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, I4, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
+from tactograph.nodes.height._height_system import AWAY, FREE, REST, HeightSystem, Window
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import Launch
+
+MARGIN = 8
+"""Pixels around what is touched."""
+KNOWN = np.float32(1e6)
+"""Variance from which on a slope is unknown."""
+SMOOTH = np.float32(1)
+"""Variance up to which a slope counts in a cubic."""
+LONELY = np.float32(4)
+"""Variance that a step has in addition if only one slope is known."""
+WALL = np.float32(1e3)
+"""Most of that slope's own variance that counts then."""
+HALF, QUARTER = np.float32(0.5), np.float32(0.25)
+
+
+@node(tolerance=Close(1e-6, 1e-5, why="sums that a device rounds otherwise"))
+def height_system(
+    slope: Slope,
+    variance: SlopeVariance,
+    rest: Mask,
+    rises: ShadowRises,
+    pixel: PixelSize,
+    mask: Mask | None = None,
+    *,
+    robust: Annotated[float, Ge(0.1)] = 2.5,
+    bend: Annotated[float, Ge(0)] = 0.25,
+    floor: Annotated[float, Ge(0.01)] = 0.07,
+    rise_px: Annotated[float, Ge(0.05)] = 0.5,
+) -> HeightSystem:
+    """Gather the equations from which `integrate_weighted` and `height_error` find heights.
+
+    They hold inside the smallest window around all that counts and is not at rest, with a margin.
+
+    Parameters
+    ----------
+    slope, variance
+        2 x H x W; the variance of p and q.
+    rest
+        H x W, 1 on the film at rest, whose height is zero.
+    rises
+        The C measurements of `shadow_constraints`.
+    pixel
+        mm per px.
+    mask
+        H x W, 1 on the pixels that count; without it all count.
+    robust
+        c of Cauchy's rho, in standard deviations: equations that a height departs from by more
+        lose their weight.
+    bend
+        Error of a step, in px, per difference of the slopes at its ends.
+    floor
+        Error of every step, in px; limits the contrast of the weights.
+    rise_px
+        Standard deviation of a shadow's rise, in px.
+
+    Returns
+    -------
+    HeightSystem
+        T of the rises have both ends inside the window.
+    """
+    states = np.where(rest != 0, np.uint8(REST), np.uint8(FREE))
+    if mask is not None:
+        states[mask == 0] = AWAY
+    touched = states == FREE
+    window = _window_around(touched.any(axis=1), touched.any(axis=0))
+    anchored, state = bool((states == REST).any()), window.of(states)
+    slopes = window.of(slope)
+    variances = np.where(state == AWAY, np.float32(np.inf), window.of(variance))
+    right, right_variance = _steps(slopes[0], variances[0], bend, floor)
+    down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
+    size = np.float32(pixel)
+    return HeightSystem(
+        _filled(right, 0) * size,
+        _filled(down, 0).T * size,
+        _filled(right_variance, np.inf) * size * size,
+        _filled(down_variance, np.inf).T * size * size,
+        state,
+        *_rises_inside(window, rises, rest.shape[1], mask),
+        *_constants(window, anchored, floor, rise_px, robust, pixel),
+    )
+
+
+def _window_around(rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> Window:
+    """The window around the rows and columns that are touched; a few pixels if none is."""
+    return Window(
+        _span(np.flatnonzero(rows), len(rows)), _span(np.flatnonzero(columns), len(columns))
+    )
+
+
+def _span(found: NDArray[np.intp], size: int) -> slice:
+    first, last = (int(found[0]), int(found[-1])) if found.size else (0, 0)
+    return slice(max(first - MARGIN, 0), min(last + 1 + MARGIN, size))
+
+
+def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
+    """Steps along the rows in px, from the slopes at both ends, and their variances.
+
+    On smooth film a cubic through four slopes weights them with (-1, 9, 9, -1) / 16; elsewhere
+    two slopes are used.  If only one slope is known, it is used with little weight.  A slope of
+    infinite variance makes that of the step infinite.
+    """
+    before, after = slope[:, :-1], slope[:, 1:]
+    of_before, of_after = variance[:, :-1], variance[:, 1:]
+    step = HALF * (before + after)
+    step[:, 1:-1] += _cubic_part(slope, variance)
+    turn = np.float32(bend) * (after - before)
+    both = QUARTER * (of_before + of_after) + turn * turn
+    surer = np.where(of_before < of_after, before, after)
+    # A wall ends within the pixel that shows it.
+    little = np.minimum(np.minimum(of_before, of_after), WALL) + LONELY + surer * surer
+    alone = np.where(np.isinf(both), both, little)
+    known = np.maximum(of_before, of_after) < KNOWN
+    return np.where(known, step, surer), np.where(known, both, alone) + np.float32(floor * floor)
+
+
+def _cubic_part(slope: F4, variance: F4) -> F4:
+    """What four slopes add to the mean of the inner two; at most a quarter of their difference."""
+    before, after = slope[:, 1:-2], slope[:, 2:-1]
+    curve = (before + after - (slope[:, :-3] + slope[:, 3:])) / np.float32(16)
+    limit = QUARTER * np.abs(after - before)
+    smooth = (variance[:, :-3] < SMOOTH) & (variance[:, 3:] < SMOOTH)
+    return np.where(smooth, np.clip(curve, -limit, limit), np.float32(0))
+
+
+def _filled(steps: F4, value: float) -> F4:
+    """Steps along the rows with one more, beyond the last pixel."""
+    return np.pad(steps, ((0, 0), (0, 1)), constant_values=value)
+
+
+def _rises_inside(
+    window: Window, rises: ShadowRises, columns: int, mask: Mask | None
+) -> tuple[I4, I4, F4]:
+    """The rises of which both ends lie in the window and count, numbered by its pixels."""
+    ends = []
+    kept = np.ones(rises.top.size, bool)
+    width = window.columns.stop - window.columns.start
+    for index in (rises.top, rises.foot):
+        row, column = index // columns, index % columns
+        kept &= (row >= window.rows.start) & (row < window.rows.stop)
+        kept &= (column >= window.columns.start) & (column < window.columns.stop)
+        if mask is not None:
+            kept &= mask.ravel()[index] != 0
+        ends.append((row - window.rows.start) * width + column - window.columns.start)
+    return ends[0][kept], ends[1][kept], rises.rise[kept]
+
+
+def _constants(
+    window: Window, anchored: bool, floor: float, rise_px: float, robust: float, pixel: float
+) -> tuple[I4, NDArray[np.uint8], NDArray[np.float64]]:
+    """The last fields of `HeightSystem`: the window's corner, its film at rest, the scales."""
+    corner = np.array([window.rows.start, window.columns.start], np.int32)
+    scales = np.array([floor * pixel, rise_px * pixel, robust, pixel])
+    return corner, np.array([anchored], np.uint8), scales
+
+
+@height_system.opencl()
+def _launch(run: Launch) -> None:
+    """The pixels there; the host finds the window and the rises inside it."""
+    rows, columns = size = run.sizes["H"], run.sizes["W"]
+    of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
+    lines = run.scratch((rows,), np.uint8), run.scratch((columns,), np.uint8)
+    rest, mask = of["rest"], of.get("mask")
+    run.kernel("find_touch", (rows + columns,), rest, mask, *lines, *size)
+    # One transfer brings all that the host must know before the device goes on.
+    coming = [run.begin_download(of[f"rises.{name}"]) for name in ShadowRises._fields]
+    has_rises = of["rises.top"].shape[0] > 0
+    mask_coming = run.begin_download(mask) if mask is not None and has_rises else None
+    in_rows, in_columns = map(run.download, lines)
+    window = _window_around((in_rows & 1) > 0, (in_columns & 1) > 0)
+    mask_here = None if mask_coming is None else mask_coming()
+    rises = ShadowRises(*(arrived() for arrived in coming))
+    anchored = bool((in_rows & 2).any())
+    ends = _rises_inside(window, rises, columns, mask_here)
+    limits = settings["floor"], settings["rise_px"], settings["robust"]
+    told: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
+    (top, height), (left, width) = ((part.start, part.stop - part.start) for part in window)
+    for symbol, found in (("h", height), ("w", width), ("T", ends[0].size)):
+        run.found(symbol, found)
+    out = run.outputs
+    run.kernel(
+        "gather_system", run.in_row_lanes(height, width), of["slope"], of["variance"], rest, mask,
+        *(out[name] for name in ("right", "down", "right_variance", "down_variance", "state")),
+        rows * columns, columns, top, left, height, width,
+        pixel, settings["bend"], float(np.float32(settings["floor"] ** 2)),
+    )  # fmt: skip
+    for name, array in zip(HeightSystem._fields[5:], told, strict=True):
+        if array.size:
+            run.send(array, out[name])
+
+
+@height_system.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """Shadows with both ends in the frame; some slopes are not known; the film rests outside.
+
+    Sometimes it rests nowhere.  Then all pixels count, because a part without any constraint
+    could have any height.
+    """
+    rows, columns = sizes["H"], sizes["W"]
+    number = rows * columns // 7
+    rest = np.ones((rows, columns), np.uint8)
+    rest[1 + rows // 8 : rows - rows // 5, columns // 6 : columns - columns // 8] = 0
+    mask = (rng.random((rows, columns)) < 0.95).astype(np.uint8)
+    if rng.random() < 0.2:
+        rest[:], mask[:] = 0, 1
+    variance = rng.uniform(1e-6, 1e-2, (2, rows, columns)).astype(np.float32)
+    variance[:, rng.random((rows, columns)) < 0.1] = 1e12
+    ends = rng.integers(0, rows * columns, (2, number)).astype(np.int32)
+    return {
+        "rest": rest,
+        "variance": variance,
+        "rises.top": ends[0],
+        "rises.foot": ends[1],
+        "rises.rise": rng.uniform(-0.2, 1, number).astype(np.float32),
+        "rises.led": rng.integers(1, 5, number).astype(np.uint8),
+        "mask": mask,
+    }
+
+
+def example_system(rng: np.random.Generator, slope: Slope, **sizes: int) -> dict[str, Any]:
+    """The equations of such a film as another node's input `system`."""
+    given = {"pixel": float(rng.uniform(0.01, 0.2)), **_example(rng, **sizes), "slope": slope}
+    system = height_system(*height_system.in_order(given), robust=rng.choice([2.5, 25.0]))
+    return {f"system.{name}": value for name, value in system._asdict().items()}
