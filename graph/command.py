@@ -32,6 +32,7 @@ COMMANDS = (
     "resolve",
     "explain",
     "draw",
+    "show",
     "graphs",
     "nodes",
     "new-node",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -21,7 +21,7 @@ _VERSIONS = (
 
 @dataclass(frozen=True)
 class Provenance:
-    """The graph, the back ends, the times and the warnings behind the values of one item.
+    """The graph, its params, the back ends, the times and the warnings behind an item's values.
 
     A sink with a keyword-only argument of this type is handed one by the engine.
     `as_dict` is what ``result.json`` holds.
@@ -34,11 +34,14 @@ class Provenance:
     versions: dict[str, str]
     warnings: list[str]
     fallbacks: list[str]
+    given: dict[str, Any] = field(default_factory=dict)
+    """The value of each of the graph's params, given or by default."""
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "format": 1,
             "graph": self.graph,
+            "given": self.given,
             "device": self.device,
             "nodes": self.nodes,
             "sizes": self.sizes,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from tactograph.graph.declare.provenance import Provenance, versions
@@ -14,6 +15,7 @@ def make_provenance(
     plan: Plan, times: Mapping[str, float], known: Known, warnings: list[str]
 ) -> Provenance:
     """What is known at this moment of the run, for a sink that writes it down."""
+    params = plan.graph.params
     sizes: dict[str, int] = {}
     for (_, symbol), bound in known.items():
         sizes.setdefault(symbol, bound.size)
@@ -25,7 +27,13 @@ def make_provenance(
         versions=versions(),
         warnings=list(warnings),
         fallbacks=plan.fallbacks,
+        given={name: _plain(plan.given.get(name, p.default)) for name, p in params.items()},
     )
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: a path is its text."""
+    return str(value) if isinstance(value, Path) else value
 
 
 def _timed(plan: Plan, step: Step, times: Mapping[str, float]) -> dict[str, Any]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Provenance
+from tactograph.graph import InputError, Provenance, warn
 from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.atomic_files import atomic_file
 
@@ -18,6 +19,8 @@ DARKEST = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
 
 
+CHANNELS = ("bgr", "rgb")
+"""The orders of lights that are the channels of a colour image."""
 USERS = {
     "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
     "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
@@ -92,7 +95,8 @@ def write_arrays(
     arrays
         All those of `kind`.
     about
-        Further data to store as JSON; a `Provenance` is stored as its dictionary.
+        Further data to store as JSON; a `Provenance` is stored as its dictionary.  The date is
+        added.
 
     Raises
     ------
@@ -102,6 +106,7 @@ def write_arrays(
     head = {
         "format": kind.format,
         "kind": f"tactograph {kind.name}",
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "units": {name: stored.unit for name, stored in kind.arrays.items()},
         **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
     }
@@ -141,20 +146,72 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     return {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
 
 
-def read_quality(file: Path) -> dict[str, float]:
-    """Return the quality figures stored with a calibration; empty if there are none.
+class About(NamedTuple):
+    """What a calibration says of itself.
+
+    `quality` holds its figures, `doubts` what speaks against it, a sentence each.  `lights` is how
+    its images held the lights, as for `read_capture`; None where that is not known.
+    """
+
+    quality: dict[str, float]
+    doubts: list[str]
+    lights: str | None
+
+
+def read_about(file: Path) -> About:
+    """Return what a calibration says of itself; an older file says less.
 
     `read_arrays` must have read the file before.
 
     Raises
     ------
     InputError
-        If they are not numbers by name.
+        If the figures are not numbers by name, or the doubts are not sentences.
     """
-    quality = _head(load_arrays(file)).get("quality", {})
+    head = head_of(load_arrays(file))
+    quality, doubts = head.get("quality", {}), head.get("doubts", [])
     if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
         raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
-    return {name: float(value) for name, value in quality.items()}
+    if not isinstance(doubts, list) or not all(isinstance(d, str) for d in doubts):
+        raise InputError(f"{file}: 'doubts' is not a list of sentences; calibrate again")
+    lights: Any = head
+    for name in ("made", "given", "lights"):
+        lights = lights.get(name) if isinstance(lights, dict) else None
+    figures = {name: float(value) for name, value in quality.items()}
+    return About(figures, doubts, lights if isinstance(lights, str) else None)
+
+
+def check_use(file: Path, about: About, lights: str | None) -> None:
+    """Repeat the doubts of a calibration in one warning, and refuse lights of another order.
+
+    Parameters
+    ----------
+    file, about
+        The calibration, and what it says of itself.
+    lights
+        How the images that it is used for hold the lights.  None: not known.
+
+    Raises
+    ------
+    InputError
+        If the calibration was made from "bgr" and is used for "rgb", or the reverse.
+    """
+    if about.doubts:
+        more = len(about.doubts) - 1
+        others = f" (and {more} more doubt{'s' if more > 1 else ''})" if more else ""
+        warn(
+            f"calibration {file} is doubtful: {about.doubts[0]}{others}; see "
+            f"'tactograph show {file}'"
+        )
+    if lights not in CHANNELS:
+        return
+    if about.lights in CHANNELS and about.lights != lights:
+        raise InputError(
+            f"{file}: was made with lights={about.lights}, but lights={lights} is asked for; give "
+            f"lights={about.lights}, or calibrate with lights={lights}"
+        )
+    if about.lights is None and lights == "rgb":
+        warn(f"{file}: does not say whether it was made with lights=rgb; calibrate again")
 
 
 def _is_number(value: object) -> bool:
@@ -170,7 +227,7 @@ def is_of_kind(file: Path, kind: FileKind) -> bool:
     InputError
         If there is no such file, or it holds no arrays.
     """
-    return bool(_head(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
+    return bool(head_of(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
 
 
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
@@ -183,7 +240,7 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         raise InputError(f"{file}: the calibration is refused: {why}") from None
 
 
-def _head(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def head_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """What a file says of itself; empty if that cannot be read."""
     try:
         head = json.loads(str(arrays["about"]))
@@ -193,7 +250,7 @@ def _head(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
-    head = _head(arrays)
+    head = head_of(arrays)
     name, version = head.get("kind"), head.get("format")
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")

@@ -232,7 +232,7 @@ class _Problem(NamedTuple):
         """Return the problem with the standard deviations of the residuals of `now`."""
         certain = SPREAD
         if self.rest is not None:
-            certain = _rest_spread(_rest_left(self.rest, now), self.rest)
+            certain = _rest_spread(rest_left(self.rest, now), self.rest)
         return self._replace(scale=_scale(self.balls, now), certain=certain)
 
 
@@ -453,7 +453,7 @@ def _robust(left: F8) -> F8:
     return np.asarray(np.minimum(1, HUBER / np.maximum(np.abs(left), HUBER)))
 
 
-def _rest_left(rest: Rest, now: Fitted) -> F8:
+def rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame minus the model's, without what all LEDs share: K x M."""
     return _rest_less(rest, _rest_model(rest, now))
 
@@ -470,7 +470,7 @@ def _rest_model(rest: Rest, now: Fitted, chosen: slice = slice(None)) -> F8:
 
 
 def _by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
-    """Derivatives of `_rest_left` by the shared unknowns: G x K x M."""
+    """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
     model, owners = _rest_model(rest, now), _owners(now, names)
     before, by = _rest_less(rest, model), np.zeros((len(owners), *model.shape))
     for j, (name, led) in enumerate(owners):
@@ -539,7 +539,7 @@ def _cost(problem: _Problem, now: Fitted) -> float:
     left = _weighted(balls, predicted(balls, now) - balls.light)
     total += problem.each * huber(left / scale)
     if rest is not None:
-        total += huber(_rest_left(rest, now) / certain)
+        total += huber(rest_left(rest, now) / certain)
     total += float(now.leds[:, 3].mean() ** 2)
     total += sum(away**2 for away, _ in _albedos(now, names))
     return total + sum((away / sure) ** 2 for _, away, sure in _priors(now, names, width_mm))
@@ -560,7 +560,7 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
-        there, by_rest = _rest_left(rest, now), _by_rest(rest, now, names)
+        there, by_rest = rest_left(rest, now), _by_rest(rest, now, names)
         flat, firm = by_rest.reshape(len(by), -1), (_robust(there / certain) / certain**2).ravel()
         shared += (flat * firm) @ flat.T
         right -= flat @ (firm * there.ravel())

@@ -8,6 +8,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import F4, U1, Light, Metrics
+from tactograph.nodes.calibrate._verdict import advice_after
 from tactograph.nodes.capture._sheet import SheetLabels, SheetMask, SheetSlope, cut
 from tactograph.nodes.light._near_light import F8
 
@@ -36,7 +37,13 @@ class PressAdvice(NamedTuple):
 
 
 @node
-def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabels) -> PressAdvice:
+def advise_press(
+    flat: Light,
+    slope: SheetSlope,
+    mask: SheetMask,
+    lit: SheetLabels,
+    doubts: list[str] | None = None,
+) -> PressAdvice:
     """Measure how much of the film and of the slopes the presses cover, and name what is missing.
 
     Parameters
@@ -45,6 +52,8 @@ def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabe
         K x H x W; only its size is used.
     slope, mask, lit
         The used presses on a sheet: 2 x S x W, S x W, S x W.
+    doubts
+        What speaks against the calibration, which matters more than further presses.
 
     Returns
     -------
@@ -62,7 +71,7 @@ def advise_press(flat: Light, slope: SheetSlope, mask: SheetMask, lit: SheetLabe
         "film_covered_percent": float(100 * (touched >= TOUCHED).mean()),
         "slopes_covered_percent": float(100 * (np.minimum(steep, STEEP) / STEEP).mean()),
     }
-    return PressAdvice(quality, _advice(presses, touched, steep))
+    return PressAdvice(quality, advice_after(doubts or [], _advice(presses, touched, steep)))
 
 
 def _touched(mask: U1, rows: int) -> F8:

@@ -37,6 +37,7 @@ from tactograph.nodes.calibrate._film_fit import (
     other_places,
     place_balls,
     predicted,
+    rest_left,
     start_at,
 )
 from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
@@ -195,7 +196,7 @@ def fit_film(
         Film(**typed),
         misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
-        quality=errors | _properties(best),
+        quality=errors | _properties(best, trial.rest),
     )
 
 
@@ -382,8 +383,8 @@ def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) ->
     return error < share * before and error < before - NOTICEABLE
 
 
-def _properties(best: _Model) -> Metrics:
-    """Properties of the sensor for which the model has a part."""
+def _properties(best: _Model, rest: Rest | None) -> Metrics:
+    """What is left of the light, and properties of the sensor for which the model has a part."""
     film = best.fitted.film
     said: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
     if film.diffuse.any():
@@ -395,4 +396,8 @@ def _properties(best: _Model) -> Metrics:
         said["film_albedo"], said["film_rim_mm"] = film.albedo, film.rim
     if film.camera > 0:
         said["camera_mm"] = 1 / film.camera
-    return said | {"film_residual_percent": 100 * best.fitted.scale}
+    said["film_residual_percent"] = 100 * best.fitted.scale
+    if rest is not None:
+        left = rest_left(rest, best.fitted)
+        said["flat_residual_percent"] = 100 * float(np.sqrt(np.square(left).mean()))
+    return said

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import Port, node, warn
+from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import (
     F4,
     Albedo,
@@ -19,6 +19,8 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate._light_fit import is_uniform
+from tactograph.nodes.calibrate._verdict import of_heldout_error, verdict_of
+from tactograph.nodes.calibrate.judge_radius import FORCE
 from tactograph.nodes.capture._sheet import SheetLabels, SheetMask
 from tactograph.nodes.light.light_noise import light_noise
 
@@ -33,6 +35,14 @@ FAR = 100.0
 """Widths of the image; no LED of a sensor is farther from its film."""
 BRIGHTEST = 0.94
 """Albedo next to the largest that `fit_film` allows."""
+
+
+class Rating(NamedTuple):
+    """Figures, what speaks against the calibration (a sentence each), and the verdict."""
+
+    quality: Metrics
+    doubts: list[str]
+    verdict: str
 
 
 @node
@@ -50,8 +60,12 @@ def rate_calibration(
     pixel: PixelSize | None = None,
     albedo: Albedo | None = None,
     refraction: Annotated[float, Port(unit="1")] | None = None,
-) -> Metrics:
-    """Return the figures that distinguish a good calibration from a bad one; warn of a bad one.
+    fitted: Metrics | None = None,
+    of_radius: list[str] | None = None,
+    *,
+    force: bool = False,
+) -> Rating:
+    """Return the figures that distinguish a good calibration from a bad one; doubt a bad one.
 
     Parameters
     ----------
@@ -75,18 +89,32 @@ def rate_calibration(
     albedo, refraction
         Of the film, as `fit_film` returns them.  Under a coat the light is no smooth function of
         the slope, and then that raises no warning.
+    fitted, of_radius
+        The figures of `fit_film`, and the doubts of `judge_radius`.
+    force
+        Whether a ball's radius and a pixel size that contradict each other are accepted, with a
+        doubt.
 
     Returns
     -------
-    dict
-        ``entries``; ``steepest_slope`` that the tables cover in every direction;
+    Rating
+        The doubts, each of them also a warning; the verdict, one sentence for people; and the
+        figures: ``entries``; ``steepest_slope`` that the tables cover in every direction;
         ``residual_percent``, the largest of all LEDs; ``spread_percent``;
         ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
         largest of all LEDs; the lowest ``ball_goodness``; and for comparison with the sensor,
         for each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x
         (right) towards y (down), ``distance_mm/led1`` from the middle of the image.
+
+    Raises
+    ------
+    InputError
+        If the ball's radius and the pixel size contradict each other: LEDs at infinity, or a film
+        that returns all light; unless `force` is set.
     """
     count = len(residual)
+    error = (fitted or {}).get("film_heldout_deg")
+    doubts = of_heldout_error(error) + (of_radius or [])
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)
@@ -99,7 +127,7 @@ def rate_calibration(
     is_coated = refraction is not None and refraction != 1
     if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]) and not is_coated:
         is_missing = flat is None or is_uniform(flat)
-        warn(
+        doubts.append(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
             "of the slope: check the ball's radius and the pixel size"
             + (", or give flat=DIR" if is_missing else "")
@@ -111,14 +139,19 @@ def rate_calibration(
         )
     poorest = int(np.argmax(mismatch))
     if mismatch[poorest] > max(POOR_LIGHTS, NOISY * grain[poorest]):
-        warn(
+        doubts.append(
             f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
             "above a matt film: check the order of the images, the ball's radius, its contact and "
             "the pixel size; a film that is glossy departs, too"
         )
-    _warn_of_twins(lights)
+    doubts += _of_twins(lights)
     if pixel is not None and albedo is not None:
-        _warn_of_scale(lights, pixel * mask.shape[1], albedo)
+        contradiction = _of_scale(lights, pixel * mask.shape[1], albedo)
+        if contradiction and not force:
+            raise InputError(contradiction[0] + FORCE)
+        doubts += contradiction
+    for doubt in doubts:
+        warn(doubt)
     known = mask > 0
     rated = {
         "entries": float(len(lut_slope)),
@@ -130,7 +163,9 @@ def rate_calibration(
     }
     if goodness is not None:
         rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
-    return rated | _directions(lights)
+    return Rating(
+        rated | _directions(lights), doubts, verdict_of(doubts, "film_heldout_deg", error)
+    )
 
 
 def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
@@ -141,19 +176,19 @@ def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
     return light_noise(level[:, None, None], level[:, None, None], noise, floor=1e-3)[:, 0, 0]
 
 
-def _warn_of_twins(lights: LightPositions) -> None:
-    """Warn of two LEDs that light the film from the same direction."""
+def _of_twins(lights: LightPositions) -> list[str]:
+    """A doubt if two LEDs light the film from the same direction."""
     away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
     alike = np.triu(away @ away.T > np.cos(np.radians(APART_DEG)), 1)
-    for one, other in np.argwhere(alike)[:1]:
-        warn(
-            f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
-            f"copy of led{one + 1}, or does the same LED flash twice?"
-        )
+    return [
+        f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
+        f"copy of led{one + 1}, or does the same LED flash twice?"
+        for one, other in np.argwhere(alike)[:1]
+    ]
 
 
-def _warn_of_scale(lights: LightPositions, width_mm: float, albedo: float) -> None:
-    """Warn of a film that only a wrong radius of the ball, or pixel size, explains.
+def _of_scale(lights: LightPositions, width_mm: float, albedo: float) -> list[str]:
+    """A doubt if only a wrong radius of the ball, or pixel size, explains the film.
 
     Slopes that are too steep or too flat are made up for by LEDs at infinity, or by a film that
     lights itself.
@@ -161,16 +196,17 @@ def _warn_of_scale(lights: LightPositions, width_mm: float, albedo: float) -> No
     distance = np.linalg.norm(lights, axis=1)
     farthest = int(np.argmax(distance))
     if distance[farthest] > FAR * width_mm:
-        warn(
+        return [
             f"LED {farthest + 1} is found {distance[farthest] / 1000:,.1f} m from the film, more "
             f"than {FAR:.0f} widths of the image: check the ball's radius, the pixel size and the "
             "order of the images"
-        )
-    elif albedo > BRIGHTEST:
-        warn(
+        ]
+    if albedo > BRIGHTEST:
+        return [
             f"the film's albedo is found as {albedo:.2f}, the largest possible: check the "
             "ball's radius and the pixel size"
-        )
+        ]
+    return []
 
 
 def _directions(lights: LightPositions) -> Metrics:

@@ -8,8 +8,9 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node
+from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate._verdict import advice_after, of_heldout_error, verdict_of
 from tactograph.nodes.calibrate.advise_press import REGIONS
 from tactograph.nodes.calibrate.find_presses import Circles
 from tactograph.nodes.calibrate.fit_reflectance_map import (
@@ -33,10 +34,12 @@ STEEP = 0.5
 
 
 class PressRating(NamedTuple):
-    """Figures for programs, and advice for people on what to press next."""
+    """Figures for programs; for people what to press next, what is doubtful, and the verdict."""
 
     quality: Metrics
     advice: str
+    doubts: list[str]
+    verdict: str
 
 
 @node
@@ -49,6 +52,7 @@ def rate_presses(
     rim: Annotated[float, Port(unit="mm")],
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
+    of_radius: list[str] | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     folds: Annotated[int, Interval(ge=2, le=20)] = 5,
@@ -69,6 +73,8 @@ def rate_presses(
         As `fit_reflectance_map` returns them.
     pixel
         mm per px.
+    of_radius
+        The doubts of `judge_press_radius`.
     radius_mm
         The ball's radius.
     folds
@@ -81,8 +87,8 @@ def rate_presses(
         ``heldout_height_um``, root mean square error of the height there without its mean,
         because the height of the ball's rim is unknown; ``heldout_height_percent`` of the
         cap; ``presses`` kept; ``residual_percent``; ``film_covered_percent``;
-        ``steepest_slope``, the median slope at the contacts' rims; ``rim_um``; and one
-        sentence of advice.
+        ``steepest_slope``, the median slope at the contacts' rims; ``rim_um``; one
+        sentence of advice; the doubts, each of them also a warning; and the verdict.
     """
     chosen = np.flatnonzero(kept)
     bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5))
@@ -105,7 +111,12 @@ def rate_presses(
         "steepest_slope": steepest,
         "rim_um": 1e3 * rim,
     }
-    return PressRating(quality, advise(pressed, bench.shape, steepest))
+    doubts = of_heldout_error(float(degrees)) + (of_radius or [])
+    for doubt in doubts:
+        warn(doubt)
+    counting = "heldout_normal_deg", float(degrees)
+    advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
+    return PressRating(quality, advice, doubts, verdict_of(doubts, *counting))
 
 
 def _map_without(bench: Bench, circle: F4, kept: U1, rim: float, held_out: NDArray[np.intp]) -> F8:

@@ -26,8 +26,9 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
+from tactograph.nodes.calibrate._calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, NO_MISFIT
+from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.light._film import matt_film
 
 
@@ -50,11 +51,16 @@ class Calibration(NamedTuple):
     lens: Lens
     misfit: Misfit
     quality: Metrics
+    doubts: list[str]
 
 
 @node
-def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
+def read_calibration(
+    *, file: Path, lights: Lights | None = None, wanted: Wanted = EVERYTHING
+) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
+
+    A warning repeats what made the calibration doubtful.
 
     An old file that lacks the uncertainty of the LED positions is read as if they were exact,
     with a warning where that matters.
@@ -63,15 +69,21 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     ----------
     file
         The calibration.
+    lights
+        How the images that it is used for hold the lights, as for `read_capture`.  None: not
+        known.
 
     Raises
     ------
     InputError
         If the file is missing, damaged, of another version or holds a pickle; if an array is
         missing, empty, misshapen, not finite or outside the range of any sensor; if an LED is
-        not above the film, or no slope follows from the LEDs' light.
+        not above the film, or no slope follows from the LEDs' light; if the calibration was made
+        from lights of another order.
     """
     found = read_arrays(file, CALIBRATION)
+    about = read_about(file)
+    check_use(file, about, lights)
     if "others" not in found:
         found["others"] = np.repeat(found["lights"][None], 8, axis=0)
         if "others" in wanted:
@@ -85,4 +97,5 @@ def read_calibration(*, file: Path, wanted: Wanted = EVERYTHING) -> Calibration:
     found.setdefault("correlation", 1.0)
     film = {name: found.pop(name) for name in Film._fields if name in found}
     matt = matt_film(film["lights"])
-    return Calibration(film=matt._replace(**film), **found, quality=read_quality(file))
+    whole = matt._replace(**film)
+    return Calibration(film=whole, **found, quality=about.quality, doubts=about.doubts)

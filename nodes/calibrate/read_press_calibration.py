@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
-from tactograph.nodes.calibrate._calibration_file import read_arrays, read_quality
+from tactograph.nodes.calibrate._calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.capture.read_presses import read_film
@@ -25,13 +25,16 @@ class PressCalibration(NamedTuple):
     reflectance: ReflectanceMap
     misfit: Misfit
     quality: Metrics
+    doubts: list[str]
 
 
 @node
 def read_press_calibration(
-    *, file: Path, flat: Path | None = None, lights: Lights = "bgr"
+    *, file: Path, flat: Path | None = None, lights: Lights | None = None
 ) -> PressCalibration:
     """Read the ``.npz`` that `write_press_calibration` wrote, without pickle.
+
+    A warning repeats what made the calibration doubtful.
 
     Parameters
     ----------
@@ -40,22 +43,26 @@ def read_press_calibration(
     flat
         A new capture of the untouched film, which replaces the one in the file.
     lights
-        How that capture's images hold the lights, as for `read_capture`.
+        How that capture's images, and those that the calibration is used for, hold the lights,
+        as for `read_capture`.  None: as those of the calibration did.
 
     Raises
     ------
     InputError
         If the file is missing, damaged, of another kind or version, or holds a pickle; if an
         array is missing, misshapen, not finite or out of range; if the new film image has
-        another size.
+        another size; if the calibration was made from lights of another order.
     """
     found = read_arrays(file, PRESS_CALIBRATION)
-    film = found["flat"] if flat is None else _fresh(flat, lights, found["flat"])
+    about = read_about(file)
+    check_use(file, about, lights)
+    order = lights or ("rgb" if about.lights == "rgb" else "bgr")
+    film = found["flat"] if flat is None else _fresh(flat, order, found["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
-    quality = read_quality(file)
+    quality, size, reflectance = about.quality, found["pixel_size"], found["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    return PressCalibration(film, dark, found["pixel_size"], found["reflectance"], misfit, quality)
+    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts)
 
 
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:

@@ -184,8 +184,10 @@ def write_calibration(
     quality: Metrics,
     misfit: Misfit | None = None,
     correlation: NoiseCorrelation | None = None,
+    doubts: list[str] | None = None,
     *,
     file: NewCalibration,
+    sensor: str | None = None,
     provenance: Provenance,
 ) -> None:
     """Write the calibration as one ``.npz``, readable without pickle.
@@ -214,8 +216,13 @@ def write_calibration(
         Errors of the film's model on held-out presses.  None: the model is exact.
     correlation
         Noise correlation of the pixels.  None: their noise is independent.
+    doubts
+        What speaks against the calibration, a sentence each: every graph that uses the file
+        repeats it.
     file
         The file; it is replaced as a whole.
+    sensor
+        The sensor's name, for people.
 
     Raises
     ------
@@ -240,4 +247,5 @@ def write_calibration(
         "lens": lens,
         "misfit": NO_MISFIT if misfit is None else misfit,
     }
-    write_arrays(file, CALIBRATION, arrays, {"quality": quality, "made": provenance})
+    about = {"quality": quality, "doubts": doubts or [], "sensor": sensor, "made": provenance}
+    write_arrays(file, CALIBRATION, arrays, about)

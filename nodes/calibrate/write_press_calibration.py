@@ -42,8 +42,10 @@ def write_press_calibration(
     reflectance: ReflectanceMap,
     quality: Metrics,
     advice: str,
+    doubts: list[str] | None = None,
     *,
     file: NewPressCalibration,
+    sensor: str | None = None,
     provenance: Provenance,
 ) -> None:
     """Write flat, pixel size and reflectance map as one ``.npz``, readable without pickle.
@@ -58,8 +60,13 @@ def write_press_calibration(
         K x 9 x 15.
     quality, advice
         From `rate_presses`.  The file stores them, and a warning repeats advice to press more.
+    doubts
+        What speaks against the calibration, a sentence each: every graph that uses the file
+        repeats it.
     file
         The file; it is replaced as a whole.
+    sensor
+        The sensor's name, for people.
 
     Raises
     ------
@@ -71,7 +78,13 @@ def write_press_calibration(
         file,
         PRESS_CALIBRATION,
         {"flat": flat, "pixel_size": pixel, "reflectance": reflectance},
-        {"quality": quality, "advice": advice, "made": provenance},
+        {
+            "quality": quality,
+            "advice": advice,
+            "doubts": doubts or [],
+            "sensor": sensor,
+            "made": provenance,
+        },
     )
     if advice.startswith("press"):
         warn(advice)

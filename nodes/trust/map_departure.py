@@ -10,7 +10,10 @@ from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, Misfit, Slope
 from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
-from tactograph.nodes.trust.light_departure import Departure, light_error
+from tactograph.nodes.trust.light_departure import Departure
+
+LEAST_MAP_ERROR = 0.006
+"""Of the light: a map of harmonics is coarser than a film's model."""
 
 
 @node(
@@ -42,7 +45,8 @@ def map_departure(
     """
     left = light - mapped_light(slope, height, reflectance)
     freedom = np.float32(len(light) - 2)
-    scale = np.float32(1 / light_error(misfit, 0.0) ** 2) / freedom
+    error = max(float(misfit[2]), LEAST_MAP_ERROR)
+    scale = np.float32(1 / error**2) / freedom
     return np.asarray((left * left).sum(axis=0) * scale, np.float32)
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -67,9 +70,22 @@ def file(tmp_path: Path) -> Path:
     return target
 
 
-def write(target: Path, film: Film = FILM) -> None:
+def write(
+    target: Path, film: Film = FILM, doubts: list[str] | None = None, lights: str | None = None
+) -> None:
     quality = {"entries": 50.0}
-    write_calibration(*ARRAYS, film, NOISE, LENS, quality, file=target, provenance=MADE)
+    write_calibration(
+        *ARRAYS, film, NOISE, LENS, quality, doubts=doubts,
+        file=target, provenance=replace(MADE, given={"lights": lights}),
+    )  # fmt: skip
+
+
+def told_by(file: Path, lights: Literal["leds", "bgr", "rgb"] | None = None) -> list[str]:
+    """The warnings of a graph that uses a calibration."""
+    notes: list[str] = []
+    with collect_warnings(notes):
+        read_calibration(file=file, lights=lights)
+    return notes
 
 
 def change(file: Path, **arrays) -> None:
@@ -172,6 +188,46 @@ def test_units_and_version_are_inside(file: Path) -> None:
     assert about["format"] == 1
     assert about["units"]["pixel_size"] == "mm/px"
     assert about["quality"] == {"entries": 50.0}
+
+
+def test_a_doubtful_calibration_says_so_in_one_line_wherever_it_is_used(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    write(file, doubts=["LED 1 is 1.2 m away", "LEDs 2 and 3 are one"])
+    (note,) = told_by(file)
+    assert note == (
+        f"calibration {file} is doubtful: LED 1 is 1.2 m away (and 1 more doubt); see "
+        f"'tactograph show {file}'"
+    )
+
+
+def test_nothing_is_said_of_a_right_or_an_older_calibration(file: Path) -> None:
+    assert not told_by(file)
+    with np.load(file) as archive:
+        said = json.loads(str(archive["about"]))
+    change(file, about=np.array(json.dumps({n: said[n] for n in ("format", "kind", "units")})))
+    assert not told_by(file, "bgr")
+
+
+def test_lights_of_another_order_are_refused_in_a_line_that_names_both(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    write(file, lights="bgr")
+    with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
+        read_calibration(file=file, lights="rgb")
+    assert not told_by(file, "bgr")
+
+
+def test_an_older_file_used_for_rgb_does_not_say_what_it_was_made_from(file: Path) -> None:
+    (note,) = told_by(file, "rgb")
+    assert "does not say whether it was made with lights=rgb" in note
+
+
+def test_date_and_settings_are_inside(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    write(file, lights="bgr")
+    with np.load(file, allow_pickle=False) as archive:
+        about = json.loads(str(archive["about"]))
+    assert datetime.fromisoformat(about["date"]).tzinfo is not None
+    assert about["made"]["given"] == {"lights": "bgr"}
 
 
 def say(file: Path, **about) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rate_calibration import rate_calibration
@@ -17,14 +21,16 @@ FLAT = np.full((4, 4, 6), 0.5, np.float32)
 
 
 def told(
-    left: F4, lights: F4 = LIGHTS, noise: float = 0.0, flat: F4 = FLAT, **film: float
+    left: F4, lights: F4 = LIGHTS, noise: float = 0.0, flat: F4 = FLAT, **film: Any
 ) -> list[str]:
     notes: list[str] = []
     variance = np.array([0, noise**2], np.float32)
     with collect_warnings(notes):
-        rate_calibration(
+        rated = rate_calibration(
             left, 0.01, SLOPES, MASK, 15 * MASK, lights, left, None, flat, variance, **film
         )  # fmt: skip
+    assert set(rated.doubts) <= set(notes)
+    assert rated.verdict.startswith("doubtful" if rated.doubts else "nothing speaks against it")
     return notes
 
 
@@ -54,15 +60,27 @@ def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
     assert not told(GOOD, pixel=3.0, albedo=0.7)
 
 
-def test_leds_at_infinity_are_blamed_on_the_radius() -> None:
-    (note,) = told(GOOD, LIGHTS * np.float32(1e4), pixel=3.0, albedo=0.0)
+FAR_AWAY = LIGHTS * np.float32(1e4)
+
+
+def test_leds_at_infinity_are_blamed_on_the_radius_and_refused() -> None:
+    with pytest.raises(InputError, match=r"LED 1 is found 800\.0 m from the film.*ball's radius"):
+        told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0)
+
+
+def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> None:
+    with pytest.raises(InputError, match=r"albedo is found as 0\.95.*force=true"):
+        told(GOOD, pixel=3.0, albedo=0.95)
+
+
+def test_what_is_forced_is_doubtful() -> None:
+    (note,) = told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True)
     assert "LED 1 is found 800.0 m from the film" in note
-    assert "ball's radius" in note
 
 
-def test_a_film_that_returns_all_light_is_blamed_on_the_radius() -> None:
-    (note,) = told(GOOD, pixel=3.0, albedo=0.95)
-    assert "albedo is found as 0.95" in note
+def test_a_large_held_out_error_leads() -> None:
+    notes = told(POOR, noise=0.001, fitted={"film_heldout_deg": 25.0})
+    assert "25.0 degrees off" in notes[0]
 
 
 def test_a_coat_may_reflect_as_no_smooth_function_does() -> None:

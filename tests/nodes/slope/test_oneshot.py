@@ -228,6 +228,16 @@ def test_a_fresh_film_stands_for_the_one_inside(file: Path, tmp_path: Path) -> N
     np.testing.assert_allclose(found.flat, 0.6, atol=1e-6)
 
 
+def test_a_calibration_of_the_other_order_of_colours_is_refused(tmp_path: Path) -> None:
+    target = tmp_path / "cal.npz"
+    made = Provenance({}, None, [], {}, {}, [], [], {"lights": "bgr"})
+    reflectance = true_map().astype(np.float32)
+    write_press_calibration(FLAT, PIXEL, reflectance, {}, "", file=target, provenance=made)
+    with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
+        read_press_calibration(file=target, lights="rgb")
+    read_press_calibration(file=target, lights="bgr")
+
+
 @pytest.mark.parametrize(
     ("arrays", "why"),
     [

@@ -1,0 +1,55 @@
+"""What is in the folder of a result."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph import InputError
+from tactograph.nodes.capture._image_files import read_heights
+from tactograph.nodes.show._shown import Shown, figures, origin, section, sentences
+from tactograph.nodes.write._result_pictures import draw_height
+from tactograph.nodes.write.read_pixel_size import read_pixel_size
+
+RESULT = "result.json"
+HEIGHT = "height.npy"
+
+
+def show_result(file: Path) -> Shown:
+    """Return origin, figures and warnings of a ``result.json``, and its height to draw.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or no result.
+    """
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{file}: cannot be read: {error}") from None
+    if not isinstance(found, dict) or not isinstance(found.get("graph"), dict):
+        raise InputError(f"{file}: not a result of this program")
+    metrics = found.get("metrics")
+    numbers = metrics if isinstance(metrics, dict) else {}
+    warnings = sentences(found.get("warnings"))
+    lines = [
+        f"{file}: result",
+        *origin(found),
+        *(section("warnings", warnings) or ["warnings: none"]),
+        *section("figures", figures({n: v for n, v in numbers.items() if _is_number(v)})),
+    ]
+    height = file.parent / HEIGHT
+    return Shown(lines, {"height.png": partial(_draw, height)} if height.is_file() else {})
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and bool(np.isfinite(value))
+
+
+def _draw(height: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    draw_height(read_heights(height), None, read_pixel_size(height=height), target)

@@ -1,0 +1,49 @@
+"""What is shown of a file: lines, and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+
+class Shown(NamedTuple):
+    """Lines to print, and functions that draw a picture into a file of that name."""
+
+    lines: list[str]
+    pictures: Mapping[str, Callable[[Path], None]]
+
+
+def figures(values: Mapping[str, float]) -> list[str]:
+    """Return a line for each figure: counts in full, measurements to four digits."""
+    width = max(map(len, values), default=0)
+    return [
+        f"  {name:<{width}}  {int(v) if float(v).is_integer() else format(v, '.4g')}"
+        for name, v in values.items()
+    ]
+
+
+def section(title: str, lines: Iterable[str]) -> list[str]:
+    """Return a titled section; nothing if it has no lines."""
+    inside = list(lines)
+    return [f"{title}:", *inside] if inside else []
+
+
+def sentences(values: Any) -> list[str]:
+    """Return the strings of what should be a list of them."""
+    found = values if isinstance(values, list) else []
+    return [f"  {value}" for value in found if isinstance(value, str)]
+
+
+def origin(made: Any) -> list[str]:
+    """Return where a file comes from: graph, params and versions of its `Provenance`."""
+    made = made if isinstance(made, dict) else {}
+    graph, given, versions = (
+        part if isinstance(part := made.get(name), dict) else {}
+        for name in ("graph", "given", "versions")
+    )
+    said = [f"{name}={value}" for name, value in given.items() if value is not None]
+    lines = [f"made by: graph {graph['name']} [{graph.get('hash', '')}]"] if "name" in graph else []
+    if "tactograph" in versions:
+        lines[-1:] = [f"{line}, version {versions['tactograph']}" for line in lines[-1:]]
+    return lines + ([f"given: {' '.join(said)}"] if said else [])

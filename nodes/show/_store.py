@@ -1,0 +1,52 @@
+"""What is in a batch's store."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from tactograph.graph import InputError
+from tactograph.graph.batch.entry import DONE, PENDING
+from tactograph.graph.batch.store import open_store
+from tactograph.nodes.show._shown import Shown, section
+
+MOST = 20
+"""Most failures, and most warnings, that are printed."""
+
+
+def show_store(file: Path) -> Shown:
+    """Return how many captures are done, failed or pending, the maps, reasons and warnings.
+
+    Raises
+    ------
+    InputError
+        If there is no store of a batch, or it is damaged.
+    """
+    store = open_store(str(file))
+    if store is None:
+        raise InputError(f"{file}: no store of a batch")
+    names, entries = store.captures, store.read_all()
+    status = Counter(entry.status for entry in entries)
+    failed = len(entries) - status[DONE] - status[PENDING]
+    warned = Counter(warning for entry in entries for warning in entry.warnings)
+    reasons = [
+        f"  {name}: {entry.reason}"
+        for name, entry in zip(names, entries, strict=True)
+        if entry.status not in (DONE, PENDING)
+    ]
+    said = [f"{name}={value}" for name, value in store.job.given.items() if value is not None]
+    lines = [
+        f"{file}: store of a batch by graph {store.job.name} [{store.job.hash}]",
+        f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
+        f"pending {status[PENDING]}",
+        *([f"given: {' '.join(said)}"] if said else []),
+        f"maps: {', '.join(store.job.maps) or 'none'}",
+        *section("failed", _first(reasons)),
+        *section("warnings", _first([f"  {n} x {text}" for text, n in warned.most_common()])),
+    ]
+    return Shown(lines, {})
+
+
+def _first(lines: list[str]) -> list[str]:
+    more = len(lines) - MOST
+    return lines[:MOST] + ([f"  … and {more} more"] if more > 0 else [])

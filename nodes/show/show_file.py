@@ -1,0 +1,57 @@
+"""Print and draw all that is in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tactograph.graph import InputError, node
+from tactograph.nodes.show._calibration import show_calibration
+from tactograph.nodes.show._recording import show_recording
+from tactograph.nodes.show._result import RESULT, show_result
+from tactograph.nodes.show._shown import Shown
+from tactograph.nodes.show._store import show_store
+
+STORE = "zarr.json"
+
+
+@node
+def show_file(*, file: Path, folder: Path | None = None) -> None:
+    """Print what a file holds; draw it, where there is something to draw.
+
+    Parameters
+    ----------
+    file
+        A calibration or a lens (``.npz``), a recording (``.mcap``), a batch's store (``.zarr``),
+        or a result: its folder or its ``result.json``.
+    folder
+        Where the pictures go.  None: none are drawn.
+
+    Raises
+    ------
+    InputError
+        If the file is none of these, or damaged.
+    """
+    shown = _look(file)
+    print("\n".join(shown.lines), flush=True)
+    if folder is None:
+        return
+    for name, draw in shown.pictures.items():
+        draw(folder / name)
+        print(f"drawn: {folder / name}", flush=True)
+
+
+def _look(file: Path) -> Shown:
+    if not file.exists():
+        raise InputError(f"{file}: there is no such file")
+    if file.suffix == ".npz" and file.is_file():
+        return show_calibration(file)
+    if file.suffix == ".mcap" and file.is_file():
+        return show_recording(file)
+    if (file / STORE).is_file():
+        return show_store(file)
+    if file.name == RESULT or (file / RESULT).is_file():
+        return show_result(file if file.is_file() else file / RESULT)
+    raise InputError(
+        f"{file}: nothing that can be shown; give a calibration or a lens (.npz), a recording "
+        "(.mcap), a batch's store (.zarr), or the folder of a result"
+    )

@@ -1,0 +1,115 @@
+"""`tactograph show` prints and draws all that is in a file, and refuses what it does not know."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, Provenance
+from tactograph.graph.batch.entry import DONE, FAILED, Entry
+from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.store import create_store
+from tactograph.graph.command import run_command
+from tactograph.graph.run.result_origin import Origin
+from tactograph.nodes.calibrate.write_camera import write_camera
+from tactograph.nodes.write.write_result import write_result
+from tests.nodes.calibrate.test_calibration_file import write as write_flashed
+from tests.nodes.recording.recordings import LEDS, make_recording
+
+MADE = Provenance(
+    {"name": "toy", "hash": "f00"}, None, [], {}, {"tactograph": "0"}, ["too bright"], [],
+    {"lights": "bgr", "dark": None},
+)  # fmt: skip
+
+
+def shown(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    run_command(["show", *words])
+    return capsys.readouterr().out
+
+
+def test_a_calibration_shows_verdict_settings_values_and_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cal.npz"
+    write_flashed(file, doubts=["LED 1 is 1.2 m away"], lights="bgr")
+    told = shown(capsys, str(file), "--out", str(tmp_path / "drawn"))
+    assert "verdict: doubtful\n  LED 1 is 1.2 m away\n" in told
+    assert "lights=bgr" in told
+    assert "date: 20" in told
+    assert "entries  50" in told
+    assert "pixel_size   0.07  [mm/px]" in told
+    picture = cv2.imread(str(tmp_path / "drawn" / "cal.png"))
+    assert picture is not None
+    assert np.ptp(picture) > 200
+
+
+def test_a_lens_shows_its_numbers_and_grid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, image = tmp_path / "camera.npz", np.zeros((24, 32), np.float32)
+    bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
+    write_camera(image, bent, 0.07, 0.02, {"left_out": 3.0}, file=file, provenance=MADE)
+    told = shown(capsys, str(file), "--out", str(tmp_path))
+    assert told.startswith(f"{file}: camera, format 1\n")
+    assert "lens        0.03 0 0 0 0 0 0 0" in told
+    assert "left_out  3" in told
+    assert (tmp_path / "camera.png").is_file()
+
+
+def test_a_recording_shows_how_long_and_what(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_recording(tmp_path, 3)
+    (file,) = tmp_path.glob("*.mcap")
+    told = shown(capsys, str(file))
+    assert "recording, 0." in told
+    assert all(f"/led{led}/image_raw  3" in told for led in range(1, LEDS + 1))
+
+
+def test_a_store_shows_what_became_of_each_capture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "out.zarr"
+    job = Job("", "toy", "f00", {"lights": None}, {}, "capture", ())
+    store = create_store(str(place), job, Origin({}, {}, ""), 4)
+    store.append(["a", "b", "c"])
+    store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
+    told = shown(capsys, str(place))
+    assert "captures: 3, done 1, failed 1, pending 1" in told
+    assert "  b: all black" in told
+    assert "  1 x too bright" in told
+
+
+def test_a_result_shows_figures_warnings_and_height(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    level, bits = np.zeros((8, 10), np.float32), np.zeros((8, 10), np.uint8)
+    write_result(
+        level, bits, np.ones((4, 8, 10), np.float32), 0.1, {"contacts": 0.0}, "",
+        folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE,
+    )  # fmt: skip
+    told = shown(capsys, str(tmp_path / "out"), "--out", str(tmp_path / "drawn"))
+    assert "made by: graph toy [f00], version 0\ngiven: lights=bgr\n" in told
+    assert "warnings:\n  too bright\n" in told
+    assert "contacts  0" in told
+    assert (tmp_path / "drawn" / "height.png").is_file()
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "cal.npz", "result.json", "frames.mcap", "folder"])
+def test_anything_else_is_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    if file.suffix:
+        file.write_text("something else")
+    else:
+        file.mkdir()
+    with pytest.raises(InputError, match=name) as error:
+        run_command(["show", str(file)])
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no such file"):
+        run_command(["show", str(tmp_path / "cal.npz")])

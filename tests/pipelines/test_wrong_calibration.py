@@ -1,0 +1,61 @@
+"""A wrong calibration is refused; one that is forced is doubtful wherever it is used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.result import Result
+from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced, without_pictures
+
+RIG = "near33"
+
+
+def calibrate(rig: Path, out: Path, **given: object) -> Result:
+    """Calibrate with the diameter of the ball, 14 mm, for its radius."""
+    words = {
+        "capture": str(rig / "calibration"),
+        "flat": str(rig / "flat"),
+        "ball_radius_mm": 14.0,
+        "pixel_size_mm": RIG_PIXEL_MM[rig.name],
+        "out": str(out),
+        **given,
+    }
+    (result,) = open_pipeline(without_pictures(read_graph("calibrate")), words).items()
+    return result
+
+
+def reconstruct(rig: Path, calibration: str, **given: object) -> Result:
+    words = {"capture": str(rig / "sphere_film"), "calibration": calibration, **given}
+    (result,) = open_pipeline(read_graph("reconstruct"), words, sinks=False).items()
+    return result
+
+
+def test_a_diameter_typed_as_radius_writes_no_file(raytraced: Raytraced, tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    with pytest.raises(InputError, match="a ball of 7 mm radius explains the light better"):
+        calibrate(raytraced / RIG, file)
+    assert not file.exists()
+
+
+def test_a_forced_calibration_is_doubtful_and_repeats_it_at_use(
+    raytraced: Raytraced, tmp_path: Path
+) -> None:
+    file = tmp_path / "cal.npz"
+    made = calibrate(raytraced / RIG, file, force=True, led_distance_mm=55.0)
+    assert made.outputs["verdict"].startswith("doubtful: a ball of 7 mm radius")
+    assert made.outputs["advice"].startswith("settle first what is doubtful")
+    assert any("a ball_radius_mm of 7 would agree" in warning for warning in made.warnings)
+    used = reconstruct(raytraced / RIG, str(file))
+    assert [w for w in used.warnings if w.startswith(f"calibration {file} is doubtful")]
+
+
+def test_a_right_calibration_is_used_without_a_word(
+    raytraced: Raytraced, calibration: Calibration
+) -> None:
+    used = reconstruct(raytraced / RIG, calibration(RIG))
+    assert not any("doubtful" in warning for warning in used.warnings)
