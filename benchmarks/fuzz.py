@@ -35,8 +35,8 @@ from tactograph.graph import Provenance, Session
 from tactograph.graph.command import main as tactograph
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.live._frames import RawFrame
 from tactograph.nodes.recording.record import record
+from tactograph.nodes.stream.frames import RawFrame
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 LONGEST_S = 60.0

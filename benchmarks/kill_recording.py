@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Provenance, Session
-from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.recording._mcap_log import log_files, need_mcap
-from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.files.mcap_log import log_files, need_mcap
+from tactograph.nodes.files.mcap_read import McapFile
 from tactograph.nodes.recording._ros import read_image
 from tactograph.nodes.recording.record import record
+from tactograph.nodes.stream.frames import RawFrame
 
 LEDS = 4
 NOBODY = Provenance({}, None, [], {}, {}, [], [])

@@ -14,9 +14,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._match_frames import Matcher
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor
+from tactograph.nodes.stream.led_in_frame import make_film
 
 Made = TypeVar("Made")
 RATE, FRAMES = 60.0, 480

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import Provenance, Session
-from tactograph.nodes.live._frames import RawFrame
+from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.live.live_statistics import resident_mib
-from tactograph.nodes.recording._mcap_log import log_files
 from tactograph.nodes.recording.record import record
+from tactograph.nodes.stream.frames import RawFrame
 
 SIZE = (480, 640)
 LEDS = 4

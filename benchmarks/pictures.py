@@ -26,7 +26,7 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tactograph.nodes.write._led_colours import LED_COLOURS
+from tactograph.nodes.drawing.led_colours import LED_COLOURS
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM = 1 / 14

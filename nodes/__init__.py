@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import Port
 
+FUNCTION_ROOMS = ("drawing", "files", "optics", "stream")
+"""Rooms of plain functions that nodes share; they hold no node."""
+
 F4 = NDArray[np.float32]
 I4 = NDArray[np.int32]
 U1 = NDArray[np.uint8]
@@ -55,7 +58,7 @@ LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight sets of LED positions sampled from the calibration's uncertainty.  The mean square of
 their effect is the variance it causes."""
 Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
-"""(k1, k2, cx, cy, a, b, gx, gy): the lens's departure from an even grid, see `light._lens`;
+"""(k1, k2, cx, cy, a, b, gx, gy): the lens's departure from an even grid, see `optics.lens`;
 all zero for an ideal lens."""
 Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model beyond camera noise, as a share of the light."""
@@ -101,7 +104,7 @@ class KnownSlopes(NamedTuple):
 
 
 class Film(NamedTuple):
-    """LEDs, film and camera: everything that relates light to the surface (`light/_film`)."""
+    """LEDs, film and camera: everything that relates light to the surface (`optics/film`)."""
 
     lights: LightPositions
     others: LightPlaces

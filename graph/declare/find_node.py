@@ -27,7 +27,8 @@ GROUP = "tactograph.nodes"
 @cache
 def builtin_rooms() -> Mapping[str, str]:
     """The room of every built-in node, by the node's name; from their file names alone."""
-    rooms = [m.name for m in pkgutil.iter_modules(tactograph.nodes.__path__) if m.ispkg]
+    packages = [m.name for m in pkgutil.iter_modules(tactograph.nodes.__path__) if m.ispkg]
+    rooms = [room for room in packages if room not in tactograph.nodes.FUNCTION_ROOMS]
     folders = {room: [str(Path(p) / room) for p in tactograph.nodes.__path__] for room in rooms}
     found = {m.name: room for room, where in folders.items() for m in pkgutil.iter_modules(where)}
     return {name: found[name] for name in sorted(found) if not name.startswith("_")}

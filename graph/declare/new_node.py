@@ -11,6 +11,7 @@ import jinja2
 from tactograph.graph.declare.find_node import GROUP, node_names
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.nodes import FUNCTION_ROOMS
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -32,7 +33,8 @@ def write_into_project(place: str, root: Path) -> list[Path]:
             "package of your own"
         )
     room, _, name = place.rpartition("/")
-    rooms = sorted(p.parent.name for p in root.glob("nodes/*/__init__.py"))
+    packages = sorted(p.parent.name for p in root.glob("nodes/*/__init__.py"))
+    rooms = [room for room in packages if room not in FUNCTION_ROOMS]
     if room not in rooms:
         raise InputError(f"new-node {place}: say ROOM/{name}, with a room of {', '.join(rooms)}")
     return _write(

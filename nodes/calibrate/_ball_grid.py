@@ -18,7 +18,7 @@ from scipy.ndimage import maximum_filter
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, fit, predicted, start_at
 from tactograph.nodes.calibrate._light_fit import Rest
-from tactograph.nodes.light._near_light import F8, places
+from tactograph.nodes.optics.near_light import F8, places
 
 FINE = 6.0
 """Radius in px of a ball in the reduced image that is searched."""

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted
-from tactograph.nodes.light._film import rest_below, turned
-from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.optics.film import rest_below, turned
+from tactograph.nodes.optics.near_light import F8
 
 STEPS = 4
 """Iterations for a normal, which start from the ball's own."""

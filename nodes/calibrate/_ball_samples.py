@@ -11,12 +11,12 @@ from tactograph.nodes import F4, U1, Film
 from tactograph.nodes.calibrate._contact_edge import FARTHEST, contact_edge
 from tactograph.nodes.calibrate._film_fit import COUNTED, FAINT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.level_touches import DEGREE, ROUGH
-from tactograph.nodes.capture._sheet import cut
-from tactograph.nodes.light._near_light import F8, places
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.sheet import cut
 
 INNER = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
@@ -84,7 +84,7 @@ def sample_balls(
     Parameters
     ----------
     light
-        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W, the film at rest.
     circle, radius, of

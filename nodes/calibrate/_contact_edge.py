@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import Film
 from tactograph.nodes.calibrate._film_fit import FAINT, ball_height
-from tactograph.nodes.light._film import predict
-from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.near_light import F8
 
 NEAREST, FARTHEST = 0.8, 1.25
 """Radii between which the edge is searched for, relative to the known one."""

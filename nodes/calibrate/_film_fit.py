@@ -28,7 +28,7 @@ from tactograph.nodes.calibrate._light_fit import (
     huber,
     places_within,
 )
-from tactograph.nodes.light._film import (
+from tactograph.nodes.optics.film import (
     FADE,
     GRAZING,
     USUAL_RIM,

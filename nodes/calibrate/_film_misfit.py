@@ -11,9 +11,9 @@ from scipy.special import ndtri, stdtrit
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._ball_normals import ball_normals
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, predicted
-from tactograph.nodes.light._film import direct_share, predict, touch_gain, turned
-from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.light.touch_misfit import brighter
+from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
+from tactograph.nodes.optics.near_light import F8
 
 NEAREST_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""

@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate._light_fit import rest_of
-from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.optics.near_light import F8
 
 ALIKE = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""

@@ -20,8 +20,8 @@ from scipy.linalg import hadamard
 from scipy.ndimage import binary_erosion, map_coordinates
 
 from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
-from tactograph.nodes.capture._sheet import cut
-from tactograph.nodes.light._near_light import F8, places
+from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.sheet import cut
 
 BLOCKS = 32
 """Number of square blocks along the image in which the (smooth) flat frame is averaged."""

@@ -9,8 +9,8 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import F4, U1, Light, Metrics
 from tactograph.nodes.calibrate._verdict import advice_after
-from tactograph.nodes.capture._sheet import SheetLabels, SheetMask, SheetSlope, cut
-from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
 REGIONS = (
     ("at the upper left", "at the top", "at the upper right"),

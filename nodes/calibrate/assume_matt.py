@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from tactograph.graph import node
 from tactograph.nodes import Film, LightPlaces, LightPositions
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
 
 
 @node
 def assume_matt(lights: LightPositions, others: LightPlaces) -> Film:
-    """Return the film of equation N1 (`light/_near_light`): matt, seen from far away.
+    """Return the film of equation N1 (`optics/near_light`): matt, seen from far away.
 
     Parameters
     ----------

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
-from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 ENOUGH_PX = 16.0
 """Smallest radius of a ball in px after binning."""
@@ -50,7 +50,7 @@ def bin_presses(
     Parameters
     ----------
     image
-        K x S x W, the presses as captured, on a sheet (`_sheet`).
+        K x S x W, the presses as captured, on a sheet (`sheet`).
     flat, dark
         K x H x W and H x W.
     pixel

@@ -21,7 +21,7 @@ from tactograph.nodes.calibrate._light_fit import (
     spread_of,
     unreached,
 )
-from tactograph.nodes.capture._sheet import (
+from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,
     SheetLight,
@@ -55,7 +55,7 @@ def calibrate_lights(
     """Fit the LEDs' positions to the light of known shapes and to the fall-off over the film.
 
     Robust least squares (Huber) combines two kinds of evidence.  On the object, the light
-    relative to the film at rest is n.v (`_near_light`, N1).  On the film at rest, each LED's
+    relative to the film at rest is n.v (`near_light`, N1).  On the film at rest, each LED's
     light falls off as L_z / |L - P_0|^3, up to a gain common to all LEDs.  An LED is described
     by a strength and by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant LED.
     The fit also refines the positions of the objects.
@@ -64,7 +64,7 @@ def calibrate_lights(
     ----------
     light
         K x S x W, the object relative to the film at rest: one capture, or a sheet of
-        several (`_sheet`).
+        several (`sheet`).
     flat
         K x H x W, the film at rest.  A uniform one means that none was taken: then the
         positions come from the object alone, and `light` is the light as captured.

@@ -8,8 +8,8 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Film, LutLight, LutLit, LutSlope
-from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope
-from tactograph.nodes.light._film import predict
+from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope
 
 DARKEST = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
@@ -30,7 +30,7 @@ def carry_tables(
 ) -> TablePixels:
     """Return the tables' pixels with the light that their slopes have on the new film.
 
-    The light of each pixel is multiplied by the ratio of both films' predictions (`light/_film`,
+    The light of each pixel is multiplied by the ratio of both films' predictions (`optics/film`,
     equation F1) for its slope in the middle of the film.  So the residual of the old model is
     kept.
 

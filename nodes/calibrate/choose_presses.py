@@ -25,7 +25,8 @@ from tactograph.nodes.calibrate._light_fit import (
     shift_of,
     unreached,
 )
-from tactograph.nodes.capture._sheet import (
+from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,
     SheetLight,
@@ -33,7 +34,6 @@ from tactograph.nodes.capture._sheet import (
     SheetSlope,
     cut,
 )
-from tactograph.nodes.light._near_light import F8
 
 FULL = 0.998
 """Captured light that counts as saturated."""

@@ -10,8 +10,8 @@ from numpy.polynomial.chebyshev import chebvander
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture._sheet import SheetLight, cut
-from tactograph.nodes.light._block_sums import block_sums
+from tactograph.nodes.optics.block_sums import block_sums
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
 """Standard deviations of the Gaussians that separate the bands of detail."""
@@ -43,7 +43,7 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
     flat
         K x H x W, the film at rest; a uniform one is returned unchanged.
     image
-        K x S x W, the presses as captured, on a sheet (`_sheet`).
+        K x S x W, the presses as captured, on a sheet (`sheet`).
 
     Returns
     -------

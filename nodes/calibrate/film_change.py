@@ -13,8 +13,8 @@ from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, PixelSize
 from tactograph.nodes.calibrate._led_order import other_order
 from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.light.film_drift import terms
+from tactograph.nodes.optics.near_light import F8
 
 DARKEST = 0.02
 """Light of the flat frame below which a pixel is not used."""

@@ -9,8 +9,8 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import F4, Film, Light, PixelSize
 from tactograph.nodes.calibrate.film_change import TiltResponse
-from tactograph.nodes.light._film import predict
-from tactograph.nodes.light._near_light import places
+from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.near_light import places
 
 TILT = 0.02
 """Step of the slope for the central differences."""
@@ -20,7 +20,7 @@ TILT = 0.02
 def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
     """Return the derivative of each LED's light with respect to slope, on the film at rest.
 
-    From equation F1 (`light/_film`), by central differences at height 0.
+    From equation F1 (`optics/film`), by central differences at height 0.
 
     Parameters
     ----------

@@ -24,8 +24,8 @@ from tactograph.nodes.calibrate._light_fit import (
     unreached,
 )
 from tactograph.nodes.calibrate.label_lit import label_lit
-from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 NEGLIGIBLE = 0.01
 """Ambient light, relative to the film at rest, too weak to tell from an imperfect ball."""
@@ -76,7 +76,7 @@ def find_ambient(
     Parameters
     ----------
     image
-        K x S x W, the presses as captured, on a sheet (`_sheet`).
+        K x S x W, the presses as captured, on a sheet (`sheet`).
     flat, dark
         K x H x W and H x W, as `read_flat` returns them.  If the flat frame is uniform, because
         none was taken, nothing is estimated.

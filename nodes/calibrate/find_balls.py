@@ -12,8 +12,8 @@ from tactograph.nodes import F4, I4, Light, PixelSize
 from tactograph.nodes.calibrate._ball_grid import find_grid
 from tactograph.nodes.calibrate._light_fit import rest_of
 from tactograph.nodes.calibrate.find_ball import Ball, find_ball
-from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 BallCircles = Annotated[F4, Port("B 3", "px")]
 """x, y and contact radius of every ball."""

@@ -43,10 +43,10 @@ from tactograph.nodes.calibrate._film_fit import (
 from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.capture._sheet import SheetLight, SheetMask
-from tactograph.nodes.light._film import FilmPart, matt_film
-from tactograph.nodes.light._radiosity import cell_grid
 from tactograph.nodes.light.film_bounce import CELLS
+from tactograph.nodes.optics.film import FilmPart, matt_film
+from tactograph.nodes.optics.radiosity import cell_grid
+from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
 SURELY = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
@@ -104,7 +104,7 @@ def fit_film(
     shift_px: Annotated[float, Gt(0)] = 0.5,
     without: tuple[FilmPart, ...] = (),
 ) -> FilmFit:
-    """Fit equation F1 (`light/_film`) to balls, with those of its parts that the presses support.
+    """Fit equation F1 (`optics/film`) to balls, with those of its parts that the presses support.
 
     The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
@@ -116,7 +116,7 @@ def fit_film(
     Parameters
     ----------
     light
-        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W, the film at rest; uniform where there was none.
     circle, radius, of

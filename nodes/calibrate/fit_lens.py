@@ -14,7 +14,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Lens, Metrics, PixelSize
 from tactograph.nodes.calibrate.find_grid import GridMarks
 from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.light._lens import TERMS, half_diagonal, seen_offset
+from tactograph.nodes.optics.lens import TERMS, half_diagonal, seen_offset
 
 POSE = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -51,7 +51,7 @@ def fit_lens(
     pitch_mm: Annotated[float, Gt(0)],
     camera_mm: Annotated[float, Gt(0)] | None = None,
 ) -> LensFit:
-    """Fit scale, tilt and radial distortion (L1 and L2 of `_lens`) to the marks of a grid.
+    """Fit scale, tilt and radial distortion (L1 and L2 of `lens`) to the marks of a grid.
 
     The candidates are lenses with and without tilt, and with no distortion or with k1, its
     centre and k2.  The one with the lowest Bayesian information criterion is taken, so that a

@@ -17,7 +17,7 @@ from tactograph.nodes.height.rest_at_border import rest_at_border
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.coarsen_pixel import coarsen_pixel
 from tactograph.nodes.light.smooth_light import smooth_light
-from tactograph.nodes.slope._reflectance_map import (
+from tactograph.nodes.optics.reflectance_map import (
     DEGREE,
     F8,
     RIDGE,
@@ -85,7 +85,7 @@ def fit_reflectance_map(
     rounds: Annotated[int, Interval(ge=1, le=50)] = 5,
     degree: Annotated[int, Interval(ge=0, le=4)] | None = None,
 ) -> MapFit:
-    """Fit the coefficients of equation M1 (`_reflectance_map`) to the presses.
+    """Fit the coefficients of equation M1 (`reflectance_map`) to the presses.
 
     Robust least squares over the contacts, where the ball gives slope and height, alternates
     with moving each circle's centre to where the map explains its press best.  A press that

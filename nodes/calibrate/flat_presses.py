@@ -6,8 +6,8 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Dark, Light
-from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
 @node(neutral="image")

@@ -31,7 +31,9 @@ from tactograph.nodes.calibrate._light_fit import (
 )
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.rate_presses import judge_contact
-from tactograph.nodes.capture._sheet import (
+from tactograph.nodes.height.integrate_dct import integrate_dct
+from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,
     SheetLight,
@@ -39,8 +41,6 @@ from tactograph.nodes.capture._sheet import (
     SheetSlope,
     cut,
 )
-from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.shadow.label_lights import label_lights
 
 

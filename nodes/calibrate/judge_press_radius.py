@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.judge_radius import (
     try_radii,
 )
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
 
 JUDGED = 12
 """Most presses that are looked at."""

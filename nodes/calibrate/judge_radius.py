@@ -23,8 +23,8 @@ from tactograph.nodes.calibrate._ball_samples import sample_balls
 from tactograph.nodes.calibrate._film_fit import Balls, Fitted, fit, rest_left, start_at
 from tactograph.nodes.calibrate._light_fit import Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.capture._sheet import SheetLight
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.optics.sheet import SheetLight
 
 FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""

@@ -11,7 +11,7 @@ from tactograph.graph import node
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.calibrate.ball_slopes import ball_slopes
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
+from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 
 class KnownBalls(NamedTuple):
@@ -33,7 +33,7 @@ def known_balls(
     *,
     margin_px: Annotated[float, Ge(0)] = 0.5,
 ) -> KnownBalls:
-    """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`_sheet`).
+    """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`sheet`).
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes.capture._sheet import SheetMask
+from tactograph.nodes.optics.sheet import SheetMask
 
 
 @node(neutral="mask")

@@ -9,11 +9,11 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Light, Noise
-from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
 from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 DEGREE, ROUGH = 2, 0.01
 """Degree of the polynomial drift of the film at rest, and roughness of the film."""
@@ -37,7 +37,7 @@ def level_touches(
     Parameters
     ----------
     light
-        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W, the film at rest.
     noise

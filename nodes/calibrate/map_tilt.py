@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import Light
 from tactograph.nodes.calibrate.film_change import TiltResponse
-from tactograph.nodes.slope._reflectance_map import terms
+from tactograph.nodes.optics.reflectance_map import terms
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 X, Y, XZ, YZ = 0, 1, 4, 5
@@ -18,7 +18,7 @@ X, Y, XZ, YZ = 0, 1, 4, 5
 def map_tilt(flat: Light, reflectance: ReflectanceMap) -> TiltResponse:
     """Return the derivative of each light with respect to slope, on the film at rest.
 
-    From equation M1 (`_reflectance_map`) with the normal (-p, -q, 1): -(c_x + c_xz) and
+    From equation M1 (`reflectance_map`) with the normal (-p, -q, 1): -(c_x + c_xz) and
     -(c_y + c_yz).
 
     Parameters

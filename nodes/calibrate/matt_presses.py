@@ -6,9 +6,9 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Film, Light, PixelSize
-from tactograph.nodes.capture._sheet import SheetHeight, SheetLight, SheetSlope, cut
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.light.matt_light import matt_light
+from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetSlope, cut
 
 
 @node
@@ -25,7 +25,7 @@ def matt_presses(
     Parameters
     ----------
     light
-        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W; only its size is used.
     slope, height

@@ -11,10 +11,10 @@ from tactograph.graph import node
 from tactograph.nodes import F4, Grain, Light, Noise, NoiseCorrelation
 from tactograph.nodes.calibrate._immerkaer import responses, variances
 from tactograph.nodes.calibrate.estimate_noise import LEVELS
-from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 TILE = 32
 """Pixels along the side of a tile of film."""
@@ -48,7 +48,7 @@ def noise_correlation(
     Parameters
     ----------
     image
-        K x S x W, as captured: one capture, or presses on a sheet (`_sheet`).
+        K x S x W, as captured: one capture, or presses on a sheet (`sheet`).
     flat
         K x H x W, the film at rest.
     noise

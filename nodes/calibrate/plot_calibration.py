@@ -25,7 +25,7 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate._new_picture import BesidePicture, write_picture
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
 from tactograph.nodes.calibrate.fit_reflectance import harmonics
-from tactograph.nodes.capture._sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
+from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 TOGETHER = 6

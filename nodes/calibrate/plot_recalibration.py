@@ -13,7 +13,7 @@ from tactograph.nodes import F4, Height, Light, Metrics
 from tactograph.nodes.calibrate._film_pictures import draw_films, draw_light
 from tactograph.nodes.calibrate._new_picture import BesidePicture, write_picture
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
-from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 ORANGE = "#ffb000"
 TOGETHER = 5

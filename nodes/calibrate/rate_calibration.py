@@ -21,8 +21,8 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate._light_fit import is_uniform
 from tactograph.nodes.calibrate._verdict import of_heldout_error, verdict_of
 from tactograph.nodes.calibrate.judge_radius import FORCE
-from tactograph.nodes.capture._sheet import SheetLabels, SheetMask
 from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
 POOR_RESIDUAL = 0.05
 NARROW = 0.5

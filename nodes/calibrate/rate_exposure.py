@@ -8,7 +8,7 @@ from tactograph.graph import node, warn
 from tactograph.nodes import F4, Light, Metrics
 from tactograph.nodes.calibrate._light_fit import is_uniform
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress
-from tactograph.nodes.capture._sheet import SheetLight, cut
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SKIRT = 1.5
 """Film within so many contact radii of a ball is lifted, and shaded by its slope."""
@@ -42,7 +42,7 @@ def rate_exposure(
     Parameters
     ----------
     light
-        K x S x W, the presses relative to the film at rest, on a sheet (`_sheet`).
+        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W, the film at rest.
     taken

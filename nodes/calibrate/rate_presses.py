@@ -22,7 +22,7 @@ from tactograph.nodes.calibrate.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.slope._reflectance_map import F8, ball_shape
+from tactograph.nodes.optics.reflectance_map import F8, ball_shape
 
 JUDGED = 0.9
 """Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""

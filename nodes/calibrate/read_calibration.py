@@ -26,10 +26,10 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate._calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, NO_MISFIT
-from tactograph.nodes.capture._image_files import Lights
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
+from tactograph.nodes.files.image_files import Lights
+from tactograph.nodes.optics.film import matt_film
 
 
 class Calibration(NamedTuple):

@@ -8,8 +8,8 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light
-from tactograph.nodes.capture._image_files import Crop, Leds, Lights
 from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
+from tactograph.nodes.files.image_files import Crop, Leds, Lights
 
 ANY_BALL = 1e3
 """Radius in mm that stands for no ball; so large that it limits nothing."""

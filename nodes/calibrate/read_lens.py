@@ -8,8 +8,8 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
-from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_camera import CAMERA
+from tactograph.nodes.files.calibration_file import read_arrays
 
 
 @node

@@ -9,10 +9,10 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
-from tactograph.nodes.calibrate._calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.capture._image_files import Lights
 from tactograph.nodes.capture.read_presses import read_film
+from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
+from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 

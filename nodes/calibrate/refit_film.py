@@ -25,9 +25,9 @@ from tactograph.nodes.calibrate._film_fit import FAINT, LIFT, Balls, Fitted, pre
 from tactograph.nodes.calibrate._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate._light_fit import HUBER, LIFT_MM, SPREAD, Rest, rest_of
 from tactograph.nodes.calibrate.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.capture._sheet import SheetLight
-from tactograph.nodes.light._film import rest_light
-from tactograph.nodes.light._near_light import F8
+from tactograph.nodes.optics.film import rest_light
+from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.optics.sheet import SheetLight
 
 FOLDS = 4
 """Number of folds, each of which holds out a quarter of the check press."""

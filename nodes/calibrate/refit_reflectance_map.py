@@ -21,7 +21,7 @@ from tactograph.nodes.calibrate.fit_reflectance_map import (
 )
 from tactograph.nodes.calibrate.rate_presses import judge_contact
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.slope._reflectance_map import (
+from tactograph.nodes.optics.reflectance_map import (
     DEGREE,
     F8,
     SHADES,

@@ -9,7 +9,7 @@ import numpy as np
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Light, LightPositions, PixelSize
 from tactograph.nodes.calibrate._light_fit import is_uniform
-from tactograph.nodes.light._near_light import places
+from tactograph.nodes.optics.near_light import places
 
 
 @node

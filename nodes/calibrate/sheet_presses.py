@@ -8,12 +8,12 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes.calibrate.find_balls import BallPress
-from tactograph.nodes.capture._sheet import SheetLight
 from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.optics.sheet import SheetLight
 
 
 class Sheet(NamedTuple):
-    """Presses on a sheet (`_sheet`), and the press that each of their balls is in."""
+    """Presses on a sheet (`sheet`), and the press that each of their balls is in."""
 
     image: SheetLight
     of: BallPress

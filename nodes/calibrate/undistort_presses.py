@@ -8,10 +8,10 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Lens, Light
-from tactograph.nodes.capture._sheet import SheetLight, cut
 from tactograph.nodes.capture.read_balls import KnownCircles
-from tactograph.nodes.light._lens import half_diagonal, ideal_offset, is_straight
 from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, is_straight
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
 class IdealPresses(NamedTuple):

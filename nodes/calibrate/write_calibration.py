@@ -30,7 +30,7 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, free_for, write_arrays
+from tactograph.nodes.files.calibration_file import FileKind, Stored, free_for, write_arrays
 
 NEAREST = 1e-3
 """Height in mm of the lowest LED that a sensor can have."""

@@ -11,8 +11,8 @@ from pydantic import AfterValidator
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import Lens, Metrics, PixelSize
-from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, free_for, write_arrays
 from tactograph.nodes.capture.read_grey import GreyImage
+from tactograph.nodes.files.calibration_file import FileKind, Stored, free_for, write_arrays
 
 CAMERA = FileKind(
     "camera",

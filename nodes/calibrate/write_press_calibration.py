@@ -10,8 +10,8 @@ from pydantic import AfterValidator
 
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Metrics, PixelSize
-from tactograph.nodes.calibrate._calibration_file import FileKind, Stored, free_for, write_arrays
-from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
+from tactograph.nodes.files.calibration_file import FileKind, Stored, free_for, write_arrays
+from tactograph.nodes.optics.reflectance_map import SHADES, TERMS
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 PRESS_CALIBRATION = FileKind(

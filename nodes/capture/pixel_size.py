@@ -9,9 +9,9 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.calibrate._calibration_file import read_arrays
 from tactograph.nodes.calibrate.write_camera import CAMERA
-from tactograph.nodes.live._sensor_preset import read_preset
+from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.files.sensor_preset import read_preset
 
 APART = 0.005
 """Relative difference from the camera's file above which a stated size raises a warning."""

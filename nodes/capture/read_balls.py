@@ -10,9 +10,9 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture._image_files import Crop, Leds, Lights, lights_of
-from tactograph.nodes.capture._sheet import SheetLight
 from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
+from tactograph.nodes.files.image_files import Crop, Leds, Lights, lights_of
+from tactograph.nodes.optics.sheet import SheetLight
 
 Millimetres = Annotated[float, Gt(0)]
 Radii = Annotated[F4, Port("P", "mm", low=1, high=3)]
@@ -62,7 +62,7 @@ def read_balls(
     Returns
     -------
     BallPresses
-        Images K x S x W on a sheet (`_sheet`), the first press K x H x W, radii of length
+        Images K x S x W on a sheet (`sheet`), the first press K x H x W, radii of length
         P in mm, known circles P x 3 in px, the names of the P folders.
 
     Raises

@@ -11,8 +11,9 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.calibrate._calibration_file import dark_led
-from tactograph.nodes.capture._image_files import (
+from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
+from tactograph.nodes.files.calibration_file import dark_led
+from tactograph.nodes.files.image_files import (
     Crop,
     Leds,
     Lights,
@@ -21,7 +22,6 @@ from tactograph.nodes.capture._image_files import (
     lights_of,
     read_image,
 )
-from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
 
 
 class Flat(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4
-from tactograph.nodes.capture._image_files import Crop, cropped, grey, read_image
+from tactograph.nodes.files.image_files import Crop, cropped, grey, read_image
 
 GreyImage = Annotated[F4, Port("H W", "1")]
 """One image as a fraction of full scale."""

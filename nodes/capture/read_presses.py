@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture._image_files import channels, normalised, read_image
 from tactograph.nodes.capture.read_capture import Layout, read_capture, read_images
+from tactograph.nodes.files.image_files import channels, normalised, read_image
 
 PressImages = Annotated[F4, Port("P K H W", "1")]
 """P captures of K lights, each as a fraction of full scale."""

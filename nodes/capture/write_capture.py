@@ -12,7 +12,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
-from tactograph.nodes.capture._image_files import write_image
+from tactograph.nodes.files.image_files import write_image
 
 
 @node

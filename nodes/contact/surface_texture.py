@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node, warn
 from tactograph.nodes import Contacts, Height, Metrics, PixelSize
-from tactograph.nodes.contact._areal_surface import areal_surface
+from tactograph.nodes.files.areal_surface import areal_surface
 
 POINTS_PER_TERM = 10
 """Least number of points per term; with fewer the form would fit the surface's texture, too."""

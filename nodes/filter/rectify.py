@@ -12,7 +12,7 @@ from pydantic import AfterValidator
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light, PixelSize
-from tactograph.nodes.light._bicubic import between_pixels
+from tactograph.nodes.optics.bicubic import between_pixels
 
 Corner = tuple[float, float]
 Corners = tuple[Corner, Corner, Corner, Corner]

@@ -21,8 +21,8 @@ from tactograph.nodes.height._random_errors import (
     keys_of,
     wave,
 )
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import (
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
     light_by_place,

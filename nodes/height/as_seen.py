@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, Lens
-from tactograph.nodes.light._bicubic import between_pixels
-from tactograph.nodes.light._lens import ideal_places, is_straight
+from tactograph.nodes.optics.bicubic import between_pixels
+from tactograph.nodes.optics.lens import ideal_places, is_straight
 
 
 @node(
@@ -25,7 +25,7 @@ def as_seen(height: Height, lens: Lens) -> Height:
     height
         H x W in mm on the ideal grid.
     lens
-        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`).
     """
     if is_straight(lens):
         return height

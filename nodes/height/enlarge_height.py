@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseHeight, Height, Light
-from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
+from tactograph.nodes.optics.between_cells import between_cells
+from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 
 
 @node(derived=cells_by("factor"))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tactograph.graph import Close, node
 from tactograph.nodes import HeightError, Lens
-from tactograph.nodes.light._bilinear import bilinear
-from tactograph.nodes.light._lens import ideal_places, is_straight
+from tactograph.nodes.optics.bilinear import bilinear
+from tactograph.nodes.optics.lens import ideal_places, is_straight
 
 
 @node(
@@ -25,7 +25,7 @@ def error_as_seen(error: HeightError, lens: Lens) -> HeightError:
     error
         H x W in mm on the ideal grid.
     lens
-        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`).
     """
     if is_straight(lens):
         return error

@@ -38,7 +38,7 @@ from tactograph.nodes.height._slope_errors import Causes, Unperturbed, slope_err
 from tactograph.nodes.height._springs import Springs, conjugate_gradients, hierarchy
 from tactograph.nodes.height._step_errors import kinks, random_steps, turns, unresolved
 from tactograph.nodes.height.height_system import example_system
-from tactograph.nodes.light._near_light import places
+from tactograph.nodes.optics.near_light import places
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch

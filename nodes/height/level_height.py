@@ -12,7 +12,7 @@ from annotated_types import Interval
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, CoarseLight, Grain, Height
-from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
+from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 
 WINDOW = 5
 """Side in cells over which calm light is averaged."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import F4, CoarseLight, Light
-from tactograph.nodes.light._cell_side import CellSide, cell_side, cells_by
+from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 
 
 @node(derived=cells_by("factor"))
@@ -28,7 +28,7 @@ def coarsen(
     light
         K x H x W.
     factor
-        Side of a cell in pixels; 0 depends on the image (`_cell_side`): 4, or 8 for a large one.
+        Side of a cell in pixels; 0 depends on the image (`cell_side`): 4, or 8 for a large one.
     take
         ``corner`` takes only the first pixel of a cell.  That is far less to read, and enough
         for a quantity that varies as little as the noise level.

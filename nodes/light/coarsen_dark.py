@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseDark, Dark
-from tactograph.nodes.light._cell_side import CellSide, cells_by
 from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.optics.cell_side import CellSide, cells_by
 
 
 @node(derived=cells_by("factor"))

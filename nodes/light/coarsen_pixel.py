@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light, PixelSize
-from tactograph.nodes.light._cell_side import CellSide, cell_side
+from tactograph.nodes.optics.cell_side import CellSide, cell_side
 
 
 @node

@@ -10,9 +10,9 @@ from annotated_types import Interval
 
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
-from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._bounce import bounce, launch_bounce, launch_cells
-from tactograph.nodes.light._radiosity import (
+from tactograph.nodes.optics.between_cells import between_cells
+from tactograph.nodes.optics.bounce import bounce, launch_bounce, launch_cells
+from tactograph.nodes.optics.radiosity import (
     Grid,
     cell_grid,
     cells_of,
@@ -21,7 +21,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import sight
+from tactograph.nodes.optics.sweep import sight
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -51,13 +51,13 @@ def film_bounce(
     r"""Return the part of the light that comes from other places of the film.
 
     The light E_j that the camera sees of a cell includes that of earlier bounces.  So one sum
-    over what a place sees of the film (equation B1, `_sweep`) includes all bounces (radiosity;
+    over what a place sees of the film (equation B1, `sweep`) includes all bounces (radiosity;
     Nayar, Ikeuchi and Kanade 1991).  E_j is the light relative to the film at rest times the
     irradiance of the film at rest, which falls off with the inverse square and the cosine.  The
     result is again relative to the film at rest.  Subtracted from `light`, it leaves what comes
     from the LED.  A flat film does not light itself; `film.rim` mm of flat film surround the
     frame.  Film hidden by nearer film contributes nothing.  A coated film also mirrors light
-    (`_coated_bounce`).
+    (`coated_bounce`).
 
     Where the film is folded, the cells miss light.  Cells twice as large miss more; the
     difference gives a correction (Richardson 1911).

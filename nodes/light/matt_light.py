@@ -9,8 +9,8 @@ from annotated_types import Interval
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._film import (
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.film import (
     direct_share,
     is_affine,
     predict,
@@ -18,7 +18,7 @@ from tactograph.nodes.light._film import (
     touch_gain,
     turned,
 )
-from tactograph.nodes.light._near_light import places, vectors_at
+from tactograph.nodes.optics.near_light import places, vectors_at
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -57,8 +57,8 @@ def matt_light(
 ) -> MattLight:
     """Return the light that a matt film of the same shape would have.
 
-    With F the light that the film model predicts (`_film`, F1) and n.v that of a matt film
-    (`_near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + n.v``.  Unless the light depends on
+    With F the light that the film model predicts (`film`, F1) and n.v that of a matt film
+    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + n.v``.  Unless the light depends on
     the normal as a matt film's does, this needs a normal.  Gauss-Newton steps find it, from
     the expected slope, with the LEDs that light the pixel.  An error of that normal matters
     only as far as F and n.v depend on it differently.  In a shadow, which contains diffused

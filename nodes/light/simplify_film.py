@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph import node
 from tactograph.nodes import Film
-from tactograph.nodes.light._film import FilmPart, matt_film
+from tactograph.nodes.optics.film import FilmPart, matt_film
 
 PARTS: dict[FilmPart, tuple[str, ...]] = {
     "diffuse": ("diffuse", "gain"),
@@ -13,7 +13,7 @@ PARTS: dict[FilmPart, tuple[str, ...]] = {
     "bounce": ("albedo",),
     "camera": ("camera",),
 }
-"""The fields that make up each part of equation F1 (`_film`)."""
+"""The fields that make up each part of equation F1 (`film`)."""
 
 
 @node
@@ -22,7 +22,7 @@ def simplify_film(
     *,
     without: tuple[FilmPart, ...] = (),
 ) -> Film:
-    """Return the film with parts of equation F1 (`light/_film`) switched off.
+    """Return the film with parts of equation F1 (`optics/film`) switched off.
 
     Nothing is refitted, so the result shows what the part contributes.  To see how well a
     model without the part can do, calibrate without it (``--set model.without=diffuse``).

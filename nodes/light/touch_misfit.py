@@ -19,9 +19,9 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.light._block_sums import block_sums
-from tactograph.nodes.light._film import NOISE
-from tactograph.nodes.light._near_light import (
+from tactograph.nodes.optics.block_sums import block_sums
+from tactograph.nodes.optics.film import NOISE
+from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
     places,

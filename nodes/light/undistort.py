@@ -6,8 +6,8 @@ import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Lens, Light
-from tactograph.nodes.light._bicubic import between_pixels
-from tactograph.nodes.light._lens import is_straight, seen_places
+from tactograph.nodes.optics.bicubic import between_pixels
+from tactograph.nodes.optics.lens import is_straight, seen_places
 
 
 @node(
@@ -18,7 +18,7 @@ def undistort(image: Light, lens: Lens) -> Light:
     """Return the images on the ideal grid: square pixels of one size on the film at rest.
 
     The middle of the image stays where it is.  Values between pixels are interpolated by cubic
-    convolution (`_bicubic`).  Ideal pixels that the camera does not see, at the border of an
+    convolution (`bicubic`).  Ideal pixels that the camera does not see, at the border of an
     image with pincushion distortion, repeat the nearest pixel that it sees.  Without a lens the
     images are returned unchanged, bit for bit.
 
@@ -27,7 +27,7 @@ def undistort(image: Light, lens: Lens) -> Light:
     image
         K x H x W, as captured.
     lens
-        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`).
     """
     if is_straight(lens):
         return image

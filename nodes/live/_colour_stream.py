@@ -7,17 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Literal
 
-import cv2
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, Height, Light
+from tactograph.nodes import Height
+from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
-from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import MOST_SATURATED, OFF, RestFilm, cells, top_of
 from tactograph.nodes.live._open_camera import (
     CameraSettings,
     Capture,
@@ -28,13 +25,14 @@ from tactograph.nodes.live._open_camera import (
     open_capture,
 )
 from tactograph.nodes.live._sensor import SIMULATED, START_S
-from tactograph.nodes.live._sensor_preset import SensorPreset
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
 from tactograph.nodes.live._touch_stream import MOST_DIMMED, REOPEN_S, each_touch
+from tactograph.nodes.stream.colour_planes import Order, planes_of
+from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame, Touch
+from tactograph.nodes.stream.led_in_frame import MOST_SATURATED, OFF, RestFilm, cells, top_of
 
-Order = Literal["bgr", "rgb"]
 NAMES = {"b": "blue", "g": "green", "r": "red"}
 SAYS = {
     "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
@@ -249,13 +247,3 @@ class ColourStream:
 
     def _ordered(self, data: Plane) -> Plane:
         return data if self.order == "bgr" else data[..., ::-1]
-
-
-def planes_of(data: Plane | F4, order: Order, top: float = 1.0) -> Light:
-    """The lights of a driver's colour frame (H x W x 3) as 3 x H x W, 0 to 1."""
-    ordered = cv2.split(data) if order == "bgr" else cv2.split(data)[::-1]
-    scale = np.float32(1 / top)
-    image: F4 = np.empty((len(ordered), *data.shape[:2]), np.float32)
-    for plane, into in zip(ordered, image, strict=True):
-        np.multiply(plane, scale, out=into)
-    return image

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from tactograph.graph import warn
 from tactograph.nodes.live._camera import Shot
-from tactograph.nodes.live._frames import LiveState
+from tactograph.nodes.stream.frames import LiveState
 
 LOG = logging.getLogger("tactograph")
 AGAIN_S = 2.0

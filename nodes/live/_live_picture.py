@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from tactograph.nodes import F4, U1, Height, Labels, Light
-from tactograph.nodes.capture._image_files import Lights
-from tactograph.nodes.marker._arrows import draw_arrows
-from tactograph.nodes.write._led_colours import LED_COLOURS, SEVERAL
+from tactograph.nodes.drawing.arrows import draw_arrows
+from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL
+from tactograph.nodes.files.image_files import Lights
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""

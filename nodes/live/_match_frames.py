@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.live._led_in_frame import Plane, RestFilm, Sight, light_of, reach, see
+from tactograph.nodes.stream.led_in_frame import Plane, RestFilm, Sight, light_of, reach, see
 
 Clock = Callable[[float], int | None]
 """The LED that was lit at a time of time.monotonic(), 0 for none; None if unknown."""

@@ -24,7 +24,6 @@ from tactograph.nodes.live._led_controller import (
     LedController,
     open_controller,
 )
-from tactograph.nodes.live._led_in_frame import RestFilm, make_film
 from tactograph.nodes.live._match_frames import Clock
 from tactograph.nodes.live._open_camera import (
     CameraSettings,
@@ -36,6 +35,7 @@ from tactograph.nodes.live._open_camera import (
 from tactograph.nodes.live._simulated_camera import LitBetween, SimulatedCamera
 from tactograph.nodes.live._simulated_controller import SimulatedController
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
+from tactograph.nodes.stream.led_in_frame import RestFilm, make_film
 
 FREE = "none"
 """The port of LEDs that flash by themselves."""

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.light._near_light import expected_light, places, vectors_at
 from tactograph.nodes.live.expose import _lens
-from tactograph.nodes.simulate._shape import PAPER_PIXEL_MM
+from tactograph.nodes.optics.near_light import expected_light, places, vectors_at
+from tactograph.nodes.optics.shape import PAPER_PIXEL_MM
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.print_markers import print_markers

@@ -7,13 +7,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
-from tactograph.nodes.live._assemble import Assembler, Refresh
 from tactograph.nodes.live._camera import Camera, Shot
 from tactograph.nodes.live._fault_log import FaultLog
-from tactograph.nodes.live._frames import LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import light_of
 from tactograph.nodes.live._match_frames import Matcher, Verdict
 from tactograph.nodes.live._sensor import Sensor
+from tactograph.nodes.stream.assemble import Assembler, Refresh
+from tactograph.nodes.stream.frames import LiveState, RawFrame, Touch
+from tactograph.nodes.stream.led_in_frame import light_of
 
 KEPT = 64
 """Most frames that wait for their touch."""

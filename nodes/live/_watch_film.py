@@ -17,10 +17,10 @@ from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live._camera import Camera
 from tactograph.nodes.live._colour_stream import ColourStream
 from tactograph.nodes.live._fault_log import SAYS
-from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._led_in_frame import FAINTEST, RestFilm, cells
 from tactograph.nodes.live._sensor import Rig
 from tactograph.nodes.live._touch_stream import Stream
+from tactograph.nodes.stream.frames import Touch
+from tactograph.nodes.stream.led_in_frame import FAINTEST, RestFilm, cells
 
 SETTLE_S = 0.25
 """Time for which a camera may deliver frames from before an LED was switched."""

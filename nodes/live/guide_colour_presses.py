@@ -21,15 +21,16 @@ from tactograph.nodes.calibrate.find_presses import FEWEST, Circles
 from tactograph.nodes.calibrate.fit_reflectance_map import degree_for
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.nodes.capture._image_files import write_image
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor, planes_of
-from tactograph.nodes.live._frames import Touch
-from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.sensor_preset import read_preset
+from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
 from tactograph.nodes.live._open_camera import CameraSettings, Library, Plane
-from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._watch_film import Guide, colours_at_rest, new_folder, tell
+from tactograph.nodes.stream.colour_planes import planes_of
+from tactograph.nodes.stream.frames import Touch
+from tactograph.nodes.stream.led_in_frame import make_film
 
 SMOOTH_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""

@@ -15,17 +15,17 @@ from tactograph.graph import InputError, node
 from tactograph.graph.files.atomic_files import atomic_file, atomic_files
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.calibrate.find_ball import Ball, find_ball
-from tactograph.nodes.capture._image_files import write_image
-from tactograph.nodes.capture._sheet import SheetLight
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
 from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import Flat, read_flat
+from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.light.flat_field import flat_field
-from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._open_camera import CameraSettings, Library, Plane
 from tactograph.nodes.live._sensor import open_rig
 from tactograph.nodes.live._touch_stream import Stream
 from tactograph.nodes.live._watch_film import Guide, film_at_rest, new_folder, tell
+from tactograph.nodes.optics.sheet import SheetLight
+from tactograph.nodes.stream.frames import Touch
 
 FULL, MOST_FULL = 0.998, 0.01
 """Light that counts as saturated, and the largest share of saturated pixels."""

@@ -16,7 +16,7 @@ from annotated_types import Gt
 from tactograph.graph import Port, Provenance, Session, node
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import Height, Metrics
-from tactograph.nodes.live._frames import LiveState
+from tactograph.nodes.stream.frames import LiveState
 
 BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""

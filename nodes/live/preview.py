@@ -15,11 +15,11 @@ from annotated_types import Gt, Interval
 from tactograph.graph import InputError, Port, Session, node, warn
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import Height, Labels, Light, PixelSize
-from tactograph.nodes.capture._image_files import Lights
-from tactograph.nodes.live._frames import LiveState
+from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.live._live_picture import Picture, draw_touch, round_up
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
+from tactograph.nodes.stream.frames import LiveState
 
 RATES_OVER_S = 2.0
 OLDEST_LATENCY_S = 10.0

@@ -11,16 +11,16 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node
-from tactograph.nodes.capture._image_files import Lights
-from tactograph.nodes.live._assemble import Refresh
-from tactograph.nodes.live._calibrated_film import calibrated_film
+from tactograph.nodes.files.image_files import Lights
+from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.nodes.live._colour_stream import ColourStream, open_colour_sensor
-from tactograph.nodes.live._frames import LiveState, Touch
-from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._open_camera import CameraSettings, Library
 from tactograph.nodes.live._sensor import open_sensor
-from tactograph.nodes.live._sensor_preset import read_preset
 from tactograph.nodes.live._touch_stream import Stream
+from tactograph.nodes.stream.assemble import Refresh
+from tactograph.nodes.stream.calibrated_film import calibrated_film
+from tactograph.nodes.stream.frames import LiveState, Touch
+from tactograph.nodes.stream.led_in_frame import make_film
 
 
 @node(endless=True)
@@ -67,7 +67,7 @@ def read_camera(
     sensor
         A one-shot sensor's kind, "gelsight_mini" or "digit", or a file of your own.  It gives
         the camera's settings, how its pictures are rotated, cropped and scaled down, and the
-        order of its colours.  Start from a copy of ``nodes/live/sensors/gelsight_mini.yaml``.
+        order of its colours.  Start from a copy of ``nodes/files/sensors/gelsight_mini.yaml``.
     library
         "opencv" opens the camera.  "linuxpy" (Linux only) adds the kernel's time and number of
         each frame, and all bits of grey frames (``pip install 'tactograph[linux]'``).

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, Provenance, Session, node, warn
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
-from tactograph.nodes.capture._image_files import Lights
+from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.live._live_picture import NAMES, colour_height, round_up
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Shifts

@@ -13,9 +13,9 @@ import numpy as np
 
 from tactograph.graph import Provenance
 from tactograph.nodes import Contacts, Height, Labels, Light, Metrics
-from tactograph.nodes.light._near_light import F8
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
+from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.recording._ros import (
     MM,
     Message,

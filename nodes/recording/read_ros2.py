@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
-from tactograph.nodes.live._calibrated_film import CalibratedFilm, calibrated_film
-from tactograph.nodes.live._colour_stream import Order, planes_of
-from tactograph.nodes.live._frames import LiveState, Touch
 from tactograph.nodes.recording._ros import read_image
 from tactograph.nodes.recording._ros_node import RosNode
+from tactograph.nodes.stream.calibrated_film import CalibratedFilm, calibrated_film
+from tactograph.nodes.stream.colour_planes import Order, planes_of
+from tactograph.nodes.stream.frames import LiveState, Touch
 
 WAIT_S = 0.1
 IMAGE = "sensor_msgs/msg/Image"

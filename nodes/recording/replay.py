@@ -18,17 +18,17 @@ from annotated_types import Ge
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
 from tactograph.nodes.calibrate.read_calibration import read_calibration
-from tactograph.nodes.capture._image_arrays import check_handed_in
-from tactograph.nodes.capture._image_files import MOST_PIXELS
 from tactograph.nodes.capture.read_capture import MOST_LEDS
-from tactograph.nodes.live._assemble import Assembler, Refresh
-from tactograph.nodes.live._colour_stream import planes_of
-from tactograph.nodes.live._frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.live._led_in_frame import make_film
-from tactograph.nodes.recording._mcap_log import log_files
-from tactograph.nodes.recording._mcap_read import McapFile, Read
+from tactograph.nodes.files.image_arrays import check_handed_in
+from tactograph.nodes.files.image_files import MOST_PIXELS
+from tactograph.nodes.files.mcap_log import log_files
+from tactograph.nodes.files.mcap_read import McapFile, Read
 from tactograph.nodes.recording._ros import read_image
 from tactograph.nodes.recording.record import FORMAT
+from tactograph.nodes.stream.assemble import Assembler, Refresh
+from tactograph.nodes.stream.colour_planes import planes_of
+from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame, Touch
+from tactograph.nodes.stream.led_in_frame import make_film
 
 TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 LOOK_AHEAD = 40

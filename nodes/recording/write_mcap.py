@@ -10,9 +10,9 @@ from annotated_types import Ge, Gt
 
 from tactograph.graph import Port, Provenance, Session, node
 from tactograph.nodes import Contacts, Height, Labels, Light, Metrics, PixelSize
+from tactograph.nodes.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
-from tactograph.nodes.recording._mcap_log import Limits, McapLog, WhenFull
 from tactograph.nodes.recording._touch_messages import TouchParts, TouchStamps, touch_messages
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
-from tactograph.nodes.light._bilinear import bilinear
-from tactograph.nodes.light._cache_blocks import in_blocks
+from tactograph.nodes.optics.bilinear import bilinear
+from tactograph.nodes.optics.cache_blocks import in_blocks
 
 GROUP, BLOCK = 64, 16
 STEP = 0.5

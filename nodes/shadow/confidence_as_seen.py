@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Confidence, Lens
-from tactograph.nodes.light._lens import is_straight, nearest_ideal
+from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 
 
 @node(
@@ -22,7 +22,7 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     confidence
         H x W, on the ideal grid.
     lens
-        Length 8, as `read_lens` gives it (equations L1 and L2 of `_lens`).
+        Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`).
     """
     if is_straight(lens):
         return confidence

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import (
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.near_light import (
     expected_light,
     light_vectors,
     places,
     vectors_at,
 )
-from tactograph.nodes.shadow._normals import cofactors, dot, times
+from tactograph.nodes.optics.normals import cofactors, dot, times
 
 FEWEST = 3
 """LEDs that must remain: two would allow two normals."""
@@ -56,7 +56,7 @@ def label_highlights(
 
     The idea is Barsky and Petrou's ("The 4-source photometric stereo technique for
     three-dimensional surfaces in the presence of highlights and shadows", 2003): with four
-    LEDs any three predict the fourth.  Where no unit normal fits all of them (`_near_light`,
+    LEDs any three predict the fourth.  Where no unit normal fits all of them (`near_light`,
     N1), each LED is left out in turn.  The one without which the others fit best is a
     highlight if the others fit well, it is brighter than they predict, and their normal lies
     near the direction half-way between LED and camera.  A darker LED is in shadow;

@@ -21,9 +21,9 @@ from tactograph.nodes import (
     SlopeVariance,
     Uneven,
 )
-from tactograph.nodes.light._cache_blocks import in_blocks
-from tactograph.nodes.light._near_light import places, vectors_at
-from tactograph.nodes.shadow._normals import (
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.near_light import places, vectors_at
+from tactograph.nodes.optics.normals import (
     dot,
     linear_normal,
     normals_of_pair,
@@ -118,7 +118,7 @@ def label_lights(
     """Return the slope and the LEDs that explain each pixel's light best.
 
     The light of an LED k that reaches the pixel, relative to the film at rest, is n.v_k with
-    |n| = 1 (`_near_light`, N1).  LEDs darker than ``floor`` standard deviations are excluded.
+    |n| = 1 (`near_light`, N1).  LEDs darker than ``floor`` standard deviations are excluded.
     Among the remaining LEDs, every subset that leaves out none, one or two (``dark``) is
     tried.  The subset of least cost wins::
 

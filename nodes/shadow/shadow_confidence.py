@@ -19,7 +19,7 @@ from tactograph.nodes import (
     PixelSize,
     Slope,
 )
-from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
 
 FAINTEST = np.float32(0.02)
 """Lower bound on the expected light."""

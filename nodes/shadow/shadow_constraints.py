@@ -20,8 +20,8 @@ from tactograph.nodes import (
     ShadowRises,
     Slope,
 )
-from tactograph.nodes.light._bilinear import bilinear
-from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.optics.bilinear import bilinear
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch

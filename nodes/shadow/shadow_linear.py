@@ -9,7 +9,7 @@ from annotated_types import Gt
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import Labels, Light, NullVector, Spread
-from tactograph.nodes.light._cache_blocks import in_blocks
+from tactograph.nodes.optics.cache_blocks import in_blocks
 
 
 @node(

@@ -15,17 +15,17 @@ from tactograph.graph import InputError
 from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate._calibration_file import (
+from tactograph.nodes.calibrate.write_calibration import CALIBRATION
+from tactograph.nodes.calibrate.write_camera import CAMERA
+from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.files.calibration_file import (
     FileKind,
     head_of,
     is_of_kind,
     read_about,
     read_arrays,
 )
-from tactograph.nodes.calibrate.write_calibration import CALIBRATION
-from tactograph.nodes.calibrate.write_camera import CAMERA
-from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.light._lens import seen_places
+from tactograph.nodes.optics.lens import seen_places
 from tactograph.nodes.show._shown import Shown, figures, origin, section, sentences
 
 KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)

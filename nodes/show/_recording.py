@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.files.mcap_read import McapFile
 from tactograph.nodes.show._shown import Shown
 
 

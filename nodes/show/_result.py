@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.nodes.capture._image_files import read_heights
+from tactograph.nodes.drawing.result_pictures import draw_height
+from tactograph.nodes.files.image_files import read_heights
 from tactograph.nodes.show._shown import Shown, figures, origin, section, sentences
-from tactograph.nodes.write._result_pictures import draw_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 RESULT = "result.json"

@@ -11,10 +11,10 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Film, Height, Light, LightPositions, PixelSize
-from tactograph.nodes.light._between_cells import between_cells
-from tactograph.nodes.light._bounce import bounce, launch_bounce, launch_cells
-from tactograph.nodes.light._film import matt_film
-from tactograph.nodes.light._radiosity import (
+from tactograph.nodes.optics.between_cells import between_cells
+from tactograph.nodes.optics.bounce import bounce, launch_bounce, launch_cells
+from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.optics.radiosity import (
     Grid,
     cell_grid,
     cells_of,
@@ -23,7 +23,7 @@ from tactograph.nodes.light._radiosity import (
     means,
     missed,
 )
-from tactograph.nodes.light._sweep import sight
+from tactograph.nodes.optics.sweep import sight
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch

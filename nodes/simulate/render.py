@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
-from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch

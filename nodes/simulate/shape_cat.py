@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph import node
-from tactograph.nodes.simulate._shape import (
+from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM,
     Length,
     Offset,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes.simulate._shape import (
+from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM,
     PixelSide,
     Shape,

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.nodes.simulate._shape import (
+from tactograph.nodes.optics.shape import (
     F8,
     PAPER_PIXEL_MM,
     Length,

@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.graph.files.array_files import load_array
-from tactograph.nodes.simulate._shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
+from tactograph.nodes.optics.shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 
 @node

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes.simulate._shape import (
+from tactograph.nodes.optics.shape import (
     F8,
     PAPER_PIXEL_MM,
     Length,

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Ge
 
 from tactograph.graph import InputError, node
-from tactograph.nodes.simulate._shape import (
+from tactograph.nodes.optics.shape import (
     F8,
     MOST_PIXELS,
     PAPER_PIXEL_MM,

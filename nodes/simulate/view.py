@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Height, Labels, Light, Slope
-from tactograph.nodes.light._bilinear import bilinear
+from tactograph.nodes.optics.bilinear import bilinear
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch

@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Slope
-from tactograph.nodes.light._cache_blocks import in_blocks
+from tactograph.nodes.optics.cache_blocks import in_blocks
 
 TWELFTH = np.float32(1 / 12)
 ONE = np.float32(1)

@@ -10,11 +10,11 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
+from tactograph.nodes.optics.reflectance_map import DEGREE, SHADES, TERMS
 from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
-from tactograph.nodes.slope._reflectance_map import DEGREE, SHADES, TERMS
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
-"""Coefficients of equation M1 (`_reflectance_map`): 9 shades, 15 monomials of the place."""
+"""Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
 
 ONE = np.float32(1)
 HALF = np.float32(0.5)

@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, PixelSize, Slope, Vergence
-from tactograph.nodes.light._near_light import places
+from tactograph.nodes.optics.near_light import places
 
 LEAST = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""

@@ -19,7 +19,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.light._near_light import (
+from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
     places,
@@ -66,7 +66,7 @@ def light_departure(
 ) -> Departure:
     """Return the reduced chi-squared of the light under the slope that was found.
 
-    With r_k = (m_k - n.v_k) / s_k of equation N1 (`_near_light`) and a_k = n.v_k / s_k, over the
+    With r_k = (m_k - n.v_k) / s_k of equation N1 (`near_light`) and a_k = n.v_k / s_k, over the
     LEDs that were used::
 
         chi^2 = sum (r_k - b a_k)^2,    b = sum r_k a_k / (sum a_k^2 + 1 / uneven^2)

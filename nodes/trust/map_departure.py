@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, Misfit, Slope
-from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
+from tactograph.nodes.optics.reflectance_map import SHADES, TERMS
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
 from tactograph.nodes.trust.light_departure import Departure
 

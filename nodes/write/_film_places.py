@@ -2,7 +2,7 @@
 
 A camera whose pupil is D above the film sees a point of height z that lies at (u, v) (1 - z / D)
 where it sees the place (u, v) of the film at rest.  Its lens moves that place in the image
-(`light._lens`).  Places are in pixels of the ideal image, from the image's middle.
+(`optics.lens`).  Places are in pixels of the ideal image, from the image's middle.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
-from tactograph.nodes.light._bicubic import between_pixels
-from tactograph.nodes.light._lens import half_diagonal, ideal_places, is_straight, seen_offset
+from tactograph.nodes.optics.bicubic import between_pixels
+from tactograph.nodes.optics.lens import half_diagonal, ideal_places, is_straight, seen_offset
 
 HALVINGS = 10
 """Bisections of the interval that holds the pixel which sees a point of the grid."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Height
-from tactograph.nodes.capture._image_files import Crop, check_heights
+from tactograph.nodes.files.image_files import Crop, check_heights
 from tactograph.nodes.write._height_files import read_height_file
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.nodes import Light, PixelSize
-from tactograph.nodes.capture._image_files import write_image
-from tactograph.nodes.marker._arrows import draw_arrows
+from tactograph.nodes.drawing.arrows import draw_arrows
+from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
 

@@ -22,7 +22,7 @@ from tactograph.nodes import (
     PixelSize,
     Vergence,
 )
-from tactograph.nodes.capture._image_files import write_image
+from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.write._film_places import on_even_grid
 from tactograph.nodes.write._height_files import write_mesh, write_tiff
 from tactograph.nodes.write._result_file import RESULT, checksum, read_result
@@ -144,7 +144,7 @@ def write_result(
             write_mesh(target / "height.ply", height, pixel, placed, vergence)
         if pictures:
             # Loading Matplotlib takes longer than computing a touch.
-            from tactograph.nodes.write._result_pictures import (
+            from tactograph.nodes.drawing.result_pictures import (
                 draw_confidence,
                 draw_contact,
                 draw_error,

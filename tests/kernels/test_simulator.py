@@ -25,7 +25,7 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, compare
 from tactograph.nodes.height import _height_solver
-from tactograph.nodes.light import _radiosity
+from tactograph.nodes.optics import radiosity
 
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
 
 LEDS = np.array([[21, 21, 37], [-21, 22, 36], [-22, -20, 38], [20, -21, 36]], np.float32)
 """Places of four LEDs in mm, none like another."""

@@ -9,8 +9,8 @@ import pytest
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.recording._mcap_log import log_files
-from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.files.mcap_log import log_files
+from tactograph.nodes.files.mcap_read import McapFile
 from tests.graph.conftest import Command, tactograph
 from tests.nodes.recording.recordings import LEDS, light_of, make_recording, read_numbers
 

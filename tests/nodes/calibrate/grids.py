@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.light._lens import half_diagonal, ideal_places
+from tactograph.nodes.optics.lens import half_diagonal, ideal_places
 
 SUB = 4
 """A pixel is the mean of so many by so many samples."""

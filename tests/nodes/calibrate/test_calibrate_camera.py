@@ -23,8 +23,8 @@ from tactograph.nodes.calibrate.undistort_presses import undistort_presses
 from tactograph.nodes.calibrate.write_camera import write_camera
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_grey import read_grey
-from tactograph.nodes.light._lens import half_diagonal, ideal_places
 from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.optics.lens import half_diagonal, ideal_places
 from tests.nodes.calibrate.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)

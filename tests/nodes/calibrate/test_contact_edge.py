@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes.calibrate._contact_edge import contact_edge
-from tactograph.nodes.light._film import matt_film, predict
+from tactograph.nodes.optics.film import matt_film, predict
 
 RADIUS, RIM, PIXEL = 6.0, 5.0, 0.07
 LIGHTS = np.array([(21, 21, 36), (-21, 21, 36), (-21, -21, 36), (21, -21, 36)], np.float32)

@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate._led_order import other_order
 from tactograph.nodes.calibrate.film_change import FilmChange, film_change
 from tactograph.nodes.calibrate.film_tilt import film_tilt
 from tactograph.nodes.calibrate.judge_film import Verdicts, judge_film
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
 from tests.nodes.gels import FLASHED, PIXEL_MM, Gel, X, Y, bump
 
 GEL = Gel()

@@ -17,8 +17,8 @@ from tactograph.nodes.calibrate._film_fit import (
     start_at,
 )
 from tactograph.nodes.calibrate.fit_film import FilmFit, fit_film
-from tactograph.nodes.light._film import predict, rest_light
 from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.optics.film import predict, rest_light
 from tests.nodes.films import LEDS, MATT, ball_seen, harmonics, normals
 
 SIZE = 96, 128

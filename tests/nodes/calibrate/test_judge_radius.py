@@ -21,7 +21,7 @@ from tactograph.nodes.calibrate.judge_radius import (
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.capture.read_presses import read_presses
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
 from tests.conftest import RIG_PIXEL_MM, Raytraced, real_data
 
 BALL = 7.0

@@ -12,8 +12,8 @@ import pytest
 
 from tactograph import nodes
 from tactograph.graph.errors import WriteError
-from tactograph.nodes.capture._image_files import read_image, write_image
 from tactograph.nodes.capture.write_capture import write_capture
+from tactograph.nodes.files.image_files import read_image, write_image
 
 LIGHT, LEVEL = np.full((4, 6, 8), 0.5, np.float32), np.zeros((6, 8), np.float32)
 

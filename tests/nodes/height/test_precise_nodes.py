@@ -17,9 +17,9 @@ from tactograph.nodes.height.height_error import height_error
 from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tactograph.nodes.height.settle_loose import settle_loose
-from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.calm_film import calm_film
 from tactograph.nodes.light.rest_mask import rest_mask
+from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tactograph.nodes.shadow.majority_labels import majority_labels
 from tactograph.nodes.shadow.shadow_constraints import shadow_constraints

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate._film_fit import ball_height
-from tactograph.nodes.light._coat import let_in
-from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.optics.coat import let_in
+from tactograph.nodes.optics.film import matt_film
 
 RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1

@@ -12,11 +12,11 @@ from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.write_calibration import write_calibration
-from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift, terms
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.light.level_light import level_light
+from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 

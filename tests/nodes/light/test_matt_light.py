@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.light._film import predict
-from tactograph.nodes.light._near_light import expected_light, light_vectors
 from tactograph.nodes.light.matt_light import MattLight, matt_light
+from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tests.nodes.films import FILMS, LEDS, MATT, ball_seen, normals
 
 SIZE = 60, 80

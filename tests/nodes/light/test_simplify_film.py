@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.simplify_film import PARTS, simplify_film
+from tactograph.nodes.optics.film import matt_film
 from tests.nodes.films import FILMS
 
 FILM = FILMS["all"]._replace(albedo=0.6, grain=0.01)

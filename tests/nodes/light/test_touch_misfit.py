@@ -7,8 +7,8 @@ import pytest
 
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.light._near_light import expected_light, light_vectors
 from tactograph.nodes.light.touch_misfit import touch_misfit
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, SHAPE = 0.1, (80, 90)

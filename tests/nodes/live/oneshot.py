@@ -11,9 +11,9 @@ from tactograph.graph import Provenance
 from tactograph.nodes.calibrate.fit_reflectance_map import fit_reflectance_map
 from tactograph.nodes.calibrate.level_presses import level_presses
 from tactograph.nodes.calibrate.write_press_calibration import write_press_calibration
-from tactograph.nodes.live._colour_stream import planes_of
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
+from tactograph.nodes.stream.colour_planes import planes_of
 
 PIXEL_MM, BALL_MM = 0.2, 3.0
 RIG = (

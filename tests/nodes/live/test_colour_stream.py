@@ -17,13 +17,13 @@ from tactograph.nodes.live._colour_stream import (
     open_colour_sensor,
     planes_of,
 )
-from tactograph.nodes.live._frames import ALL_LIT
-from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._open_camera import CameraSettings
 from tactograph.nodes.live._simulated_camera import SimulatedCamera
 from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
 from tactograph.nodes.live._simulated_sensor import read_scene
 from tactograph.nodes.live.read_camera import read_camera
+from tactograph.nodes.stream.frames import ALL_LIT
+from tactograph.nodes.stream.led_in_frame import make_film
 from tests.conftest import Calibration, MadeOnce
 from tests.nodes.live.oneshot import MOVING, calibrated
 

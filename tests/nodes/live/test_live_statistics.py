@@ -12,8 +12,8 @@ import pytest
 
 from tactograph.graph import Session
 from tactograph.nodes.live import live_statistics as module
-from tactograph.nodes.live._frames import LiveState
 from tactograph.nodes.live.live_statistics import Statistics
+from tactograph.nodes.stream.frames import LiveState
 
 STILL = np.zeros((12, 16), np.float32)
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.live._led_in_frame import RestFilm, cells, make_film, reach, see
 from tactograph.nodes.live._match_frames import Matcher, Verdict
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor
+from tactograph.nodes.stream.led_in_frame import RestFilm, cells, make_film, reach, see
 
 ROWS, COLUMNS = 120, 160
 RATE = 30.0

@@ -12,9 +12,9 @@ from PIL import Image
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.live._frames import LiveState
 from tactograph.nodes.live._live_picture import colour_height, draw_touch, round_up
 from tactograph.nodes.live.preview import preview
+from tactograph.nodes.stream.frames import LiveState
 
 SIZE = (48, 64)
 HEIGHT = np.zeros(SIZE, np.float32)

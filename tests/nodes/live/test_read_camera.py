@@ -19,11 +19,11 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.live._frames import Touch
 from tactograph.nodes.live._open_camera import CameraSettings, settle
 from tactograph.nodes.live._sensor import Sensor, open_sensor
 from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor, read_scene
 from tactograph.nodes.live._touch_stream import Stream
+from tactograph.nodes.stream.frames import Touch
 
 pytestmark = pytest.mark.realtime
 

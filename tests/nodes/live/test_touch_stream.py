@@ -13,9 +13,9 @@ import pytest
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live._camera import Shot
 from tactograph.nodes.live._fault_log import SAYS
-from tactograph.nodes.live._led_in_frame import make_film
 from tactograph.nodes.live._match_frames import Verdict
 from tactograph.nodes.live._touch_stream import FINDING, FOUND_CYCLES, SEARCHED_CYCLES, Stream
+from tactograph.nodes.stream.led_in_frame import make_film
 
 CYCLE = (1, 2, 3, 4)
 SHAPE = (60, 80)

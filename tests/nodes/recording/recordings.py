@@ -10,10 +10,10 @@ import numpy as np
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes import F4
-from tactograph.nodes.live._frames import LiveState, RawFrame
-from tactograph.nodes.recording._mcap_log import log_files
-from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.files.mcap_log import log_files
+from tactograph.nodes.files.mcap_read import McapFile
 from tactograph.nodes.recording.record import record
+from tactograph.nodes.stream.frames import LiveState, RawFrame
 
 SIZE = (24, 32)
 LEDS = 4

@@ -21,9 +21,8 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.recording import _mcap_log
-from tactograph.nodes.recording._mcap_log import log_files
-from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.files.mcap_log import log_files
+from tactograph.nodes.files.mcap_read import McapFile
 from tests.conftest import ROOT
 from tests.nodes.recording.recordings import (
     LEDS,

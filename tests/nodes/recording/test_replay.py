@@ -13,12 +13,12 @@ from mcap.writer import CompressionType, Writer
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.recording import _mcap_read
-from tactograph.nodes.recording._mcap_log import Limits, McapLog, log_files
-from tactograph.nodes.recording._mcap_read import McapFile
+from tactograph.nodes.files import mcap_read
+from tactograph.nodes.files.mcap_log import Limits, McapLog, log_files
+from tactograph.nodes.files.mcap_read import McapFile
 from tactograph.nodes.recording._ros import image_message, text_message
 from tactograph.nodes.recording.replay import replay
+from tactograph.nodes.stream.frames import RawFrame
 from tests.nodes.recording.recordings import (
     LEDS,
     RATE,
@@ -159,11 +159,11 @@ def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None
     make_recording(tmp_path, 3)
     (path,) = log_files(tmp_path)
     content = path.read_bytes()
-    at, opcode = len(_mcap_read.MAGIC), 0
+    at, opcode = len(mcap_read.MAGIC), 0
     while opcode != Opcode.DATA_END:
         end = at
-        opcode, length = _mcap_read._OPCODE_AND_LENGTH.unpack_from(content, at)
-        at += _mcap_read._OPCODE_AND_LENGTH.size + length
+        opcode, length = mcap_read._OPCODE_AND_LENGTH.unpack_from(content, at)
+        at += mcap_read._OPCODE_AND_LENGTH.size + length
     path.write_bytes(content[:end])
     notes: list[str] = []
     with collect_warnings(notes):
@@ -230,7 +230,7 @@ def test_a_recording_of_which_nothing_is_left_is_an_error(tmp_path: Path) -> Non
 def test_a_chunk_that_would_fill_the_memory_is_lost_not_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: str
 ) -> None:
-    monkeypatch.setattr(_mcap_read, "MOST_BYTES", 100_000)
+    monkeypatch.setattr(mcap_read, "MOST_BYTES", 100_000)
     kind = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4}[compression]
     file = tmp_path / "bomb.mcap"
     with file.open("wb") as stream:

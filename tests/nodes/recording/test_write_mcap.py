@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.recording._mcap_log import log_files
+from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.recording.write_mcap import write_mcap
 
 SIZE = (6, 8)

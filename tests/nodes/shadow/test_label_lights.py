@@ -11,8 +11,8 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.parity import Case, compare
 from tactograph.nodes import F4
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
-from tactograph.nodes.light import _cache_blocks
-from tactograph.nodes.light._near_light import light_vectors
+from tactograph.nodes.optics import cache_blocks
+from tactograph.nodes.optics.near_light import light_vectors
 from tactograph.nodes.shadow.label_lights import Labelled, label_lights
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
@@ -214,6 +214,6 @@ def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int)
 def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     light = np.random.default_rng(4).uniform(0, 1.5, (4, 6, 8)).astype(np.float32)
     whole = label(light)
-    monkeypatch.setattr(_cache_blocks, "BLOCK", 7)
+    monkeypatch.setattr(cache_blocks, "BLOCK", 7)
     for expected, found in zip(whole, label(light), strict=True):
         assert np.array_equal(expected, found)

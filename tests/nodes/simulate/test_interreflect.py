@@ -7,8 +7,8 @@ import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4
-from tactograph.nodes.light._film import matt_film
 from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.simulate.interreflect import interreflect
 
 PIXEL = 0.1

@@ -21,7 +21,7 @@ from tactograph.nodes.calibrate.read_press_calibration import read_press_calibra
 from tactograph.nodes.calibrate.write_press_calibration import write_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.smooth_light import smooth_light
-from tactograph.nodes.slope._reflectance_map import SHADES, TERMS, ball_shape, shades, terms
+from tactograph.nodes.optics.reflectance_map import SHADES, TERMS, ball_shape, shades, terms
 from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
 from tests.conftest import real_data
 

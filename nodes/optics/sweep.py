@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4
-from tactograph.nodes.light._film import to_pupil
-from tactograph.nodes.light._radiosity import Cells, Grid
+from tactograph.nodes.optics.film import to_pupil
+from tactograph.nodes.optics.radiosity import Cells, Grid
 
 MATT_AZIMUTHS, COATED_AZIMUTHS = 16, 32
 """Number of azimuths; what a coat mirrors is narrower than the light of matt film."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.live._assemble import Assembler
-from tactograph.nodes.live._frames import RawFrame
-from tactograph.nodes.live._led_in_frame import make_film
+from tactograph.nodes.stream.assemble import Assembler
+from tactograph.nodes.stream.frames import RawFrame
+from tactograph.nodes.stream.led_in_frame import make_film
 
 ROWS, COLUMNS, RATE = 60, 80, 30.0
 LEDS = (1, 2, 3, 4)

@@ -20,7 +20,7 @@ from tactograph.nodes.calibrate.read_calibration import read_calibration
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION, write_calibration
 from tactograph.nodes.calibrate.write_camera import CAMERA
 from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.light._film import matt_film
+from tactograph.nodes.optics.film import matt_film
 
 RNG = np.random.default_rng(0)
 MADE = Provenance({}, None, [], {}, {}, [], [])

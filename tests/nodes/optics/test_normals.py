@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.light._near_light import vectors_at
-from tactograph.nodes.shadow._normals import linear_normal, tangent_products
+from tactograph.nodes.optics.near_light import vectors_at
+from tactograph.nodes.optics.normals import linear_normal, tangent_products
 
 LIGHTS = np.array([[20, 18, 45], [-19, 21, 45], [-20, -18, 46], [19, -20, 45]], np.float32)
 HERE = np.zeros(1, np.float32)

@@ -1,7 +1,7 @@
 """A log of ROS 2 messages in MCAP files that survives a kill, a power cut and a full disk.
 
 Every message is its own chunk with a checksum, so that a reader needs neither the end of the
-file nor its index (`_mcap_read.py`).  One thread writes to the system, which survives the
+file nor its index (`mcap_read.py`).  One thread writes to the system, which survives the
 program's end; another syncs to the disk, which survives the computer's.
 
 All topics are CDR, because ``ros2 bag`` refuses mixed serialisation.

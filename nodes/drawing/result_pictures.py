@@ -11,7 +11,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from tactograph.nodes import F4, Confidence, Contacts, Height, HeightError, Labels, Light
-from tactograph.nodes.write._led_colours import LED_COLOURS, SEVERAL
+from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL
 
 BAND = 1.645
 """Half of the 90 % band, in standard deviations."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from tactograph.graph import InputError
-from tactograph.nodes.recording._mcap_log import need_mcap
+from tactograph.nodes.files.mcap_log import need_mcap
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Message, Schema

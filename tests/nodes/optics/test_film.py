@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.light._film import (
+from tactograph.nodes.optics.film import (
     FADE,
     _changes,
     _reflected,
@@ -14,7 +14,7 @@ from tactograph.nodes.light._film import (
     rest_below,
     turned,
 )
-from tactograph.nodes.light._near_light import vectors_at
+from tactograph.nodes.optics.near_light import vectors_at
 from tests.nodes.films import FILMS, LEDS, MATT, normals
 
 RNG = np.random.default_rng(2)

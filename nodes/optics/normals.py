@@ -1,6 +1,6 @@
 """Normals from the light of near LEDs: by least squares, and by two LEDs alone.
 
-Arrays are planes of N pixels: vectors v of equation N1 (`_near_light`) 3 x K x N, light m and
+Arrays are planes of N pixels: vectors v of equation N1 (`near_light`) 3 x K x N, light m and
 weight (one over its variance; 0 for an LED that does not count) K x N, and normals 3 x N.  The
 tangents of a normal n are (n_z, 0, -n_x) and (0, n_z, -n_y).
 
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.nodes import F4
-from tactograph.nodes.light._near_light import brightness_share
+from tactograph.nodes.optics.near_light import brightness_share
 
 FLATTEST = 0.02
 """Smallest n_z of a normal: the camera sees no steeper film."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
 
 RNG = np.random.default_rng(2)
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.light._coated_bounce import coated, source_rows
-from tactograph.nodes.light._radiosity import Cells, Grid
-from tactograph.nodes.light._sweep import Sight, arriving, azimuths, matt
+from tactograph.nodes.optics.coated_bounce import coated, source_rows
+from tactograph.nodes.optics.radiosity import Cells, Grid
+from tactograph.nodes.optics.sweep import Sight, arriving, azimuths, matt
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

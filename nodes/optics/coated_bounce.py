@@ -3,7 +3,7 @@
 A matt base radiates in all directions.  Through a coat less light passes at grazing angles, on the
 way in and on the way out.  The coat also mirrors: light of the LEDs to other places of the film,
 and light of other places into the camera.  With T and the mirrored part f_m of equation F2
-(`_film`), cell j sends to P, under LED k,
+(`film`), cell j sends to P, under LED k,
 
     e_kj = (E_j r_k - E_jk f_m(l, v)) T(to P) / T(v) + E_jk f_m(l, to P)
 
@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.light._coat import fresnel, let_in, masking
-from tactograph.nodes.light._film import GRAZING, direct_share, glint, to_pupil
-from tactograph.nodes.light._radiosity import Cells, Grid
-from tactograph.nodes.light._sweep import COATED_AZIMUTHS, Law
+from tactograph.nodes.optics.coat import fresnel, let_in, masking
+from tactograph.nodes.optics.film import GRAZING, direct_share, glint, to_pupil
+from tactograph.nodes.optics.radiosity import Cells, Grid
+from tactograph.nodes.optics.sweep import COATED_AZIMUTHS, Law
 
 LEAST = np.float32(GRAZING)
 NEAREST = np.float32(1e-12)

@@ -1,6 +1,6 @@
 """The light of a real film: the model that calibration, measurement and simulation share.
 
-A matt film under point lights has the light n.v relative to the film at rest (`_near_light`,
+A matt film under point lights has the light n.v relative to the film at rest (`near_light`,
 N1).  A real one departs from that in ways that presses show.  At P = (x, y, z), seen from the
 pupil at (0, 0, D), with unit normal n and LED k at L::
 
@@ -8,7 +8,7 @@ pupil at (0, 0, D), with unit normal n and LED k at L::
 
 b_k is the share of LED light that is diffused in the gel, so that shadows are not black.
 s grows from 1 to `gain` where an object touches the film and lifts it by `contact` mm.  e is
-irradiance times the reflectance of a rough dielectric coat over a matt base (`_coat`)::
+irradiance times the reflectance of a rough dielectric coat over a matt base (`coat`)::
 
     e(n, P) = max(n.l, 0) / |L - P|^2 [k_d T(n.l) T(n.v) / pi
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import Film
-from tactograph.nodes.light._coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
 """What equation F1 adds to a matt film, in parts that a model may do without."""

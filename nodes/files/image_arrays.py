@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes.capture._image_files import check_exposed
+from tactograph.nodes.files.image_files import check_exposed
 
 DEPTHS = (8, 10, 12, 14, 16)
 """Bits of a camera's values."""

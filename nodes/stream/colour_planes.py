@@ -1,0 +1,23 @@
+"""The lights of a one-shot sensor's colour frame."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, Light
+
+Order = Literal["bgr", "rgb"]
+
+
+def planes_of(data: NDArray[Any], order: Order, top: float = 1.0) -> Light:
+    """Return the lights of a driver's colour frame (H x W x 3) as 3 x H x W, 0 to 1."""
+    ordered = cv2.split(data) if order == "bgr" else cv2.split(data)[::-1]
+    scale = np.float32(1 / top)
+    image: F4 = np.empty((len(ordered), *data.shape[:2]), np.float32)
+    for plane, into in zip(ordered, image, strict=True):
+        np.multiply(plane, scale, out=into)
+    return image
