@@ -11,7 +11,7 @@ from tactograph.nodes.slope.view_slope import is_orthographic
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
 def undo_perspective(height: Height, camera: Vergence) -> Height:
-    """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`).
+    """Return z = Z / (1 + Z / D) of the seen height Z (equation V1; see `view_slope`).
 
     Parameters
     ----------

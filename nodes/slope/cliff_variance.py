@@ -32,7 +32,7 @@ def cliff_variance(
     jump: Annotated[float, Ge(0)] = 3.0,
     grazing: Annotated[float, Ge(0)] = 0.3,
 ) -> SlopeVariance:
-    """Add (jump max(m - grazing, 0))^2 where the pixel right behind one lit with m is dark.
+    """Add (jump max(m - grazing, 0))^2 where the pixel right behind one lit with m is dark (W2).
 
     A round body is lit at a grazing angle where its shadow begins: m is close to 0, apart from
     diffused light and noisy labels.  A sharp edge is well lit there, and no slope shows the

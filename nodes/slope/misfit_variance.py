@@ -24,7 +24,7 @@ def misfit_variance(
     open_pairs: bool = False,
     steepest: Annotated[float, Gt(0)] = 4.0,
 ) -> SlopeVariance:
-    """Return the variance of the slopes, including misfit and ambiguity.
+    """Return the variance of the slopes, including misfit and ambiguity (equation W1).
 
     Where the light fits worse than noise explains, the variance grows with the misfit.
     Two lights allow two normals; before any height is known the choice between them is a
