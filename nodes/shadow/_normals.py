@@ -84,7 +84,7 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
 
 
 def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
-    """S4: (J'WJ)^-1 of the tangent plane, carried to p and q by ((1 + p^2, p q), (p q, 1 + q^2))."""
+    """(J'WJ)^-1 of the tangent plane, carried to p, q by ((1 + p^2, p q), (p q, 1 + q^2)): S4."""
     h = tangent_products(v, light, weight, n, uneven)[:2, :2]
     known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > SINGULAR * h[0, 0] * h[1, 1]
     p, q = slope
