@@ -86,7 +86,7 @@ def height_error(
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Return the standard deviation of the height, by sending errors through the solver.
+    """Return the standard deviation of the height, by sending errors through the solver (H2).
 
     For given weights the height is linear in the slopes and rises.  A few random errors of the
     right size are integrated like slopes.  The mean square of the results, averaged over

@@ -42,7 +42,7 @@ def height_system(
     floor: Annotated[float, Ge(0.01)] = 0.07,
     rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> HeightSystem:
-    """Gather the equations from which `integrate_weighted` and `height_error` find heights.
+    """Gather the equations (H1) from which `integrate_weighted` and `height_error` find heights.
 
     They hold inside the smallest window around all that counts and is not at rest, with a margin.
 
