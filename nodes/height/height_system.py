@@ -42,9 +42,10 @@ def height_system(
     floor: Annotated[float, Ge(0.01)] = 0.07,
     rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> HeightSystem:
-    """Gather the equations (H1) from which `integrate_weighted` and `height_error` find heights.
+    """Gather the equations from which `integrate_weighted` and `height_error` find heights.
 
-    They hold inside the smallest window around all that counts and is not at rest, with a margin.
+    They hold inside the smallest window around all that counts and is not at rest, with a
+    margin (equation H1 of ``docs/model.md``).
 
     Parameters
     ----------

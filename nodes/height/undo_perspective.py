@@ -11,7 +11,7 @@ from tactograph.nodes.slope.view_slope import is_orthographic
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
 def undo_perspective(height: Height, camera: Vergence) -> Height:
-    """Return z = Z / (1 + Z / D) of the seen height Z (equation V1; see `view_slope`).
+    """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`).
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def undo_perspective(height: Height, camera: Vergence) -> Height:
 
     Returns
     -------
-    H x W in mm, the height above the film at rest of what each pixel sees.
+    H x W in mm, the height above the film at rest of what each pixel sees (V1).
     """
     return np.asarray(height / (1 + np.float32(camera) * height), np.float32)
 

@@ -24,9 +24,9 @@ def misfit_variance(
     open_pairs: bool = False,
     steepest: Annotated[float, Gt(0)] = 4.0,
 ) -> SlopeVariance:
-    """Return the variance of the slopes, including misfit and ambiguity (equation W1).
+    """Return the variance of the slopes, including misfit and ambiguity.
 
-    Where the light fits worse than noise explains, the variance grows with the misfit.
+    Where the light fits worse than noise explains, the variance grows with the misfit (W1).
     Two lights allow two normals; before any height is known the choice between them is a
     guess, and half their difference is its standard deviation.
 
