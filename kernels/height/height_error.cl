@@ -1,3 +1,4 @@
+// Equations H2 and H3 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"

@@ -1,3 +1,4 @@
+// Equation D1 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
 #include "cosine.clh"

@@ -1,3 +1,4 @@
+// Equations S1 to S4 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
@@ -143,7 +144,7 @@ static Vector solution(const Symmetric a, const Vector b)
 }
 
 // One step in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y), to a slope that
-// noise does not bias; see nodes/shadow/label_lights.py.
+// noise does not bias (S3); see nodes/optics/normals.py.
 static Vector gauss_newton(
     const Symmetric a, const Vector b, const floats scale, const Vector n)
 {
@@ -247,7 +248,7 @@ static floats lit_behind(const Pixels *pixels, const int used, const Vector n)
     return total;
 }
 
-// The two unit normals that two LEDs allow, the likelier first.
+// The two unit normals that two LEDs allow, the likelier first (S2).
 static Normals pair_of(const Pixels *pixels, const int used, const int attached)
 {
     int i = -1, j = -1;
@@ -295,7 +296,7 @@ static Slope slope_of(const Vector n, const float steepest)
     return slope;
 }
 
-// Variance of p and q: (J' W J)^-1 of the tangent plane, carried to the slope.
+// Variance of p and q: (J' W J)^-1 of the tangent plane, carried to the slope (S4).
 static Slope variance_of(
     const Pixels *pixels, const ints used, const Vector n, const Slope slope, const float uneven)
 {
@@ -362,7 +363,7 @@ static floats squares_of(
     return squares;
 }
 
-// How much brighter the LEDs left out are than a shadow.
+// How much brighter the LEDs left out are than a shadow: the second sum of S1.
 static floats excess_of(
     const Pixels *pixels, const int lit, const Vector normal, const float one_sided)
 {

@@ -1,3 +1,4 @@
+// Equation C1 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"

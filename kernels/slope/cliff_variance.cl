@@ -1,3 +1,4 @@
+// Equation W2 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
 #include "border.clh"

@@ -1,3 +1,4 @@
+// Equation W1 of docs/model.md.
 #include "common.clh"
 
 // The variance of the slopes, increased by misfit and by an open choice between two normals.

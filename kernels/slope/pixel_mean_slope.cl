@@ -39,7 +39,7 @@ static floats within(const floats value, const floats limit)
     return LESS_OF(low, limit);
 }
 
-// Slopes corrected for the change of the normal within a pixel.
+// Slopes corrected for the change of the normal within a pixel, equation V4.
 LANED __kernel void pixel_mean_slope(
     __global const float *restrict slope,
     __global float *restrict out,

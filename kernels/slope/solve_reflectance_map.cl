@@ -1,3 +1,4 @@
+// Equations M1 and M2 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
 

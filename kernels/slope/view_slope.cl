@@ -4,7 +4,7 @@
 
 #define LEAST 0.1f
 
-// Slopes of the seen height, or of the film.
+// Slopes of the seen height, or of the film, equation V2.
 LANED __kernel void view_slope(
     __global const float *restrict slope,
     __global const float *restrict height,

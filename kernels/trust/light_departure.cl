@@ -8,7 +8,7 @@
 #define LEAST_ERROR 0.0015f
 #define UNEVEN_SHARE 0.25f
 
-// The reduced chi-squared of the light of LANES pixels under their slopes.
+// The reduced chi-squared of the light of LANES pixels under their slopes, equation T1.
 LANED __kernel void light_departure(
     __global const float *restrict light,
     __global const float *restrict sigma,

@@ -18,7 +18,7 @@ static float at_place(__global const float *map, const float u, const float v)
     return sum;
 }
 
-// The reduced chi-squared of a pixel's light under its slope.
+// The reduced chi-squared of a pixel's light under its slope, equation T1 for a map.
 __kernel void map_departure(
     __global const float *restrict light,
     __global const float *restrict slope,

@@ -23,7 +23,7 @@ static float mean_of_cell(
     return total * (1.0f / (float)(side * side));
 }
 
-// The curl between a cell, the one right of it and the two below, over what is expected.
+// The curl between a cell, the one right of it and the two below, over what is expected, equation T2.
 __kernel void slope_curl(
     __global const float *restrict slope,
     __global const float *restrict misfit,

@@ -171,7 +171,7 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
 
 
 def _leaning(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
-    """The error of the film's model: normals that lean in waves, and all too much or too little."""
+    """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
     (p, q), of = seen.slope, wave(number)
     per_mm = np.float32(2 * math.pi) / (of.length * np.maximum(misfit[1], NARROWEST))
     turned = per_mm * (of.across * seen.x + of.down * seen.y) + of.phase

@@ -88,7 +88,7 @@ def height_error(
 ) -> HeightError:
     """Return the standard deviation of the height, by sending errors through the solver.
 
-    For given weights the height is linear in the slopes and rises.  A few random errors of the
+    For given weights the height is linear in the slopes and rises (H2).  A few random errors of the
     right size are integrated like slopes.  The mean square of the results, averaged over
     neighbours, is the variance.  All are integrated on cells of 4 x 4 pixels (`_cells`), and two
     of them also on pixels, to estimate what the cells do not resolve.  The errors are

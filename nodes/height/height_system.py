@@ -44,7 +44,8 @@ def height_system(
 ) -> HeightSystem:
     """Gather the equations from which `integrate_weighted` and `height_error` find heights.
 
-    They hold inside the smallest window around all that counts and is not at rest, with a margin.
+    They hold inside the smallest window around all that counts and is not at rest, with a
+    margin (equation H1 of ``docs/model.md``).
 
     Parameters
     ----------

@@ -27,8 +27,8 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
 
     Least squares on the staggered grid: the slope between two neighbours is the mean of
     their slopes, nothing is assumed beyond the border (Neumann), and the discrete Poisson
-    equation is diagonal in the DCT-II (Simchony, Chellappa and Shao, "Direct analytical
-    methods for solving Poisson equations in computer vision problems", 1990).
+    equation is diagonal in the DCT-II (equation D1; Simchony, Chellappa and Shao, "Direct
+    analytical methods for solving Poisson equations in computer vision problems", 1990).
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def integrate_weighted(
 ) -> Height:
     """Return the height that best agrees with slopes, shadows and the film at rest.
 
-    Minimises the sum of rho(r^2 / variance) over the steps to the right and downwards
+    Minimises the sum of rho(r^2 / variance) (H1) over the steps to the right and downwards
     (r = z_next - z - step) and over the shadows (r = z_top - z_foot - rise), with z = 0 on
     the film at rest and Cauchy's rho(s) = c^2 log(1 + s / c^2), which limits the influence of
     outliers: across an edge no slope is right.  Each round updates the weights from the last

@@ -22,7 +22,7 @@ def undo_perspective(height: Height, camera: Vergence) -> Height:
 
     Returns
     -------
-    H x W in mm, the height above the film at rest of what each pixel sees.
+    H x W in mm, the height above the film at rest of what each pixel sees (V1).
     """
     return np.asarray(height / (1 + np.float32(camera) * height), np.float32)
 

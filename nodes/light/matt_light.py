@@ -58,7 +58,8 @@ def matt_light(
     """Return the light that a matt film of the same shape would have.
 
     With F the light that the film model predicts (`film`, F1) and n.v that of a matt film
-    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + n.v``.  Unless the light depends on
+    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + max(n.v, 0)`` (F4).
+    Unless the light depends on
     the normal as a matt film's does, this needs a normal.  Gauss-Newton steps find it, from
     the expected slope, with the LEDs that light the pixel.  An error of that normal matters
     only as far as F and n.v depend on it differently.  In a shadow, which contains diffused

@@ -10,7 +10,7 @@ and light of other places into the camera.  With T and the mirrored part f_m of 
 where E_j r_k is what the camera sees of it, and f_m is in units of base / pi.  For L of equation
 B1, P throws back
 
-    [T(d) T(v) + f_m(d, v)] e_kj / r_k.
+    [T(d) T(v) + f_m(d, v)] e_kj / r_k.                                                       (B2)
 
 r_k is the reflectance of the film at rest.  A lobe at a grazing angle is narrower than the angle
 between two azimuths, so its mean over that angle is used (`_facets`).  A cell that shows less

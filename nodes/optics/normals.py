@@ -52,7 +52,7 @@ def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) ->
 
 
 def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
-    """One Gauss-Newton step in the tangent plane, to a normal that noise does not bias.
+    """One Gauss-Newton step in the tangent plane, to a normal that noise does not bias (S3).
 
     With the covariance C = (J'WJ)^-1, the metric G of the tangents, and f = C u for the products
     u of J with the light, a step from the linear solution goes too far by C (G f) + f tr(C G) / 2
@@ -73,7 +73,7 @@ def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
 
 
 def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
-    """The two unit normals n with n.v = m for two LEDs; the nearest, twice, if there are none."""
+    """The two unit normals n with n.v = m for two LEDs (S2); the nearest, twice, without any."""
     (a, b), (of_a, of_b) = v.swapaxes(0, 1), light
     aa, ab, bb = dot(a, a), dot(a, b), dot(b, b)
     determinant = np.maximum(aa * bb - ab * ab, 1e-9)
@@ -84,7 +84,7 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
 
 
 def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
-    """(J'WJ)^-1 of the tangent plane, carried to p and q by ((1 + p^2, p q), (p q, 1 + q^2))."""
+    """(J'WJ)^-1 of the tangent plane, carried to p, q by ((1 + p^2, p q), (p q, 1 + q^2)): S4."""
     h = tangent_products(v, light, weight, n, uneven)[:2, :2]
     known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > SINGULAR * h[0, 0] * h[1, 1]
     p, q = slope

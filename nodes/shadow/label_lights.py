@@ -123,9 +123,11 @@ def label_lights(
     tried.  The subset of least cost wins::
 
         sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
-        + sum over left out max((m_k - n.v_k) / spread_k + one_sided, 0)^2 + (m_k / 0.1)^2
+        + sum over left out max((m_k - max(n.v_k, 0)) / spread_k + one_sided, 0)^2
+                            + (m_k / 0.1)^2                                               (S1)
 
-    Each LED left out costs ``price``, and its light must be dark.  Shadows are not perfectly
+    Each LED left out costs ``price``, and its light must be dark, which that of an LED below the
+    floor is (the second sum passes over it).  Shadows are not perfectly
     black: spread_k adds 1.5 % of the film's light to sigma_k, in quadrature.  Three or more
     LEDs give n by linear least squares, scaled to |n| = 1, and a Gauss-Newton step in the
     tangent plane.  Two LEDs give the two unit normals that fit exactly.

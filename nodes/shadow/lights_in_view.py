@@ -15,7 +15,7 @@ LEAST = np.float32(0.02)
 def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
     """Return the LEDs under the projective map of `view_slope`: L / (1 - L_z / D).
 
-    Straight lines stay straight under it, so shadows of the seen height under these LEDs are
+    Straight lines stay straight under it (V3), so shadows of the seen height under these LEDs are
     the shadows of the film under the real ones.
 
     Parameters

@@ -74,7 +74,7 @@ def shadow_constraints(
     A ray starts at every lit pixel whose neighbour towards the LED is dark.  It runs towards
     the LED through the shadow to the first lit pixel, the edge that casts the shadow.  The
     light touches the film at both ends, so their heights differ by the shadow's length times
-    the tangent of the light's elevation (the paper's equation 1, which predicts the length
+    the tangent of the light's elevation (C1; the paper's equation 1 predicts the length
     from the height).  The shadow ends where half of the light arrives, interpolated between
     pixels.
 

@@ -131,7 +131,7 @@ def render(
     Fresnel's reflectance, D Beckmann's distribution, G its shadowing (Walter et al. 2007) and
     h half-way between both directions, it replaces n.L by::
 
-        c_i (1 - F(c_i)) (1 - F(c_o)) + pi / albedo  F(v.h) D(alpha) G / (4 c_o)
+        c_i T(c_i) T(c_o) + pi / albedo  F(v.h) D(alpha) G / (4 c_o)
 
     Parameters
     ----------

@@ -36,8 +36,8 @@ def cliff_variance(
 
     A round body is lit at a grazing angle where its shadow begins: m is close to 0, apart from
     diffused light and noisy labels.  A sharp edge is well lit there, and no slope shows the
-    step behind it.  The largest m over the LEDs and over 3 x 3 pixels counts, because a step
-    lies between two pixels.
+    step behind it (equation W2).  The largest m over the LEDs and over 3 x 3 pixels counts,
+    because a step lies between two pixels.
 
     Parameters
     ----------

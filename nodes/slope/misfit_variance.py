@@ -26,7 +26,7 @@ def misfit_variance(
 ) -> SlopeVariance:
     """Return the variance of the slopes, including misfit and ambiguity.
 
-    Where the light fits worse than noise explains, the variance grows with the misfit.
+    Where the light fits worse than noise explains, the variance grows with the misfit (W1).
     Two lights allow two normals; before any height is known the choice between them is a
     guess, and half their difference is its standard deviation.
 

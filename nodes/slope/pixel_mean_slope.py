@@ -23,7 +23,7 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
     height, however, is the mean slope.  With n' the change of the normal per pixel along an
     axis, Jensen's inequality to second order says, for p = -n_x / n_z, that the mean slope
     exceeds the slope of the mean normal by (n'_x n'_z + p n'_z^2) / (12 n_z^2), summed over
-    both axes; the same for q.
+    both axes; the same for q (equation V4).
 
     Parameters
     ----------

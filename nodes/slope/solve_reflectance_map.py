@@ -43,8 +43,9 @@ def solve_reflectance_map(
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
     Minimises sum_k flat_k (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 + prior (p^2 + q^2) per
-    pixel (equation M1).  The flat image is the weight because under shot noise the variance of
-    light relative to it is inversely proportional to it: dim light carries little information.
+    pixel (equations M1 and M2).  The flat image is the weight because under shot noise the
+    variance of light relative to it is inversely proportional to it: dim light carries little
+    information.
 
     Parameters
     ----------

@@ -26,9 +26,9 @@ def view_slope(
     A pinhole at D above the film at rest maps P = (x, y, z) to the pixel (u, v) = (x, y) / f
     with f = 1 - z / D.  With the seen height Z = z / f that is a projective map, which keeps
     planes and straight lines: shadows and integration in (u, v, Z) are those of an
-    orthographic camera.  The film's plane z = p x + q y + c becomes
+    orthographic camera (equation V1).  The film's plane z = p x + q y + c becomes
     Z = (p u + q v + c) / (1 - c / D), and back Z = P u + Q v + C becomes
-    z = (P x + Q y + C) / (1 + C / D).
+    z = (P x + Q y + C) / (1 + C / D) (equation V2).
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ MAX_MEDIAN, MAX_QUARTILE = 0.72, 2.9
 
 
 def check_curl(curl: F4) -> Check:
-    """Return how far the slopes are from the gradient of a height (`slope_curl`, h x w)."""
+    """Return how far the slopes are from the gradient of a height (`slope_curl`, T2, h x w)."""
     middle, upper = spread_of(curl[curl >= 0])
     return Check(
         max(middle / MAX_MEDIAN, upper / MAX_QUARTILE),

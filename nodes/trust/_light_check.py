@@ -44,7 +44,7 @@ class Touched(NamedTuple):
 
 
 def check_light(touched: Touched, count: int, rim_error: float) -> Check:
-    """Return how far the light of K LEDs is from that of the slopes that were found.
+    """Return how far the light of K LEDs is from that of the slopes that were found (T1).
 
     `rim_error` is the error of the light where rims in shadow leave the height uncertain, over
     the model's error.

@@ -26,7 +26,7 @@ stands out by this height."""
 
 
 def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = None) -> Check:
-    """Return how far the film at rest is from that of the flat frame.
+    """Return how far the film at rest is from that of the flat frame (T3 of ``docs/model.md``).
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def light_departure(
     LEDs that were used::
 
         chi^2 = sum (r_k - b a_k)^2,    b = sum r_k a_k / (sum a_k^2 + 1 / uneven^2)
-        s_k^2 = (sigma_k / cell_px)^2 + (e max(n.v_k, 0.1))^2
+        s_k^2 = (sigma_k / cell_px)^2 + (e max(n.v_k, 0.1))^2                                (T1)
 
     b is the film's unknown brightness, and e the model's error of the light (`light_error`), from
     the presses of the calibration.  The degrees of freedom are the LEDs used, less two for the

@@ -30,7 +30,7 @@ def map_departure(
     """Return the reduced chi-squared of the light under the slope that was found.
 
     The sum over the lights of (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 (equation M1), over the
-    square of the model's error and the K - 2 degrees of freedom.
+    square of the model's error and the K - 2 degrees of freedom (equation T1).
 
     Parameters
     ----------

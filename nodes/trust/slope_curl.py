@@ -45,7 +45,7 @@ def slope_curl(
     with differences of the cells' mean slopes::
 
         c = dp/dy - dq/dx,    D^2 = |grad p|^2 + |grad q|^2
-        c^2 / (var p + var q + level^2 + (share D)^2 + least^2)
+        c^2 / (var p + var q + level^2 + (share D)^2 + least^2)                              (T2)
 
     The variances are those of the four cells' means, and level is the calibration's misfit.
 

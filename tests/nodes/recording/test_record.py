@@ -21,6 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.files import mcap_log
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile
 from tests.conftest import ROOT
@@ -184,7 +185,7 @@ class Disk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, space: int) -> None:
         self.space = space
         self._write = os.write
-        monkeypatch.setattr(_mcap_log.os, "write", self.write)
+        monkeypatch.setattr(mcap_log.os, "write", self.write)
 
     def write(self, handle: int, data: Any) -> int:
         if not self.space:
@@ -197,7 +198,7 @@ class Disk:
 def test_a_full_disk_costs_touches_but_neither_the_stream_nor_what_was_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_mcap_log, "RETRY_S", 0.0)
+    monkeypatch.setattr(mcap_log, "RETRY_S", 0.0)
     disk = Disk(monkeypatch, 12_000)
     session, notes = Session(), []
     with collect_warnings(notes):
@@ -223,7 +224,7 @@ def test_a_full_disk_costs_touches_but_neither_the_stream_nor_what_was_written(
 def test_a_disk_that_is_full_at_the_last_touch_is_told_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_mcap_log, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(mcap_log, "PATIENCE_S", 0.0)
     session, notes = Session(), []
     record_touch(session, make_cycle(0), "0", folder=tmp_path)
     go = threading.Event()
@@ -232,7 +233,7 @@ def test_a_disk_that_is_full_at_the_last_touch_is_told_at_the_end(
         go.wait(10)
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(_mcap_log.os, "write", write)
+    monkeypatch.setattr(mcap_log.os, "write", write)
     with collect_warnings(notes):
         record_touch(session, make_cycle(1), "1", folder=tmp_path)
         assert notes == []
@@ -245,7 +246,7 @@ def test_a_disk_that_is_full_at_the_last_touch_is_told_at_the_end(
 def test_a_slow_disk_costs_touches_but_no_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_mcap_log, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(mcap_log, "PATIENCE_S", 0.0)
     go, written = threading.Event(), os.write
 
     def write(handle: int, data: Any) -> int:
@@ -254,7 +255,7 @@ def test_a_slow_disk_costs_touches_but_no_memory(
 
     session, notes = Session(), []
     record_touch(session, make_cycle(0), "0", folder=tmp_path, queue_mb=0.03)
-    monkeypatch.setattr(_mcap_log.os, "write", write)
+    monkeypatch.setattr(mcap_log.os, "write", write)
     with collect_warnings(notes):
         for touch in range(1, 50):
             record_touch(session, make_cycle(touch), str(touch), folder=tmp_path, queue_mb=0.03)
@@ -278,7 +279,7 @@ def test_the_disk_is_asked_to_keep_every_touch(
         fsync(handle)
         kept.put(size)
 
-    monkeypatch.setattr(_mcap_log.os, "fsync", sync)
+    monkeypatch.setattr(mcap_log.os, "fsync", sync)
     session = Session()
     for touch in range(3):
         record_touch(session, make_cycle(touch), str(touch), folder=tmp_path)
@@ -304,14 +305,14 @@ def test_every_touch_is_there_after_a_kill(tmp_path: Path) -> None:
 def test_a_stream_that_may_wait_loses_nothing_to_a_slow_disk(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_mcap_log, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(mcap_log, "PATIENCE_S", 0.0)
     written = os.write
 
     def write(handle: int, data: Any) -> int:
         time.sleep(0.005)
         return written(handle, data)
 
-    monkeypatch.setattr(_mcap_log.os, "write", write)
+    monkeypatch.setattr(mcap_log.os, "write", write)
     frames = make_recording(tmp_path, 20, queue_mb=0.03, wait=True)
     assert read_numbers(tmp_path) == [frame.number for frame in frames]
 
@@ -324,7 +325,7 @@ def test_a_failure_that_nobody_thought_of_stops_the_recording_with_a_line(
 
     session, notes = Session(), []
     record_touch(session, make_cycle(0), "0", folder=tmp_path)
-    monkeypatch.setattr(_mcap_log.os, "write", fail)
+    monkeypatch.setattr(mcap_log.os, "write", fail)
     with collect_warnings(notes):
         for touch in range(1, 4):
             record_touch(session, make_cycle(touch), str(touch), folder=tmp_path)
