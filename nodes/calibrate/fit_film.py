@@ -1,6 +1,7 @@
 """Fit a film's model of light and slope, as complex as its presses support.
 
-The model grows part by part, then by harmonics, each judged on held-out balls.
+The model grows part by part, then by harmonics, each judged on held-out balls.  Long because
+each part of the film is one short step of the same search.
 """
 
 from __future__ import annotations

@@ -19,12 +19,12 @@ KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 
 
 def modules_of(node: Node) -> Iterator[ModuleType]:
-    """A node's module, and the private ones of its room that it takes names from."""
+    """A node's module, and those of its room or of the optics that it takes names from."""
     own = sys.modules[node.function.__module__]
     yield own
-    private = own.__name__.rpartition(".")[0] + "._"
+    shared = own.__name__.rpartition(".")[0] + "._", "tactograph.nodes.optics."
     taken = {getattr(value, "__module__", None) or "" for value in vars(own).values()}
-    yield from (sys.modules[name] for name in sorted(taken) if name.startswith(private))
+    yield from (sys.modules[name] for name in sorted(taken) if name.startswith(shared))
 
 
 def shared_constants(node: Node) -> dict[str, tuple[float, float]]:
@@ -45,6 +45,6 @@ def test_both_sides_hold_the_same_constants(name: str) -> None:
     }
 
 
-def test_constants_of_a_node_and_of_its_rooms_modules_are_compared() -> None:
+def test_constants_of_a_node_and_of_the_optics_are_compared() -> None:
     shared = shared_constants(find_node("label_lights"))
     assert {"AT_REST", "SHADE", "STRAY", "LONGEST", "SINGULAR", "FLATTEST"} <= shared.keys()
