@@ -28,12 +28,16 @@ def modules_of(node: Node) -> Iterator[ModuleType]:
 
 
 def shared_constants(node: Node) -> dict[str, tuple[float, float]]:
-    """What both sides call by one name: the number in Python, and that in the kernel's source."""
+    """What both sides call by one name: the number in Python, and that in the kernel's source.
+
+    Two modules may each have a constant of that name; one of them has to agree.
+    """
     found: dict[str, tuple[float, float]] = {}
     for name, number in NUMBER.findall(kernel_source(node)):
-        here = next((m for m in modules_of(node) if hasattr(m, name)), None)
-        if here is not None:
-            found[name] = float(np.float32(getattr(here, name))), float(np.float32(number))
+        there = float(np.float32(number))
+        here = [float(np.float32(getattr(m, name))) for m in modules_of(node) if hasattr(m, name)]
+        if here:
+            found[name] = (there if there in here else here[0]), there
     return found
 
 
