@@ -80,7 +80,7 @@ def judge_touch(
     misfit
         The calibration's misfit.
     uneven
-        Standard deviation of the film's brightness.
+        Standard deviation of the film's brightness; None: it is known.
     least
         Trust below which there is a warning.
     rim_height
