@@ -57,6 +57,11 @@ def test_what_is_not_checked_has_no_figure() -> None:
     assert "check_light" not in judged(0.0)
 
 
+def test_a_brightness_of_which_nothing_is_said_is_known() -> None:
+    """As of a one-shot sensor, whose graph has no unevenness to connect."""
+    assert judged(0.0, light=9.0, uneven=None) == judged(0.0, light=9.0, uneven=0.0)
+
+
 def test_a_warning_says_the_cause_and_the_cure() -> None:
     assert not told(0.98 * LIMIT)
     (line,) = told(1.1 * LIMIT)
