@@ -653,7 +653,7 @@ MUTANTS = {
         "u and v swapped": ("* TERMS, u, v)", "* TERMS, v, u)"),
         "the film at rest is black": ("- 1.0f - shown", "- shown"),
         "the slope costs nothing": ("(float)(K - 2)", "(float)K"),
-        "another misfit": ("max(misfit[2], LEAST_ERROR)", "max(misfit[0], LEAST_ERROR)"),
+        "another misfit": ("max(misfit[2], LEAST_MAP_ERROR)", "max(misfit[0], LEAST_MAP_ERROR)"),
         "not relative to the film at rest": ("c[2] * (z - 1.0f)", "c[2] * z"),
         "the slope's sign": ("x = -p * z", "x = p * z"),
     },

@@ -7,7 +7,7 @@ import pytest
 
 from tactograph.nodes import F4, U1
 from tactograph.nodes.trust._check import Check
-from tactograph.nodes.trust._light_check import Touched, check_light
+from tactograph.nodes.trust._light_check import MAX_MEDIAN, MAX_REST, Touched, check_light
 
 SHAPE = (30, 40)
 ALL = 0b1111
@@ -40,7 +40,7 @@ def test_light_of_a_surface_passes() -> None:
 
 def test_light_of_no_surface_is_told() -> None:
     check = told(touched(departs=16.0))
-    assert check.figure == pytest.approx(4 / 2.8)
+    assert check.figure == pytest.approx(4 / MAX_MEDIAN)
     assert "no surface" in check.cause
     assert "order of the images" in check.cause
 
@@ -57,7 +57,7 @@ def test_a_quarter_that_is_wrong_is_told_too() -> None:
 
 def test_film_at_rest_that_departs_from_pixel_to_pixel_is_told() -> None:
     check = told(touched(at_rest=4.0))
-    assert check.figure == pytest.approx(2 / 1.2)
+    assert check.figure == pytest.approx(2 / MAX_REST)
     assert "compressed" in check.cause
 
 
@@ -96,7 +96,7 @@ def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
 def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
     what = touched(departs=25.0)
     level = what._replace(slope=0 * what.slope)
-    assert told(level).figure == pytest.approx(1 / 1.2)
+    assert told(level).figure == pytest.approx(1 / MAX_REST)
 
 
 def test_labels_may_be_missing() -> None:

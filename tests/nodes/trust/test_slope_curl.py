@@ -67,7 +67,7 @@ def test_slopes_of_wrong_images_curl(wrong: object, what: str) -> None:
     slope = np.stack([0.3 * np.cos(COLUMN / 9 + ROW / 6), 0.45 * np.cos(COLUMN / 9 + ROW / 6)])
     right = slope.astype(np.float32)
     assert where_tested(slope_curl(right, EXACT)).max() < 0.5
-    assert np.median(where_tested(slope_curl(wrong(right), EXACT))) > 20, what  # type: ignore[operator]
+    assert np.median(where_tested(slope_curl(wrong(right), EXACT))) > 4, what  # type: ignore[operator]
 
 
 def test_turned_images_curl_no_more_and_need_another_check() -> None:
@@ -86,7 +86,7 @@ def test_noise_that_is_stated_is_not_taken_for_curl(
     variance = np.full(slope.shape, noise * noise, np.float32)
     given = {"factor": factor, "cell_px": cell_px, "least": 1e-6}
     stated = where_tested(slope_curl(slope, EXACT, variance=variance, **given)).mean()
-    assert 0.9 < stated <= 1.05
+    assert 0.8 < stated <= 1.05
     assert where_tested(slope_curl(slope, EXACT, **given)).mean() > 5 * stated
 
 
