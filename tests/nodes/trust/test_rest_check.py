@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._rest_check import check_rest
 
@@ -101,6 +102,23 @@ def test_a_surface_touched_everywhere_says_that_zero_and_tilt_are_unknown() -> N
     check = told((np.ones((4, *SHAPE)) * wave).astype(np.float32))
     assert check.figure > 1.5
     assert "zero and tilt of the height are unknown" in check.cause
+
+
+def test_leds_that_change_as_if_the_film_was_tilted_are_told_where_nothing_else_shows() -> None:
+    """A plate that tilts the whole film; beside a touch, LEDs may fade as they like."""
+    lights = light_ring(count=4, slant_deg=35.0, distance_mm=40.0)
+    levels = 1 + 0.1 * lights[:, 0] / lights[:, 2]
+    light, drift = scaled(np.ones((4, *SHAPE), np.float32), *levels), drifted(*levels)
+    flat = np.zeros(SHAPE, np.float32)
+    check = check_rest(light, drift, flat, lights)
+    assert check.figure > 1
+    assert "the whole film was tilted" in check.cause
+    assert check_rest(light, drift, risen(), lights).figure < 1
+    alike = drifted(1.05, 1.05, 1.05, 1.05)
+    assert (
+        check_rest(scaled(light / levels[:, None, None], *alike[:, 0]), alike, flat, lights).figure
+        < 1
+    )
 
 
 def test_a_touch_that_goes_below_the_film_is_told() -> None:
