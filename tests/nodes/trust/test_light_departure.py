@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.light._near_light import expected_light, light_vectors
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.trust.light_departure import UNTESTED, light_departure, light_error
 from tests.nodes.scenes import waves

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.slope._reflectance_map import SHADES, TERMS
+from tactograph.nodes.optics.reflectance_map import SHADES, TERMS
 from tactograph.nodes.slope.solve_reflectance_map import mapped_light, solve_reflectance_map
 from tactograph.nodes.trust.map_departure import map_departure
 from tests.nodes.scenes import waves
