@@ -18,7 +18,7 @@ from tactograph.graph.compare.text_table import fitting_table
 from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.graph.warning_lines import warning_lines
 
-HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
+HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
 TIME = "ms"
 STAR = "*"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 from typing import Any
@@ -23,6 +22,7 @@ from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
+from tactograph.graph.run.raise_warnings import raise_warnings
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream
 from tactograph.graph.run.stand_ins import StandIns
@@ -49,7 +49,8 @@ class Pipeline:
         self._items = Items(plan, device)
         if cache is not None:
             self._items.keep(cache)
-        self._has_run = self._has_warned = False
+        self._has_run = False
+        self._raised: set[str] = set()
         tasks = plan.tasks.values()
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stream: SourceStream | None = None
@@ -66,6 +67,11 @@ class Pipeline:
             By source node: a K x H x W stack of images.  Unsigned integers count as
             fractions of their full scale, floats as they are.  What image files are refused
             or warned of, arrays are too; floats have to lie within 0..1.
+
+        Warns
+        -----
+        UserWarning
+            Of each kind that the result's ``warnings`` holds, once per pipeline.
 
         Raises
         ------
@@ -88,12 +94,11 @@ class Pipeline:
             self._items.prepare()
             self._items.begin()
             self._items.notes += told
-            # Once: in a loop over a camera's frames, the figures differ from frame to frame.
-            for line in () if self._has_warned else told:
-                warnings.warn(line, stacklevel=2)
-            self._has_warned |= bool(told)
             self._has_run = False
-            result = self._items.item(self._stand_ins.item(stacks))
+            try:
+                result = self._items.item(self._stand_ins.item(stacks))
+            finally:
+                raise_warnings(self._items.notes, self._raised)
             # What a node passes on is still the caller's own memory.
             for name, value in result.outputs.items():
                 if isinstance(value, np.ndarray) and shares(value, stacks.values()):

@@ -53,7 +53,7 @@ def check_light(touched: Touched, count: int, rim_error: float) -> Check:
     tested, cells = touched.departure >= 0, int(np.count_nonzero(steep))
     shaded = 0.0
     if touched.used is not None and cells:
-        shaded = np.count_nonzero(touched.used[steep] != (1 << count) - 1) / cells
+        shaded = int(np.count_nonzero(touched.used[steep] != (1 << count) - 1)) / cells
     wider = float(np.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE)))
     rest, _ = spread_of(touched.departure[tested & ~steep])
     middle, upper = spread_of(touched.departure[tested & steep])
@@ -71,7 +71,7 @@ def check_light(touched: Touched, count: int, rim_error: float) -> Check:
         _shadows(touched, count),
     ]
     if cells >= MIN_CELLS:
-        share = np.count_nonzero(steep & tested) / cells
+        share = int(np.count_nonzero(steep & tested)) / cells
         checks.append(
             Check(
                 MIN_TESTED / max(share, MIN_TESTED / 10),

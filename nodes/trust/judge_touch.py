@@ -80,13 +80,13 @@ def judge_touch(
     misfit
         The calibration's misfit.
     uneven
-        Standard deviation of the film's brightness.
+        Standard deviation of the film's brightness; None: it is known.
     least
         Trust below which there is a warning.
     rim_height
         Error of the height beside rims in shadow, as a share of the greatest height.
     force
-        Go on where all three checks fail.
+        Go on where all checks fail.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def judge_touch(
     Raises
     ------
     InputError
-        If all three checks fail, unless `force`.
+        If all checks fail, unless `force`: three, or two where the light is not checked.
     """
     checks = {
         "curl": check_curl(_thinned(curl)),
@@ -109,8 +109,7 @@ def judge_touch(
         touched = Touched(_thinned(departure), _thinned(slope), *labels)
         checks["light"] = check_light(touched, len(light), rim_error)
     trust = 1 / (1 + max(check.figure for check in checks.values()) ** STEEPNESS)
-    failed = [name for name, check in checks.items() if check.figure > 1]
-    if len(failed) == 3 and not force:
+    if all(check.figure > 1 for check in checks.values()) and not force:
         raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
     if trust < least:
         warn(f"{_causes(checks)}; the height may be wrong")

@@ -126,7 +126,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     """LEDs around a film whose light departs from the model by a few standard deviations."""
     around = np.arange(K) * 2 * np.pi / K
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 25], axis=1)
-    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
     height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
     x, y = (places(side, np.float32(0.05)) for side in (W, H))
     vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)

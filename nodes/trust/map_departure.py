@@ -68,5 +68,5 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "slope": slope,
         "height": height,
         "reflectance": reflectance,
-        "misfit": np.array([0.02, 0, 0.02, 0, 0], np.float32),
+        "misfit": np.array([0.05, 0, 0.02, 0, 0], np.float32),
     }

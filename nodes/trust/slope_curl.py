@@ -126,9 +126,10 @@ slope_curl.opencl(grid="h w")
 
 @slope_curl.example
 def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Slopes of a smooth surface, and some that no surface has."""
+    """Slopes of a smooth surface with an edge across it, and some that no surface has."""
     down, across = np.mgrid[:H, :W] / 7
     surface = np.stack([np.cos(across) * np.sin(down), np.sin(across) * np.cos(down)]) * 0.6
+    surface[0, :, W // 2 :] -= 0.8
     curls = rng.normal(0, 0.05, (2, H, W)) * (rng.random((H, W)) < 0.5)
     return {
         "slope": (surface + curls).astype(np.float32),

@@ -38,7 +38,7 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("graph", ["paper", "reconstruct"])
 def test_the_first_item_allocates_for_all(graph: str, calibration: Path) -> None:
-    pipeline = load(graph, calibration=str(calibration), backend="opencl")
+    pipeline = load(graph, calibration=str(calibration), backend="opencl", force=True)
     rng = np.random.default_rng(3)
     counts = []
     for _ in range(30):

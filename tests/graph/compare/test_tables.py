@@ -54,7 +54,7 @@ def test_repeats_are_one_line() -> None:
     assert second.figures["error"].count == 1
 
 
-@pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1"])
+@pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1", "trust"])
 def test_figures_that_should_be_high(name: str) -> None:
     assert higher_is_better(name)
     assert not higher_is_better("rmse_px")

@@ -58,4 +58,7 @@ def calibrated(file: Path) -> None:
     names = [str(i) for i in range(len(frames))]
     fit = fit_reflectance_map(image, flat, names, circles, PIXEL_MM, radius_mm=BALL_MM)
     made = Provenance({}, None, [], {}, {}, [], [])
-    write_press_calibration(flat, PIXEL_MM, fit.reflectance, {}, "", file=file, provenance=made)
+    quality = {"residual_percent": 100 * float(fit.residual.max())}
+    write_press_calibration(
+        flat, PIXEL_MM, fit.reflectance, quality, "", file=file, provenance=made
+    )

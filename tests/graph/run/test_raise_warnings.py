@@ -1,0 +1,88 @@
+"""What nodes warn of is a warning of Python too, once per pipeline."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, load, node, warn
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.nodes import Light
+
+IMAGE = np.full((3, 8, 8), 0.5, np.float32)
+
+
+def telling(texts: list[str]) -> Pipeline:
+    """A pipeline whose node warns of one text after another; of "refuse", it refuses the next."""
+    next_text: Iterator[str] = cycle(texts)
+
+    @node
+    def doubtful(light: Light) -> Light:
+        """Warn of the next text."""
+        text = next(next_text)
+        if text:
+            warn(text.removeprefix("refuse: "))
+        if text.startswith("refuse"):
+            raise InputError("refused")
+        return light
+
+    graph: dict[str, Any] = {
+        "format": 1,
+        "params": {"capture": {"kind": "path"}},
+        "nodes": {
+            "frames": {"op": "read_capture", "with": {"folder": "$capture"}},
+            "doubt": {"op": "doubtful", "in": {"light": "frames.image"}},
+        },
+        "outputs": {"light": "doubt"},
+    }
+    return load(graph, backend="numpy", nodes=[doubtful])
+
+
+def raised(pipeline: Pipeline, calls: int) -> list[str]:
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for _ in range(calls):
+            pipeline(frames=IMAGE)
+    assert all(line.category is UserWarning for line in told)
+    assert {line.filename for line in told} <= {__file__}, "they point at the caller's line"
+    return [str(line.message) for line in told]
+
+
+def test_a_nodes_warning_is_raised_once_and_stays_in_every_result() -> None:
+    pipeline = telling(["the light fits no surface"])
+    assert raised(pipeline, 3) == ["the light fits no surface"]
+    assert pipeline(frames=IMAGE).warnings == ["the light fits no surface"]
+
+
+def test_another_warning_is_raised_when_it_comes() -> None:
+    assert raised(telling(["", "too dark", "", "too bright"]), 8) == ["too dark", "too bright"]
+
+
+def test_a_figure_that_changes_is_no_new_warning_but_another_led_is() -> None:
+    texts = ["LED 1 is 12.5 % darker", "LED 1 is 13 % darker", "LED 2 is 13 % darker"]
+    assert raised(telling(texts), 3) == [texts[0], texts[2]]
+
+
+def test_what_was_warned_of_before_a_refusal_is_raised_too() -> None:
+    with (
+        pytest.warns(UserWarning, match="look at this first"),
+        pytest.raises(InputError, match="refused"),
+    ):
+        telling(["refuse: look at this first"])(frames=IMAGE)
+
+
+def test_every_pipeline_raises_its_own() -> None:
+    for _ in range(2):
+        assert raised(telling(["too dark"]), 1) == ["too dark"]
+
+
+def test_as_errors_they_stop_the_script() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(UserWarning, match="too dark"):
+            telling(["too dark"])(frames=IMAGE)

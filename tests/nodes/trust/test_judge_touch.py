@@ -1,0 +1,125 @@
+"""One verdict on a touch, and its cause in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4, Metrics
+from tactograph.nodes.trust._curl_check import MAX_MEDIAN
+from tactograph.nodes.trust.judge_touch import judge_touch
+
+SHAPE = (30, 40)
+LIMIT = np.float32(MAX_MEDIAN * MAX_MEDIAN)
+REST, HEIGHT = np.ones((4, *SHAPE), np.float32), np.zeros(SHAPE, np.float32)
+SLOPE = np.full((2, *SHAPE), 0.3, np.float32)
+
+
+def judged(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> Metrics:
+    """Uniform squares of the curl and of the light's departure; `rest` is LED 2's light."""
+    seen = REST.copy()
+    seen[1] *= np.float32(rest)
+    if light is not None:
+        given |= {"departure": np.full(SHAPE, light, np.float32), "slope": SLOPE}
+    return judge_touch(np.full(SHAPE, curl, np.float32), seen, HEIGHT, **given)  # type: ignore[arg-type]
+
+
+def told(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> list[str]:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        judged(curl, rest, light, **given)
+    return notes
+
+
+def test_a_touch_that_nothing_speaks_against_is_trusted() -> None:
+    found = judged(0.0, light=0.0)
+    assert list(found) == ["trust", "check_curl", "check_rest", "check_light"]
+    assert found.pop("trust") > 0.9
+    assert max(found.values()) <= 0.5
+    assert not told(0.0, light=0.0)
+
+
+def test_trust_is_a_half_at_a_limit_and_falls_beyond() -> None:
+    figures = [judged(share**2 * LIMIT)["trust"] for share in (0.5, 1.0, 2.0)]
+    assert figures == pytest.approx([16 / 17, 1 / 2, 1 / 17])
+
+
+def test_the_worst_check_decides() -> None:
+    found = judged(0.25 * LIMIT, rest=0.84)
+    assert found["check_curl"] == pytest.approx(0.5)
+    assert found["check_rest"] == pytest.approx(1.6)
+    assert found["trust"] == pytest.approx(1 / (1 + 1.6**4), rel=1e-4)
+
+
+def test_what_is_not_checked_has_no_figure() -> None:
+    assert "check_light" not in judged(0.0)
+
+
+def test_a_brightness_of_which_nothing_is_said_is_known() -> None:
+    """As of a one-shot sensor, whose graph has no unevenness to connect."""
+    assert judged(0.0, light=9.0, uneven=None) == judged(0.0, light=9.0, uneven=0.0)
+
+
+def test_a_warning_says_the_cause_and_the_cure() -> None:
+    assert not told(0.98 * LIMIT)
+    (line,) = told(1.1 * LIMIT)
+    assert line.startswith("the slopes are those of no surface (check the order of the images")
+    assert line.endswith("; the height may be wrong")
+    assert "\n" not in line
+
+
+def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
+    (line,) = told(4 * LIMIT, rest=0.85, light=0.0)
+    slopes, led = line.index("slopes are those of no surface"), line.index("LED 2 is darker")
+    assert slopes < led
+    assert "the light of the touch" not in line
+
+
+def test_least_sets_the_trust_that_is_asked_for() -> None:
+    assert not told(1.1 * LIMIT, least=0.1)
+    (line,) = told(0.8 * LIMIT, least=0.9)
+    assert "slopes are those of no surface" in line
+
+
+def test_what_fails_all_checks_is_refused_unless_forced() -> None:
+    wrong = {"curl": 4 * LIMIT, "rest": 0.7, "light": 20.0}
+    with pytest.raises(InputError) as refused:
+        judged(**wrong)
+    line = str(refused.value)
+    assert all(cause in line for cause in ("slopes are those", "LED 2 is darker", "light of the"))
+    assert line.endswith("no height follows; force=true goes on all the same")
+    assert len(told(**wrong, force=True)) == 1
+    assert judged(**wrong, force=True)["trust"] < 0.02
+
+
+def test_two_of_three_are_no_refusal_but_both_of_two_are() -> None:
+    assert len(told(4 * LIMIT, rest=0.7, light=1.0)) == 1
+    with pytest.raises(InputError, match="no height follows"):
+        judged(4 * LIMIT, rest=0.7)
+
+
+def test_walls_under_near_leds_are_allowed_more_than_under_far_ones() -> None:
+    """The rough height of a rim in shadow is uncertain, and the light depends on it."""
+    near = np.array([[20, 0, 25], [0, 20, 25], [-20, 0, 25], [0, -20, 25]], np.float32)
+    tall, used = HEIGHT + np.float32(3), np.full(SHAPE, 0b0111, np.uint8)
+
+    def light_check(lights: F4) -> float:
+        given = {"used": used, "lights": lights, "departure": np.full(SHAPE, 16, np.float32)}
+        return judge_touch(HEIGHT, REST, tall, slope=SLOPE, **given, force=True)["check_light"]
+
+    assert light_check(near) < 0.5 * light_check(20 * near)
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1), (1, 1)])
+def test_an_image_of_a_few_cells_has_a_verdict(shape: tuple[int, int]) -> None:
+    untested = np.full(shape, -1, np.float32)
+    found = judge_touch(untested, np.ones((4, *shape), np.float32), np.zeros(shape, np.float32))
+    assert found["trust"] > 0.9
+
+
+def test_what_no_cell_tests_is_not_held_against_a_touch() -> None:
+    found = judged(-1.0)
+    assert found["check_curl"] == 0
+    assert not any(np.isnan(figure) for figure in found.values())

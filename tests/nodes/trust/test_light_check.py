@@ -1,0 +1,103 @@
+"""The light of a touch as a whole, from its pixels' departures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4, U1
+from tactograph.nodes.trust._check import Check
+from tactograph.nodes.trust._light_check import MAX_MEDIAN, MAX_REST, Touched, check_light
+
+SHAPE = (30, 40)
+ALL = 0b1111
+
+
+def touched(
+    departs: float = 1.0, at_rest: float = 1.0, used: int = ALL, lit: float = 0.0, dark: int = 0
+) -> Touched:
+    """A touch in the middle: its departure, the LEDs used, and light in so many shadow pixels."""
+    slope = np.zeros((2, *SHAPE), np.float32)
+    slope[0, 10:20, 10:30] = 0.4
+    departure = np.full(SHAPE, at_rest, np.float32)
+    departure[10:20, 10:30] = departs
+    labels = np.full(SHAPE, ALL, np.uint8)
+    labels[10:20, 10:30] = used
+    light = np.ones((4, *SHAPE), np.float32)
+    shadow: U1 = np.zeros(SHAPE, np.uint8)
+    shadow.flat[:dark] = 0b0100
+    light[2].flat[:dark] = lit
+    return Touched(departure, slope, labels, light, shadow)
+
+
+def told(what: Touched, rim_error: float = 0.0) -> Check:
+    return check_light(what, 4, rim_error)
+
+
+def test_light_of_a_surface_passes() -> None:
+    assert told(touched()).figure < 0.9
+
+
+def test_light_of_no_surface_is_told() -> None:
+    check = told(touched(departs=16.0))
+    assert check.figure == pytest.approx(4 / MAX_MEDIAN)
+    assert "no surface" in check.cause
+    assert "order of the images" in check.cause
+
+
+def test_a_quarter_that_is_wrong_is_told_too() -> None:
+    what = touched()
+    what.departure[10:14, 10:30] = 25.0
+    what.departure[14:20, 10:30] = 0.5
+    assert told(what).figure < 1 + 1e-6
+    half = np.full((30, 40), 25.0, np.float32)
+    half[10:15] = 0.5
+    assert told(what._replace(departure=half, light=None, shadow=None)).figure > 1
+
+
+def test_film_at_rest_that_departs_from_pixel_to_pixel_is_told() -> None:
+    check = told(touched(at_rest=4.0))
+    assert check.figure == pytest.approx(2 / MAX_REST)
+    assert "compressed" in check.cause
+
+
+def test_rims_in_shadow_are_allowed_an_error_and_are_told_of_precise() -> None:
+    what = touched(departs=16.0, used=0b0111)
+    assert told(what, rim_error=0.0).figure > 1 > told(what, rim_error=1.5).figure
+    assert "need the graph precise" in told(what).cause
+    without_rims = touched(departs=16.0)
+    assert told(without_rims, rim_error=1.5).figure > 1
+
+
+def test_shadows_with_other_light_are_told_and_dark_ones_pass() -> None:
+    assert told(touched(lit=0.002, dark=200)).figure < 0.9
+    check = told(touched(lit=0.03, dark=200))
+    assert check.figure == pytest.approx(2)
+    assert "shadows are not dark" in check.cause
+
+
+def test_a_few_pixels_of_shadow_tell_nothing() -> None:
+    assert told(touched(lit=0.5, dark=40)).figure < 0.9
+
+
+def test_a_touch_under_two_leds_is_told() -> None:
+    check = told(touched(departs=-1.0, used=0b0011))
+    assert check.figure > 1
+    assert "only two LEDs" in check.cause
+
+
+@pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
+def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
+    departure: F4 = np.full(shape, 25.0, np.float32)
+    slope = np.full((2, *shape), 0.5, np.float32)
+    assert check_light(Touched(departure, slope, None, None, None), 4, 0.0).figure == 0
+
+
+def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
+    what = touched(departs=25.0)
+    level = what._replace(slope=0 * what.slope)
+    assert told(level).figure == pytest.approx(1 / MAX_REST)
+
+
+def test_labels_may_be_missing() -> None:
+    assert told(touched()._replace(used=None, light=None, shadow=None)).figure < 0.9

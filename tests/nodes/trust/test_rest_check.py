@@ -1,0 +1,146 @@
+"""Film at rest is the fingerprint of a sensor: faded LEDs pass, others are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.trust._check import Check
+from tactograph.nodes.trust._rest_check import check_rest
+
+SHAPE = (30, 40)
+TOUCHED = np.s_[:, 8:22, 10:30]
+
+
+def pressed(noise: float = 0.003) -> F4:
+    """Four LEDs' light: 1 but for noise, and a touch that changes it by half."""
+    light = 1 + np.random.default_rng(1).normal(0, noise, (4, *SHAPE))
+    light[TOUCHED] *= np.array([1.5, 1.2, 0.6, 0.8])[:, None, None]
+    return light.astype(np.float32)
+
+
+def risen(lowest: float = 0.0, highest: float = 1.0) -> F4:
+    height = np.full(SHAPE, lowest, np.float32)
+    height[TOUCHED[1:]] = highest
+    return height
+
+
+def drifted(*levels: float, tilt: float = 0.0) -> F4:
+    drift = np.zeros((len(levels), 6), np.float32)
+    drift[:, 0], drift[:, 1] = levels, tilt
+    return drift
+
+
+def scaled(light: F4, *levels: float) -> F4:
+    return light * np.array(levels, np.float32)[:, None, None]
+
+
+def told(light: F4, drift: F4 | None = None, height: F4 | None = None) -> Check:
+    return check_rest(light, drift, risen() if height is None else height)
+
+
+@pytest.mark.parametrize("drift", [None, drifted(1, 1, 1, 1)], ids=["none", "no drift found"])
+def test_film_at_rest_as_calibrated_passes(drift: F4 | None) -> None:
+    assert told(pressed(), drift).figure < 0.3
+
+
+@pytest.mark.parametrize("found", [True, False], ids=["drift found", "drift not looked for"])
+def test_leds_that_faded_a_little_pass(found: bool) -> None:
+    levels = (0.96, 0.93, 0.95, 0.94)
+    assert told(scaled(pressed(), *levels), drifted(*levels) if found else None).figure < 0.75
+
+
+@pytest.mark.parametrize("found", [True, False], ids=["drift found", "drift not looked for"])
+@pytest.mark.parametrize(("level", "sense"), [(0.88, "darker"), (1.14, "brighter")])
+def test_an_led_that_changed_by_more_than_a_tenth_is_named(
+    found: bool, level: float, sense: str
+) -> None:
+    levels = (1.0, 1.0, level, 1.0)
+    check = told(scaled(pressed(), *levels), drifted(*levels) if found else None)
+    assert check.figure > 1
+    assert check.cause.startswith(f"LED 3 is {sense} than in the calibration")
+
+
+def test_all_leds_darker_alike_ask_for_the_exposure() -> None:
+    check = told(scaled(pressed(), 0.15, 0.15, 0.15, 0.15))
+    assert check.figure == pytest.approx(8.5, abs=0.1)
+    assert "check exposure" in check.cause
+
+
+def test_leds_that_change_apart_may_be_a_touch_that_reaches_the_borders() -> None:
+    levels = (0.92, 1.09, 1.0, 1.0)
+    check = told(scaled(pressed(), *levels), drifted(*levels))
+    assert check.figure > 1
+    assert "reaches all borders" in check.cause
+
+
+def test_light_that_is_spread_otherwise_is_told() -> None:
+    ramp = 1 + 0.06 * np.linspace(-1, 1, SHAPE[1], dtype=np.float32)
+    check = told(pressed() * ramp, drifted(1.0001, 1, 1, 1, tilt=0.06))
+    assert check.figure == pytest.approx(0.06 / 0.045, rel=1e-3)
+    assert "spread otherwise" in check.cause
+
+
+def test_half_black_images_are_told() -> None:
+    light = pressed()
+    light[:, 15:] = 0
+    check = told(light)
+    assert check.figure > 1
+    assert "without light" in check.cause
+
+
+def test_a_black_shadow_of_one_led_is_no_missing_image() -> None:
+    light = pressed()
+    light[0, 9:20, 12:25] = 0
+    assert told(light).figure < 0.3
+
+
+def test_a_surface_touched_everywhere_says_that_zero_and_tilt_are_unknown() -> None:
+    wave = 1 + 0.7 * np.sin(np.arange(SHAPE[1]) * 0.9)
+    check = told((np.ones((4, *SHAPE)) * wave).astype(np.float32))
+    assert check.figure > 1.5
+    assert "zero and tilt of the height are unknown" in check.cause
+
+
+def test_leds_that_change_as_if_the_film_was_tilted_are_told_where_nothing_else_shows() -> None:
+    """A plate that tilts the whole film; beside a touch, LEDs may fade as they like."""
+    lights = light_ring(count=4, slant_deg=35.0, distance_mm=40.0)
+    levels = 1 + 0.1 * lights[:, 0] / lights[:, 2]
+    light, drift = scaled(np.ones((4, *SHAPE), np.float32), *levels), drifted(*levels)
+    flat = np.zeros(SHAPE, np.float32)
+    check = check_rest(light, drift, flat, lights)
+    assert check.figure > 1
+    assert "the whole film was tilted" in check.cause
+    assert check_rest(light, drift, risen(), lights).figure < 1
+    alike = drifted(1.05, 1.05, 1.05, 1.05)
+    assert (
+        check_rest(scaled(light / levels[:, None, None], *alike[:, 0]), alike, flat, lights).figure
+        < 1
+    )
+
+
+def test_a_touch_that_goes_below_the_film_is_told() -> None:
+    check = told(pressed(), height=risen(lowest=0.0, highest=-1.0))
+    assert check.figure > 1
+    assert "below the film at rest" in check.cause
+
+
+@pytest.mark.parametrize(
+    "height", [risen(-0.3, 1.0), risen(0.0, -0.02)], ids=["skirt", "untouched"]
+)
+def test_film_that_gives_way_beside_a_touch_or_is_at_rest_passes(height: F4) -> None:
+    assert told(pressed(), height=height).figure < 0.75
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (9, 1), (1, 1)])
+def test_an_image_of_one_row_has_a_film_at_rest_too(shape: tuple[int, int]) -> None:
+    check = check_rest(np.ones((4, *shape), np.float32), None, np.zeros(shape, np.float32))
+    assert check.figure < 0.3
+
+
+def test_black_images_are_told_without_dividing_by_them() -> None:
+    check = told(np.zeros((4, *SHAPE), np.float32), height=np.zeros(SHAPE, np.float32))
+    assert np.isfinite(check.figure)
+    assert "without light" in check.cause

@@ -1,0 +1,279 @@
+"""Wrong input that looks plausible is warned of or refused; right touches are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, load
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced, real_data
+from tests.nodes.live.oneshot import calibrated, pressed
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+Images = NDArray[np.uint8]
+Wrong = Callable[[Images, Images], Images]
+OTHER_RIG = {"far28": "near33", "near33": "far28"}
+ANOTHER = {"sphere": "cat_film", "sphere_film": "cat_film", "cat_film": "sphere_film"}
+DOUBT = "; the height may be wrong"
+REFUSAL = "no height follows"
+
+
+def gamma(power: float) -> Wrong:
+    return lambda touch, _: np.asarray(np.round(255 * (touch / 255) ** power), np.uint8)
+
+
+def led_of_another_touch(touch: Images, another: Images) -> Images:
+    return np.concatenate([touch[:1], another[1:2], touch[2:]])
+
+
+def half_black(touch: Images, _: Images) -> Images:
+    dark = touch.copy()
+    dark[:, :, dark.shape[2] // 2 :] = 0
+    return dark
+
+
+def other_light(touch: Images, _: Images) -> Images:
+    """8 % of full scale more light, from no LED."""
+    return np.asarray(np.clip(touch + 0.08 * 255, 0, 255), np.uint8)
+
+
+WRONG: dict[str, Wrong] = {
+    "two LEDs swapped": lambda touch, _: touch[[1, 0, 2, 3]],
+    "mirrored": lambda touch, _: touch[:, :, ::-1].copy(),
+    "turned": lambda touch, _: touch[:, ::-1, ::-1].copy(),
+    "gamma 2.2": gamma(2.2),
+    "gamma 1/2.2": gamma(1 / 2.2),
+    "an LED of another touch": led_of_another_touch,
+    "an LED twice": lambda touch, _: touch[[0, 0, 2, 3]],
+    "exposed too short": lambda touch, _: np.asarray(np.round(0.15 * touch), np.uint8),
+    "half black": half_black,
+    "other light": other_light,
+}
+
+
+@pytest.fixture(scope="module")
+def opened(calibration: Calibration) -> Callable[[str, str], Pipeline]:
+    """A graph with a rig's calibration, loaded once."""
+    pipelines: dict[tuple[str, str], Pipeline] = {}
+
+    def open_once(graph: str, rig: str) -> Pipeline:
+        if (graph, rig) not in pipelines:
+            pipelines[graph, rig] = load(graph, calibration=calibration(rig))
+        return pipelines[graph, rig]
+
+    return open_once
+
+
+Opened = Callable[[str, str], Pipeline]
+
+
+def images(capture: Path) -> Images:
+    leds = [cv2.imread(str(capture / f"led{k}.png"), cv2.IMREAD_UNCHANGED) for k in (1, 2, 3, 4)]
+    return np.stack(leds).astype(np.uint8)
+
+
+def refusal(line: str) -> str:
+    assert REFUSAL in line
+    assert "\n" not in line
+    return line
+
+
+def verdict(pipeline: Pipeline, stack: Images) -> str:
+    """What `judge_touch` says of a touch; "" is nothing."""
+    try:
+        result = pipeline(frames=stack)
+    except InputError as error:
+        return refusal(str(error))
+    told = [line for line in result.warnings if line.endswith(DOUBT)]
+    assert bool(told) == (result["metrics"]["trust"] < 0.5)
+    return "".join(told)
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "paper", "precise"])
+@pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_right_touches_are_trusted(
+    raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
+) -> None:
+    assert verdict(opened(graph, rig), images(raytraced / rig / shape)) == ""
+
+
+SEEN = [("reconstruct", what) for what in WRONG]
+SEEN += [("paper", what) for what in WRONG if what != "other light"]
+"""The paper's flow does not check the light, so that it sees no light that comes from elsewhere."""
+
+
+@pytest.mark.parametrize(("graph", "what"), SEEN)
+@pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_wrong_images_are_told(
+    raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str, what: str
+) -> None:
+    right, another = (images(raytraced / rig / name) for name in (shape, ANOTHER[shape]))
+    assert verdict(opened(graph, rig), WRONG[what](right, another)) != ""
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "paper"])
+@pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_the_calibration_of_another_sensor_is_told(
+    raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
+) -> None:
+    assert verdict(opened(graph, OTHER_RIG[rig]), images(raytraced / rig / shape)) != ""
+
+
+@pytest.mark.parametrize("what", ["two LEDs swapped", "gamma 2.2", "exposed too short"])
+def test_precise_tells_it_too(raytraced: Raytraced, opened: Opened, what: str) -> None:
+    right = images(raytraced / "near33" / "sphere_film")
+    assert verdict(opened("precise", "near33"), WRONG[what](right, right)) != ""
+
+
+@pytest.mark.parametrize(
+    ("what", "cause"),
+    [
+        ("two LEDs swapped", "order of the images"),
+        ("mirrored", "mirrored"),
+        ("turned", "turned"),
+        ("gamma 2.2", "gamma"),
+        ("an LED of another touch", "all are of one touch"),
+        ("exposed too short", "exposure"),
+        ("half black", "parts of the image are without light"),
+        ("other light", "keep other light out"),
+    ],
+)
+def test_the_cause_is_among_those_named(
+    raytraced: Raytraced, opened: Opened, what: str, cause: str
+) -> None:
+    right, another = (images(raytraced / "far28" / name) for name in ("sphere", "cat_film"))
+    assert cause in verdict(opened("reconstruct", "far28"), WRONG[what](right, another))
+
+
+@pytest.fixture
+def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
+    """Captures: a right touch, one whose LEDs are swapped, one that is turned, a right one."""
+    right = images(raytraced / "far28" / "sphere_film")
+    wrong = ["two LEDs swapped", "turned"]
+    stacks = [right, *(WRONG[what](right, right) for what in wrong), right]
+    for number, stack in enumerate(stacks):
+        folder = tmp_path / "touches" / str(number)
+        folder.mkdir(parents=True)
+        for led, image in enumerate(stack, start=1):
+            cv2.imwrite(str(folder / f"led{led}.png"), image)
+    return tmp_path / "touches"
+
+
+def test_a_stream_that_is_forced_warns_and_goes_on(stream: Path, calibration: Calibration) -> None:
+    given = {"capture": str(stream), "calibration": calibration("far28"), "force": True}
+    results = list(open_pipeline(read_graph("reconstruct"), given, sinks=False).items())
+    doubted = [any(line.endswith(DOUBT) for line in result.warnings) for result in results]
+    assert doubted == [False, True, True, False]
+    trusts = [result["metrics"]["trust"] for result in results]
+    assert min(trusts[0], trusts[3]) > 0.9
+    assert max(trusts[1:3]) < 0.1
+
+
+def test_what_everything_contradicts_ends_a_run_that_is_not_forced(
+    stream: Path, calibration: Calibration, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    given = {"capture": str(stream), "calibration": calibration("far28"), "out": str(out)}
+    with pytest.raises(InputError, match=REFUSAL):
+        list(open_pipeline(read_graph("reconstruct"), given).items())
+    assert {path.parent.name for path in out.rglob("result.json")} == {"0"}
+
+
+LIVE = [name for name in shipped_names() if name.startswith(("live", "replay", "ros2"))]
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_a_live_stream_is_forced_from_the_start(name: str) -> None:
+    graph = read_graph(name)
+    if any(entry.op == "judge_touch" for entry in graph.nodes.values()):
+        assert graph.params["force"].default is True
+
+
+COLOURS: dict[str, Wrong] = {
+    "channels reversed": lambda touch, _: touch[::-1].copy(),
+    "gamma 2.2": gamma(2.2),
+    "gamma 1/2.2": gamma(1 / 2.2),
+    "turned": lambda touch, _: touch[:, ::-1, ::-1].copy(),
+    "mirrored": lambda touch, _: touch[:, :, ::-1].copy(),
+    "grey": lambda touch, _: np.repeat(touch.mean(axis=0, keepdims=True), 3, axis=0).astype(
+        np.uint8
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def oneshot(made_once: MadeOnce) -> Pipeline:
+    """A simulated one-shot sensor."""
+    return load("gelsight_mini", calibration=str(made_once("mini.npz", calibrated)))
+
+
+def presses() -> list[Images]:
+    return [frame.transpose(2, 0, 1).copy() for frame in pressed(6).frames]
+
+
+def test_right_presses_of_a_one_shot_sensor_are_trusted(oneshot: Pipeline) -> None:
+    assert [verdict(oneshot, press) for press in presses()] == [""] * 6
+
+
+@pytest.mark.parametrize("what", COLOURS)
+def test_wrong_pictures_of_a_one_shot_sensor_are_told(oneshot: Pipeline, what: str) -> None:
+    silent = [not verdict(oneshot, COLOURS[what](press, press)) for press in presses()]
+    assert not any(silent)
+
+
+@pytest.fixture(scope="module")
+def mini(made_once: MadeOnce) -> Pipeline:
+    """A real sensor."""
+    data = real_data("gelsight_mini_balls")
+
+    def write(file: Path) -> None:
+        given = {
+            "captures": str(data / "6.310mm"),
+            "flat": str(data / "background.png"),
+            "ball_radius_mm": 3.155,
+            "pixel_size_mm": 0.0634,
+            "out": str(file),
+        }
+        list(open_pipeline(read_graph("calibrate_presses"), given).items())
+
+    return load("gelsight_mini", calibration=str(made_once("real_mini.npz", write)))
+
+
+def real_presses() -> list[Images]:
+    folder = real_data("gelsight_mini_balls") / "6.310mm"
+    files = [next((folder / str(n)).glob("*.png")) for n in (2, 9, 19, 25, 31, 40)]
+    return [cv2.imread(str(file)).transpose(2, 0, 1).astype(np.uint8) for file in files]
+
+
+def test_right_presses_of_a_real_sensor_are_trusted(mini: Pipeline) -> None:
+    assert [verdict(mini, press) for press in real_presses()] == [""] * 6
+
+
+@pytest.mark.parametrize("what", COLOURS)
+def test_wrong_pictures_of_a_real_sensor_are_told(mini: Pipeline, what: str) -> None:
+    silent = [not verdict(mini, COLOURS[what](press, press)) for press in real_presses()]
+    assert not any(silent)
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_a_good_calibration_raises_no_warning(
+    raytraced: Raytraced, tmp_path: Path, rig: str
+) -> None:
+    folder = raytraced / rig
+    given = {"capture": str(folder / "calibration"), "flat": str(folder / "flat")}
+    scale = {"ball_radius_mm": 7.0, "pixel_size_mm": RIG_PIXEL_MM[rig]}
+    values = {**given, **scale, "out": str(tmp_path / "cal.npz")}
+    (result,) = open_pipeline(read_graph("calibrate"), values).items()
+    assert not result.warnings
