@@ -20,7 +20,7 @@ from scipy.linalg import hadamard
 from scipy.ndimage import binary_erosion, map_coordinates
 
 from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
-from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.near_light import F8, irradiance_ratio, places
 from tactograph.nodes.optics.sheet import cut
 
 BLOCKS = 32
@@ -383,8 +383,7 @@ def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
     dx, dy, dz = a - c * there.x, b - c * there.y, 1 - c * z
     plan = dx * dx + dy * dy
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
-    nearer = at_rest / (plan + dz * dz)
-    model = (nx * dx + ny * dy + nz * dz) * nearer * np.sqrt(nearer)
+    model = (nx * dx + ny * dy + nz * dz) * irradiance_ratio(at_rest, plan + dz * dz)
     return np.where(there.lit[k] & (model > DIM), there.light[k] - model, 0)
 
 

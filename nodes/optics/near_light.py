@@ -11,6 +11,8 @@ and has no unknown scale left: |n| = 1.  ``kernels/headers/near_light.clh`` hold
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,5 +98,10 @@ def light_by_place(lights: F4, x: F4, y: F4, z: F4, slope: F4) -> F4:
 
 def _gain(plan: F4, dz: F4, lz: np.float32) -> F4:
     """The factor on L - P in v of equation N1; `plan` is its length squared in the plane."""
-    nearer = (plan + lz * lz) / (plan + dz * dz)
-    return np.asarray(nearer * np.sqrt(nearer) * (np.float32(1) / lz))
+    return np.asarray(irradiance_ratio(plan + lz * lz, plan + dz * dz) * (np.float32(1) / lz))
+
+
+def irradiance_ratio(at_rest: Any, here: Any) -> Any:
+    """Return (|L - P_0| / |L - P|)^3 of equation N1 from the squares of both distances."""
+    nearer = at_rest / here
+    return nearer * np.sqrt(nearer)
