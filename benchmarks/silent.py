@@ -33,7 +33,7 @@ HARM_UM, TIMES, GROSS_UM = 20.0, 5.0, 500.0
 LEVELS = ("weak", "middle", "strong")
 NOT_OF_LIGHT = "find_contact:"
 """How a warning begins that doubts neither light nor height."""
-FIGURES = ("light_misfit", "trust", "check")
+FIGURES = ("trust", "check")
 COLUMNS = ("rig", "graph", "touch", "kind", "strength", "value", "rmse_um", "right_um",
            "stated_um", "harm", "told", "check", "told_at_calibration")  # fmt: skip
 SMALL = ("right", "swapped_neighbours", "order_rotated", "gamma", "another_gel", "led_twice",
