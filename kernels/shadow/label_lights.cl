@@ -12,6 +12,8 @@
 #define FAINTEST 0.08f
 #define STRAY 0.015f
 #define SHADE 0.1f
+#define EVEN 0.05f
+#define ANY_BRIGHTNESS 1e3f
 #define UNKNOWN 1e12f
 #define TINY 1e-20f
 
@@ -81,7 +83,7 @@ typedef struct {
 
 typedef struct {
     int pair, dark;
-    float floor_, price, one_sided, steepest, uneven;
+    float floor_, price, one_sided, steepest, dimmed, uneven;
 } Rules;
 
 // Pixels that another set of LEDs may explain better: what all LEDs cost there, and a number that
@@ -510,11 +512,12 @@ static void put_choice(
 
 // List the pixels that another set may explain better.
 static void list_doubtful(
-    const Pixels *here, const floats squares, const float price, const int at, const int count,
+    const Pixels *here, const floats squares, const Rules *rules, const int at, const int count,
     Doubtful *doubtful)
 {
     // Leaving an LED out costs at least its price and its light.
-    const ints may_be = (here->forced != 0) | !(squares <= price), nothing = 0;
+    const float price = rules->price, least = fmin(price, rules->dimmed);
+    const ints may_be = (here->forced != 0) | !(squares <= least), nothing = 0;
     if (!ANY(may_be)) return;
     ints kind = 0;
     for (int k = 0; k < here->K; ++k) {
@@ -523,6 +526,7 @@ static void list_doubtful(
     }
     const ints may = (here->forced == 0) & (squares < INFINITY), others = 1 << here->K;
     const floats never = INFINITY, cost = may ? squares : never;
+    kind |= squares > rules->dimmed ? others : nothing;
     kind = may ? kind : here->forced | others;
     const ints doubt = kind != 0;
     if (!ANY(doubt)) return;
@@ -564,7 +568,7 @@ static void all_lit(
         const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
         const Choice lit = {{found[r].normal, found[r].normal}, all, squares[r], squares[r]};
         put_choice(made, frame, rules, &here[r], &lit, at, filled, 0);
-        list_doubtful(&here[r], squares[r], rules->price, at, filled, doubtful);
+        list_doubtful(&here[r], squares[r], rules, at, filled, doubtful);
     }
 }
 
@@ -581,6 +585,39 @@ static void sort_by_kind(const Doubtful *doubtful, const int K, int *order)
     for (int kind = 1; kind < kinds; ++kind) ends[kind] += ends[kind - 1];
     for (int i = doubtful->number - 1; i >= 0; --i) order[--ends[doubtful->kind[i]]] = i;
 #endif
+}
+
+// Let all LEDs count at any lower brightness, where no set explains their light at less cost; say
+// for which pixels they do.
+static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
+{
+    floats darkest = here->light[0], brightest = here->light[0];
+    for (int k = 1; k < here->K; ++k) {
+        darkest = LESS_OF(darkest, here->light[k]);
+        brightest = MORE_OF(brightest, here->light[k]);
+    }
+    const ints open = (best->cost > rules->dimmed) & (here->forced == 0)
+        & (darkest > EVEN * brightest);
+    if (!ANY(open)) return open;
+    const int all = (1 << here->K) - 1;
+    const Equations equations = normal_equations(here, all);
+    const Vector start = linear(&equations);
+    const Equations free = at_any_brightness(&equations, start, ANY_BRIGHTNESS);
+    const Vector normal = step_from(&free, start);
+    floats missing = 0.0f, cost = rules->dimmed;
+    for (int k = 0; k < here->K; ++k) {
+        const floats due = dot_of(here->vector[k], normal);
+        missing += here->weight[k] * due * (due - here->light[k]);
+    }
+    // Three LEDs are explained exactly.
+    if (here->K > 3) cost += squares_of(here, all, normal, ANY_BRIGHTNESS);
+    const ints better = open & (missing > 0.0f) & (cost < best->cost), labels = all;
+    best->cost = better ? cost : best->cost;
+    best->misfit = better ? squares_of(here, all, normal, rules->uneven) : best->misfit;
+    best->used = better ? labels : best->used;
+    best->normals.normal = chosen_of(better, normal, best->normals.normal);
+    best->normals.twin = chosen_of(better, normal, best->normals.twin);
+    return better;
 }
 
 // The set of LEDs that explains some doubtful pixels best, LANES of them at most.
@@ -629,8 +666,9 @@ static void any_set(
             best.normals.twin = chosen_of(better, tried.twin, best.normals.twin);
         }
     }
+    const ints dimmed = allow_dimmed(&here, rules, &best);
     // If all LEDs explain a pixel best, its result is already written.
-    const ints same = best.used == all;
+    const ints same = (best.used == all) & ~dimmed;
     int stay[LANES];
     STORE_LANES(same, stay);
     int moved = 0;
@@ -663,14 +701,15 @@ LANED __kernel void label_lights(
     const float floor_,
     const float price,
     const float one_sided,
-    const float steepest)
+    const float steepest,
+    const float dimmed)
 {
     // One work-item does what is its own and that of those after it.
     const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);
     if (item % SHARE) return;
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
     const Made made = {slope, twin, variance, misfit, used, shadow};
-    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, uneven};
+    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, dimmed, uneven};
     Doubtful doubtful;
     doubtful.number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)

@@ -44,6 +44,10 @@ STRAY = 0.015
 SHADE = 0.1
 """Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
 at a grazing angle, and the bright LEDs as shadows of still brighter light."""
+EVEN = np.float32(0.05)
+"""Light of the darkest LED over that of the brightest, above which none may be in shadow."""
+ANY_BRIGHTNESS = 1e3
+"""Standard deviation of a brightness of which nothing is known."""
 UP = np.array([[0], [0], [1]], np.float32)
 Leds = NDArray[np.bool_]
 """Which of K LEDs are meant, for all pixels or for each (K x N)."""
@@ -113,6 +117,7 @@ def label_lights(
     price: Annotated[float, Ge(0)] = 12.0,
     one_sided: float = 2.0,
     steepest: Annotated[float, Gt(0)] = 30.0,
+    dimmed: Annotated[float, Gt(0)] = 26.0,
     wanted: Wanted = EVERYTHING,
 ) -> Labelled:
     """Return the slope and the LEDs that explain each pixel's light best.
@@ -136,6 +141,11 @@ def label_lights(
     LEDs share an unknown factor with standard deviation ``uneven``, and the normal follows
     from the ratios of their light.  The cost of more than three LEDs allows for this factor,
     too.  The cost of three does not: there only |n| = 1 can reveal a shadow.
+
+    Dirt on the lens or a hair dims all LEDs alike.  Where no subset costs less than ``dimmed``
+    and no LED is dark (below the floor, or a twentieth of the brightest), all LEDs are tried at
+    any lower brightness, at that price.  Their ratios give the slope; ``misfit`` is still that
+    of the full brightness, so that `misfit_variance` trusts the slope little.
 
     Parameters
     ----------
@@ -166,6 +176,8 @@ def label_lights(
         Standard deviations by which a shadow has to be darker than the predicted light.
     steepest
         Largest slope returned, as 1 / n_z.
+    dimmed
+        Cost of light that all LEDs lack alike, in squared standard deviations.
 
     Returns
     -------
@@ -186,6 +198,7 @@ def label_lights(
         below = (m < floor * spread) & (dark > 0)
         pixels = Pixels(m, np.reciprocal(spread * spread), below, v, expected)
         best = _cheapest(pixels, pair, dark, price, one_sided, uneven)
+        _allow_dimmed(pixels, best, dimmed, uneven)
         slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
         variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best)
         made: Any = slope, twin, variance, best.used, shadow, best.misfit
@@ -255,6 +268,27 @@ def _explain(
     bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / SHADE)
     cost = misfit + price * len(dark) + np.where(pixels.below[~lit], 0, bright).sum(axis=0)
     return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
+
+
+def _allow_dimmed(pixels: Pixels, best: Choice, price: float, uneven: float) -> None:
+    """Let all LEDs count at any lower brightness, where no set explains their light at less cost.
+
+    That of three LEDs is explained exactly.
+    """
+    even = pixels.light.min(axis=0) > EVEN * pixels.light.max(axis=0)
+    where = np.flatnonzero((best.cost > price) & even & ~pixels.below.any(axis=0))
+    if where.size == 0:
+        return
+    here = pixels.at(where)
+    v, light, weight = here.vectors, here.light, here.weight
+    normal = turned_normal(v, light, weight, linear_normal(v, light, weight), ANY_BRIGHTNESS)
+    missing = -tangent_products(v, light, weight, normal, 0)[2, 3]
+    left = tangent_products(v, light, weight, normal, ANY_BRIGHTNESS)[3, 3]
+    cost = np.where(missing > 0, left + np.float32(price), np.float32(np.inf))
+    known = uneven if len(light) > 3 else 0
+    misfit = tangent_products(v, light, weight, normal, known)[3, 3]
+    every = np.full(cost.shape, _labels(np.ones(len(light), bool)))
+    best.improve(Choice(every, cost, misfit, normal, normal), where)
 
 
 def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:

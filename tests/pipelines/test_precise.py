@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -140,3 +142,32 @@ def test_a_stream_finds_what_single_captures_give(
         for shape in ("cat_film", "cat_film", "sphere_film")
     ]
     assert found == pytest.approx(alone, abs=0.002)
+
+
+def hair_over(capture: Path, out: Path) -> Path:
+    """A copy of a capture whose lens a hair crosses, as it dims all LEDs alike."""
+    shutil.copytree(capture, out)
+    for file in out.glob("led*.png"):
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        shade = np.zeros(image.shape, np.float32)
+        rows, columns = image.shape
+        cv2.line(shade, (columns // 3, rows // 3), (columns // 2, 2 * rows // 3), 1.0, 2)
+        shade = cv2.GaussianBlur(shade, (0, 0), 0.7)
+        cv2.imwrite(str(file), np.rint(image * (1 - 0.7 * shade)).astype(image.dtype))
+    return out
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_a_hair_over_the_touch_costs_little_and_is_in_the_band(
+    raytraced: Raytraced, calibration: Calibration, metrics: Figures, rig: str, tmp_path: Path
+) -> None:
+    clean = metrics("precise", rig, "sphere_film")
+    capture = hair_over(raytraced / rig / "sphere_film", tmp_path / "hair")
+    found = run("precise", capture, calibration(rig))["metrics"]
+    assert found["rmse_px"] < 1.5 * clean["rmse_px"]
+    assert found["in_90_percent_band"] > 85
+
+
+def test_no_stated_error_is_zero(raytraced: Raytraced, calibration: Calibration) -> None:
+    found = run("precise", raytraced / "near33" / "sphere_film", calibration("near33"))
+    assert found["error"].min() > 1e-4 * RIG_PIXEL_MM["near33"]

@@ -184,6 +184,28 @@ def test_three_leds_tell_a_shadow_by_the_length_of_the_normal() -> None:
     assert np.abs(found.slope - slope).max() < 2e-3
 
 
+@pytest.mark.parametrize(("leds", "dimmed"), [(4, 0.3), (4, 0.6), (3, 0.6)])
+def test_dirt_dims_all_leds_and_turns_no_slope(leds: int, dimmed: float) -> None:
+    slope = level(0.3, -0.2)
+    light = np.float32(dimmed) * light_of(slope, LIGHTS[:leds])
+    found = label(light, LIGHTS[:leds])
+    assert (found.used == (1 << leds) - 1).all()
+    assert not found.shadow.any()
+    assert np.abs(found.slope - slope).max() < 5e-3
+
+
+def test_dirt_is_told_by_its_misfit() -> None:
+    light = light_of(level(0.3, -0.2))
+    assert label(light).misfit.max() < 0.1
+    assert label(np.float32(0.6) * light).misfit.min() > 100
+
+
+def test_film_brighter_than_a_normal_explains_is_no_dirt() -> None:
+    light = np.float32(1.6) * light_of(level(0.3, -0.2))
+    alike = label(light, dimmed=1e9)
+    assert (label(light).used == alike.used).all()
+
+
 def test_without_labels_every_led_is_used() -> None:
     light = light_of(level(0.3, 0.2))
     light[1] = 0
