@@ -39,7 +39,7 @@ CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
-"""Standard deviation of the height; zero on the film at rest."""
+"""Standard deviation of the height."""
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
 """One bit per LED: bit k-1 stands for LED k."""
 Confidence = Annotated[F4, Port("H W", "1", high=1)]

@@ -116,7 +116,8 @@ def height_error(
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
     add up exactly.  The last error is integrated alone, with its own sign.  On the film at rest
-    the error is zero, because the height is zero by definition.
+    the error is zero, because the height is held at zero; `doubt_rest` says how far that may be
+    off.
 
     Parameters
     ----------

@@ -113,6 +113,11 @@ MUTANTS = {
         "other pixels a row off": ("ints row = TO_INTS(", "ints row = 2 + TO_INTS("),
         "a list without its end": ("doubtful.number - i));", "max(doubtful.number - i - 1, 1)));"),
         "sets dearer than they are": ("+ light_of(&here, out)", "+ 2.0f * light_of(&here, out)"),
+        "dirt is free": ("cost = rules->dimmed;", "cost = 0.0f;"),
+        "dirt brightens": ("(missing > 0.0f)", "(missing < 0.0f)"),
+        "dirt although one is dark": ("rules->dimmed) & (here->forced == 0)", "rules->dimmed)"),
+        "dirt although one is nearly dark": ("EVEN * brightest", "0.9f * brightest"),
+        "dirt fits": ("squares_of(here, all, normal, rules->uneven)", "cost"),
     },
     "coarsen": {
         "the sum": ("total * (1.0f", "total * (factor * factor) * (1.0f"),
@@ -522,6 +527,13 @@ MUTANTS = {
         ),
         "tilt not taken back": ("m00 = a - qx * gx + 1.0f", "m00 = 1.0f"),
         "no lens": ("if (is_bent(lens))", "if (0)"),
+    },
+    "doubt_rest": {
+        "all film at rest": ("!= 0 ? held", ">= 0 ? held"),
+        "slopes alone forgotten": ("sqrt(z * z + hidden)", "sqrt(hidden)"),
+        "nothing hidden": ("widest / 6.0f", "widest * 0.0f"),
+        "one slope": ("load_floats(variance + size + at", "0.0f * load_floats(variance + at"),
+        "slopes without a limit": ("LESS_OF(both, most)", "both"),
     },
     "error_as_seen": {
         "the pixel to the left alone": ("east = LESS_OF(west + 1, last_column)", "east = west"),

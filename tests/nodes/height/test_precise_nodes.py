@@ -13,6 +13,7 @@ from tactograph.nodes import F4, ShadowRises
 from tactograph.nodes.height import _springs
 from tactograph.nodes.height._height_system import HeightSystem
 from tactograph.nodes.height._springs import Springs, Ties
+from tactograph.nodes.height.doubt_rest import doubt_rest
 from tactograph.nodes.height.height_error import height_error
 from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
@@ -419,6 +420,22 @@ def test_bounced_light_that_has_not_settled_is_an_error() -> None:
     settled = bounced_error(bounced=thrown(0.2), earlier=thrown(0.2))
     assert np.array_equal(settled, bounced_error())
     assert bounced_error(bounced=thrown(0.2), earlier=thrown(0.16)).max() > 1.5 * settled.max()
+
+
+def test_film_held_at_zero_may_be_as_high_as_slopes_alone_say() -> None:
+    rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
+    flat = np.zeros(SHAPE, np.float32)
+    found = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL)
+    assert found[rest == 1] == pytest.approx(0.1, rel=0.01)
+    assert (found[rest == 0] == error[rest == 0]).all()
+    hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL)[rest == 1]
+    assert hidden == pytest.approx(4.5 / np.sqrt(3) * 0.01 * PIXEL, rel=1e-4)
+
+
+def test_no_slope_is_known_worse_than_its_steepest() -> None:
+    flat, rest = np.zeros(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
+    found = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, level=1.0)
+    assert found == pytest.approx(PIXEL / np.sqrt(3), rel=1e-4)
 
 
 def test_an_edge_may_lie_in_the_pixel_beside_it() -> None:

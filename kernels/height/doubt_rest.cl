@@ -1,0 +1,25 @@
+#include "common.clh"
+#include "lanes.clh"
+
+// The height's standard deviation, on the film at rest from a height that was not held at zero.
+LANED __kernel void doubt_rest(
+    __global const float *restrict error,
+    __global const uchar *restrict rest,
+    __global const float *restrict free,
+    __global const float *restrict variance,
+    const float pixel,
+    __global float *restrict out,
+    const int H, const int W,
+    const float level,
+    const float steepest)
+{
+    const int size = H * W;
+    GRID_LANES(at, count, size)
+    const floats z = load_floats(free + at, count), most = 2.0f * steepest * steepest;
+    const floats both = load_floats(variance + at, count) + load_floats(variance + size + at, count);
+    const float widest = level * pixel;
+    const floats hidden = widest * widest / 6.0f * LESS_OF(both, most);
+    const floats held = sqrt(z * z + hidden);
+    store_floats(load_bytes(rest + at, count) != 0 ? held : load_floats(error + at, count),
+                 out + at, count);
+}

@@ -1,0 +1,77 @@
+"""State how far what is taken for film at rest may be from rest."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Close, node
+from tactograph.nodes import Height, HeightError, Mask, PixelSize, SlopeVariance
+
+
+@node(neutral="error", tolerance=Close(1e-7, 1e-5, why="square roots"))
+def doubt_rest(
+    error: HeightError,
+    rest: Mask,
+    free: Height,
+    variance: SlopeVariance,
+    pixel: PixelSize,
+    *,
+    level: Annotated[float, Gt(0)] = 4.5,
+    steepest: Annotated[float, Gt(0)] = 1.0,
+) -> HeightError:
+    """Return the standard deviation of the height, on the film at rest as well.
+
+    Film is taken for rest, and held at zero, where its light is 1 within noise.  A touch may
+    hide there, and two figures say how high it may be::
+
+        sqrt(free^2 + (level pixel)^2 / 3 (variance_p + variance_q) / 2)
+
+    `free` is a height integrated from the slopes alone.  It shows what is wide: a step, or a
+    touch whose top reaches the border of the frame and looks calm there.  What is narrow hides
+    below the noise of a slope, over a pixel, times the `level` up to which light counts as
+    noise; any height up to there is equally likely, whose variance is a third of the square.
+    A film that is tilted as a whole is in neither: it looks like LEDs that have faded.
+
+    Parameters
+    ----------
+    error
+        H x W in mm, as `height_error` gives it: zero on the film at rest.
+    rest
+        H x W, 1 on the film at rest.
+    free
+        H x W in mm, a height for which no film was held at zero.
+    variance
+        2 x H x W, the variance of p and q.
+    pixel
+        mm per px.
+    level
+        Standard deviations of the light that `calm_film` counts as noise.
+    steepest
+        Largest standard deviation of a slope.
+
+    Returns
+    -------
+    ndarray
+        H x W in mm, never zero.
+    """
+    slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
+    hidden = np.float32((level * pixel) ** 2 / 6) * slopes
+    return np.asarray(np.where(rest != 0, np.sqrt(free * free + hidden), error), np.float32)
+
+
+doubt_rest.opencl(grid="H W", lanes="grid")
+
+
+@doubt_rest.example
+def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Some film at rest, some slopes unknown."""
+    variance = rng.uniform(1e-6, 1e-2, (2, H, W))
+    variance[:, rng.random((H, W)) < 0.1] = 1e12
+    return {
+        "rest": rng.integers(0, 2, (H, W)).astype(np.uint8),
+        "variance": variance.astype(np.float32),
+        "free": rng.normal(0, 0.005, (H, W)).astype(np.float32),
+    }
