@@ -65,8 +65,9 @@ def check_light(touched: Touched, count: int, rim_error: float) -> Check:
         ),
         Check(
             rest / MAX_REST / wider,
-            "the light of the film at rest departs from pixel to pixel (check that the images are "
-            "neither compressed nor of fewer gray levels than those of the calibration)",
+            "the light of the film at rest departs from pixel to pixel (check the exposure, and "
+            "that the images are neither compressed nor of fewer gray levels than those of the "
+            "calibration)",
         ),
         _shadows(touched, count),
     ]
