@@ -30,7 +30,7 @@ from tactograph.nodes.optics import radiosity
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
 _height_solver.PARTS, _height_solver.GROUP = 64, 32
-_radiosity.FARTHEST = 4  # cells of film beyond a frame that has fewer
+radiosity.FARTHEST = 4  # cells of film beyond a frame that has fewer
 BOUNCES = {"bounces": 2}  # as many kernels as more
 FILLS = ("random", "edges", "nan")  # edges hold zeros, too
 text = compiled_node.kernel_source
@@ -44,7 +44,7 @@ def check(name, lanes, shape, before, after):
         return smaller.replace(before, after) if before else smaller
 
     compiled_node.kernel_source = source
-    _radiosity.MARGIN = 3 + lanes  # so few steps go no farther, and reads beyond are noticed
+    radiosity.MARGIN = 3 + lanes  # so few steps go no farther, and reads beyond are noticed
     device, node = opencl.OpenCL(simulator, lanes=lanes), find_node(name)
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
     small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]

@@ -16,7 +16,7 @@ from tactograph.graph.command import run_command
 from tactograph.graph.run.result_origin import Origin
 from tactograph.nodes.calibrate.write_camera import write_camera
 from tactograph.nodes.write.write_result import write_result
-from tests.nodes.calibrate.test_calibration_file import write as write_flashed
+from tests.nodes.files.test_calibration_file import write as write_flashed
 from tests.nodes.recording.recordings import LEDS, make_recording
 
 MADE = Provenance(
