@@ -33,9 +33,8 @@ class Pipeline:
     """A verified, planned and compiled graph that keeps its buffers from call to call.
 
     One pipeline belongs to one thread; several threads use one each, and a second one at the
-    same time is refused.  Closing it, or leaving its ``with`` block, ends the stream and closes
-    what its nodes keep; after that it is of no more use.  `closing_warnings` are those that came
-    behind the last item: its source had ended early, a disk was full.
+    same time is refused.  Closing it, or leaving its ``with`` block, ends the stream for good and
+    closes what its nodes keep.  `closing_warnings` are those that came behind the last item.
     """
 
     def __init__(
@@ -65,8 +64,7 @@ class Pipeline:
         ----------
         **stand_ins
             By source node: a K x H x W stack of images.  Unsigned integers count as
-            fractions of their full scale, floats as they are.  What image files are refused
-            or warned of, arrays are too; floats have to lie within 0..1.
+            fractions of their full scale; floats have to lie within 0..1.
 
         Warns
         -----
