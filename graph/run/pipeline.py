@@ -227,10 +227,9 @@ class Pipeline:
         --------
         >>> pipeline.set("shadow", threshold=4)  # doctest: +SKIP
         """
-        place = "set"
         changes = {f"{node}.{name}": value for name, value in settings.items()}
         before = self.plan.graph
-        graph = with_changes(before, changes, place)
+        graph = with_changes(before, changes, "set")
         if not meant_nodes(graph, node):
             graph.entry(node)
         changed = [n for n in self.plan.tasks if graph.nodes[n] != before.nodes[n]]
@@ -386,8 +385,7 @@ class Pipeline:
 
     def _end(self) -> None:
         """End the stream, and close what the nodes keep."""
-        running, self._stream = self._stream, None
-        self._running = None
+        running, self._stream, self._running = self._stream, None, None
         with collect_warnings(self.closing_warnings), ExitStack() as stack:
             stack.callback(self._items.end)
             if running is not None:

@@ -188,11 +188,11 @@ class _Page:
             return
         if self.drawn < 0:
             self._draw_graph()
-        self._tell(shown, shown.result)
+        self._tell(shown.result)
         self._draw_result()
         self._draw_inside(shown)
 
-    def _tell(self, shown: Shown, result: Result) -> None:
+    def _tell(self, result: Result) -> None:
         tuning = self.tuning
         changes = len(tuning.changes())
         changed = f"{changes} change{'s' if changes != 1 else ''}" if changes else "as in the file"

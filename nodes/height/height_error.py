@@ -2,8 +2,6 @@
 
 Slopes at all rims understate the rise alike.  So the error that all rims share goes through the
 solver as one load, not as noise.
-
-Long because one node is one algorithm: every source of error goes through the same solver.
 """
 
 from __future__ import annotations
