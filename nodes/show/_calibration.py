@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import InputError
 from tactograph.graph.files.array_files import load_arrays
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.write_calibration import CALIBRATION
 from tactograph.nodes.calibrate.write_camera import CAMERA
@@ -56,11 +55,7 @@ def show_calibration(file: Path) -> Shown:
     others = [line for line in warnings if line.strip() not in about.doubts]
     lines = [
         f"{file}: {kind.name}, format {kind.format}",
-        *(
-            f"{name}: {head[name]}"
-            for name in ("sensor", "date")
-            if isinstance(head.get(name), str)
-        ),
+        *_words(head, "sensor", "date"),
         *origin(made),
         *([f"verdict: {verdict}"] if kind is not CAMERA else []),
         *(f"  {doubt}" for doubt in about.doubts),
@@ -108,7 +103,7 @@ def _draw_sensor(arrays: dict[str, Any], title: str, target: Path) -> None:
     else:
         _draw_map(lower, arrays["reflectance"], len(flat))
     figure.suptitle(title)
-    _save(figure, target)
+    FigureCanvasAgg(figure).print_png(target)
 
 
 def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
@@ -165,10 +160,4 @@ def _draw_lens(arrays: dict[str, Any], title: str, target: Path) -> None:
     axes.set(title=title, xlabel="x / px", ylabel="y / px", aspect="equal")
     axes.invert_yaxis()
     axes.legend()
-    _save(figure, target)
-
-
-def _save(figure: Figure, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(target) as place:
-        FigureCanvasAgg(figure).print_png(place)
+    FigureCanvasAgg(figure).print_png(target)

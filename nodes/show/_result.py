@@ -51,5 +51,4 @@ def _is_number(value: Any) -> bool:
 
 
 def _draw(height: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
     draw_height(read_heights(height), None, read_pixel_size(height=height), target)

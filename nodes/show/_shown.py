@@ -42,8 +42,13 @@ def origin(made: Any) -> list[str]:
         part if isinstance(part := made.get(name), dict) else {}
         for name in ("graph", "given", "versions")
     )
-    said = [f"{name}={value}" for name, value in given.items() if value is not None]
     lines = [f"made by: graph {graph['name']} [{graph.get('hash', '')}]"] if "name" in graph else []
     if "tactograph" in versions:
         lines[-1:] = [f"{line}, version {versions['tactograph']}" for line in lines[-1:]]
-    return lines + ([f"given: {' '.join(said)}"] if said else [])
+    return [*lines, *given_params(given)]
+
+
+def given_params(given: Mapping[str, Any]) -> list[str]:
+    """Return a line of the params that were given; nothing if there were none."""
+    said = [f"{name}={value}" for name, value in given.items() if value is not None]
+    return [f"given: {' '.join(said)}"] if said else []

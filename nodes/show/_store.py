@@ -8,7 +8,7 @@ from pathlib import Path
 from tactograph.graph import InputError
 from tactograph.graph.batch.entry import DONE, PENDING
 from tactograph.graph.batch.store import open_store
-from tactograph.nodes.show._shown import Shown, section
+from tactograph.nodes.show._shown import Shown, given_params, section
 
 MOST = 20
 """Most failures, and most warnings, that are printed."""
@@ -34,12 +34,11 @@ def show_store(file: Path) -> Shown:
         for name, entry in zip(names, entries, strict=True)
         if entry.status not in (DONE, PENDING)
     ]
-    said = [f"{name}={value}" for name, value in store.job.given.items() if value is not None]
     lines = [
         f"{file}: store of a batch by graph {store.job.name} [{store.job.hash}]",
         f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
         f"pending {status[PENDING]}",
-        *([f"given: {' '.join(said)}"] if said else []),
+        *given_params(store.job.given),
         f"maps: {', '.join(store.job.maps) or 'none'}",
         *section("failed", _first(reasons)),
         *section("warnings", _first([f"  {n} x {text}" for text, n in warned.most_common()])),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tactograph.graph import InputError, node
+from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording
 from tactograph.nodes.show._result import RESULT, show_result
@@ -30,13 +31,16 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     ------
     InputError
         If the file is none of these, or damaged.
+    WriteError
+        If a picture cannot be written.
     """
     shown = _look(file)
     print("\n".join(shown.lines), flush=True)
     if folder is None:
         return
     for name, draw in shown.pictures.items():
-        draw(folder / name)
+        with atomic_file(folder / name) as target:
+            draw(target)
         print(f"drawn: {folder / name}", flush=True)
 
 
