@@ -13,23 +13,27 @@ from tactograph.nodes.calibrate._ball_samples import sample_balls
 from tactograph.nodes.calibrate._film_fit import Balls
 from tactograph.nodes.calibrate.find_presses import Circles
 from tactograph.nodes.calibrate.judge_radius import (
-    SAMPLES,
+    MAX_SAMPLES,
     RadiusVerdict,
+    as_given,
     doubt_of_radius,
     try_radii,
 )
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.film import matt_film
 
-JUDGED = 12
+MAX_PRESSES = 12
 """Most presses that are looked at."""
-COARSELY = (0.5, 0.6, 0.7, 1.5, 2.0)
+COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
 """Radii that are tried, relative to the given one: a guided calibration does so at every press."""
-DARKEST = np.float32(0.02)
-LIT = 0.1
+MIN_FLAT = np.float32(0.02)
+"""Light of the film at rest below which presses are not divided by it."""
+MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
-STEEPEST = 3.0
+MAX_SLOPE = 3.0
+"""Steepest film of a sample."""
 ABOVE = np.array([0, 0, 1], np.float32)
+"""Where all lights are taken to be until the samples tell, in mm."""
 
 
 @node
@@ -67,22 +71,22 @@ def judge_press_radius(
         ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
     """
     used = np.flatnonzero(kept)
-    used = used[:: used.size // JUDGED + 1]
-    sheet = np.concatenate(list(image[used] / np.maximum(flat, DARKEST)), axis=1)
+    used = used[:: used.size // MAX_PRESSES + 1]
+    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
     nowhere = matt_film(np.tile(ABOVE, (len(flat), 1)))
     of, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     found = sample_balls(
         *(sheet, flat, circle[used], radius, of, nowhere, noise, pixel),
-        STEEPEST,
-        most=SAMPLES,
+        MAX_SLOPE,
+        most=MAX_SAMPLES,
         fine=True,
     )
     strength = np.ones(len(flat), np.float32)
-    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px, COARSELY, 0)
+    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px, COARSE_FACTORS, 0)
     doubt = doubt_of_radius(tried, radius_mm)
-    share = next(each.diffuse for each in tried if each.factor == 1)
-    return RadiusVerdict({"diffuse_percent": 100 * share}, [doubt.said] if doubt.said else [])
+    figures = {"diffuse_percent": 100 * as_given(tried).diffuse}
+    return RadiusVerdict(figures, [doubt.said] if doubt.said else [])
 
 
 def _directions(balls: Balls) -> F4:
@@ -90,7 +94,7 @@ def _directions(balls: Balls) -> F4:
     (nx, ny, nz), *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
     found = []
     for light in balls.light:
-        lit = light > LIT
+        lit = light > MIN_LIGHT
         slant = np.linalg.lstsq(np.stack([nx, ny])[:, lit].T, light[lit] - nz[lit], rcond=None)[0]
         found.append([*slant, 1.0])
     return np.asarray(found, np.float32)

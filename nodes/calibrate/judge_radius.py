@@ -28,27 +28,27 @@ from tactograph.nodes.optics.sheet import SheetLight
 
 FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
-FINER, ROUNDS = (0.35, 0.7), 2
+FINER_SHARES, ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
-SAMPLES = 600
+MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
-PLAIN = frozenset({"diffuse"})
+PLAIN_PARTS = frozenset({"diffuse"})
 """Parts of the plain model: a lobe, or light from film to film, can hide a wrong radius."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED from which each fit starts."""
-BETTER, CLEAR = 0.6, 0.3
+BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
 """Departure, relative to that with the given radius, below which another radius is believed, and
 below which the given one is refused."""
-FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
-SMALLER, ALIKE = 0.75, 1.1
+HOW_TO_FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
+SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
 ratio of what they leave on the balls up to which it cannot."""
-CLEAREST, GEL = 0.05, (0.2, 0.65)
+MIN_DIFFUSE, GEL_DIFFUSE = 0.05, (0.2, 0.65)
 """Share of diffused light below which a gel has none, and the range of real gels: a radius too
 large by a third or more takes it for curvature.  0.3 to 0.5 on two real sensors."""
-SAME = 0.02
+RADIUS_TOLERANCE = 0.02
 """Relative difference of two radii that counts as none."""
-FAR_OFF = 0.15
+DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 
 
@@ -133,7 +133,7 @@ def judge_radius(
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
         steepest,
-        most=SAMPLES,
+        most=MAX_SAMPLES,
         fine=True,
     )
     found = try_radii(balls, flat, pixel, lights, strength, shift_px)
@@ -141,12 +141,12 @@ def judge_radius(
     doubt = doubt_of_radius(found, first, _left(fitted))
     doubts = [doubt.said] if doubt.said else []
     if doubt.is_clear and not force:
-        raise InputError(doubt.said + FORCE)
+        raise InputError(doubt.said + HOW_TO_FORCE)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, found)
-    quality = fitted | {"light_departure_percent": 100 * _given(found).departure}
-    if (best := _best(found)).departure < ALIKE * _left(fitted):
+    quality = fitted | {"light_departure_percent": 100 * as_given(found).departure}
+    if (best := _best(found)).departure < EQUAL_DEPARTURE * _left(fitted):
         quality["light_radius_mm"] = first * best.factor
     return RadiusVerdict(quality, doubts)
 
@@ -190,16 +190,16 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     left
         What the film chosen for that radius leaves of the light.
     """
-    best, given = _best(tried), _given(tried)
-    is_other = abs(best.factor - 1) > SAME and best.departure < left
-    if is_other and best.departure < BETTER * given.departure:
+    best, given = _best(tried), as_given(tried)
+    is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < left
+    if is_other and best.departure < BELIEVED_BELOW * given.departure:
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
             f"{radius:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
             "is ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both",
-            best.departure < min(CLEAR * given.departure, BETTER * left),
+            best.departure < min(REFUSED_BELOW * given.departure, BELIEVED_BELOW * left),
         )
-    if best.departure < BETTER * left < np.inf:
+    if best.departure < BELIEVED_BELOW * left < np.inf:
         return Doubt(
             f"the film found leaves {left:.1%} of the light of balls and untouched film, and a "
             f"plain one {best.departure:.1%}: check the ball's radius, the pixel size and the "
@@ -209,11 +209,11 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     smaller = [
         each
         for each in tried
-        if each.factor < SMALLER
-        and each.on_balls < ALIKE * given.on_balls
-        and GEL[0] < each.diffuse < GEL[1]
+        if each.factor < SMALLER_FACTOR
+        and each.on_balls < EQUAL_DEPARTURE * given.on_balls
+        and GEL_DIFFUSE[0] < each.diffuse < GEL_DIFFUSE[1]
     ]
-    if given.diffuse < CLEAREST and smaller:
+    if given.diffuse < MIN_DIFFUSE and smaller:
         usual = max(smaller, key=lambda each: each.factor)
         return Doubt(
             f"with a ball of {radius:.3g} mm radius the gel would diffuse no light; with one of "
@@ -236,7 +236,7 @@ def _try(
     """Fit the plain film to balls of other radii and the same contacts."""
     radius = balls.radius * factor
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
-    got = fit(other, rest, PLAIN, start, shift_mm, width_mm)
+    got = fit(other, rest, PLAIN_PARTS, start, shift_mm, width_mm)
     flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, got)).mean()))
     distance = float(np.linalg.norm(got.film.lights, axis=1).mean())
     diffuse = float(got.film.diffuse.mean())
@@ -247,7 +247,8 @@ def _best(found: list[Tried]) -> Tried:
     return min(found, key=lambda each: each.departure)
 
 
-def _given(found: list[Tried]) -> Tried:
+def as_given(found: list[Tried]) -> Tried:
+    """Return what the light says of the radius that was given."""
     return next(each for each in found if each.factor == 1)
 
 
@@ -256,16 +257,16 @@ def _beside(best: Tried, found: list[Tried]) -> list[float]:
     factors = [each.factor for each in found]
     at = factors.index(best.factor)
     near = factors[max(at - 1, 0) : at] + factors[at + 1 : at + 2]
-    return [best.factor + share * (other - best.factor) for other in near for share in FINER]
+    return [best.factor + share * (other - best.factor) for other in near for share in FINER_SHARES]
 
 
 def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tried]) -> list[str]:
     """A doubt if the LEDs are not where the sensor's drawing has them, with what would agree."""
-    if abs(found_mm / given_mm - 1) < FAR_OFF:
+    if abs(found_mm / given_mm - 1) < DISTANCE_TOLERANCE:
         return []
-    agreeing = [each for each in tried if abs(each.distance / given_mm - 1) < FAR_OFF]
+    agreeing = [each for each in tried if abs(each.distance / given_mm - 1) < DISTANCE_TOLERANCE]
     said = f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
-    if agreeing and abs((best := _best(agreeing)).factor - 1) > SAME:
+    if agreeing and abs((best := _best(agreeing)).factor - 1) > RADIUS_TOLERANCE:
         return [said + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
     share = given_mm / found_mm
     return [

@@ -20,7 +20,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate._light_fit import is_uniform
 from tactograph.nodes.calibrate._verdict import of_heldout_error, verdict_of
-from tactograph.nodes.calibrate.judge_radius import FORCE
+from tactograph.nodes.calibrate.judge_radius import HOW_TO_FORCE
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
@@ -148,7 +148,7 @@ def rate_calibration(
     if pixel is not None and albedo is not None:
         contradiction = _of_scale(lights, pixel * mask.shape[1], albedo)
         if contradiction and not force:
-            raise InputError(contradiction[0] + FORCE)
+            raise InputError(contradiction[0] + HOW_TO_FORCE)
         doubts += contradiction
     for doubt in doubts:
         warn(doubt)

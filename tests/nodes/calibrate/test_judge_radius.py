@@ -12,7 +12,7 @@ import pytest
 from tactograph.nodes.calibrate._ball_samples import sample_balls
 from tactograph.nodes.calibrate.judge_press_radius import judge_press_radius
 from tactograph.nodes.calibrate.judge_radius import (
-    SAMPLES,
+    MAX_SAMPLES,
     Doubt,
     Tried,
     doubt_of_radius,
@@ -44,7 +44,7 @@ def tried(rig: Path, factor: float) -> list[Tried]:
     one = np.array([radius], np.float32)
     balls = sample_balls(
         light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel, 3.0,
-        most=SAMPLES, fine=True,
+        most=MAX_SAMPLES, fine=True,
     )  # fmt: skip
     return try_radii(balls, flat, pixel, DISTANT, np.ones(4, np.float32), 0.5)
 
