@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-MOST = 3
+MAX_LINES = 3
 """So many different warnings are printed; the table has all."""
 
 
-def warning_lines(found: Iterable[tuple[str, Iterable[str]]], most: int | None = MOST) -> list[str]:
+def warning_lines(
+    found: Iterable[tuple[str, Iterable[str]]], most: int | None = MAX_LINES
+) -> list[str]:
     """Each warning once, with the first place that it is of and how many others there are.
 
     Parameters

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tactograph.graph.files.disk_cache import cache_folder
 
-PLACE = "POCL_CACHE_DIR"
+CACHE_VARIABLE = "POCL_CACHE_DIR"
 """The environment variable that PoCL reads as it is loaded."""
 
 
@@ -29,7 +29,7 @@ def heed_crashes() -> None:
     folder = _place()
     if folder is None:
         return
-    told, ours = os.environ.get(PLACE), folder / "pocl"
+    told, ours = os.environ.get(CACHE_VARIABLE), folder / "pocl"
     if how := _crashes(folder):
         damaged = Path(told) if told else ours if ours.is_dir() else _usual_place()
         what = (
@@ -43,7 +43,7 @@ def heed_crashes() -> None:
                 ours.mkdir(parents=True, mode=0o700)
             warnings.warn(f"{what}; PoCL keeps its programs in {ours} from now on", stacklevel=2)
     if not told and ours.is_dir():
-        os.environ[PLACE] = str(ours)
+        os.environ[CACHE_VARIABLE] = str(ours)
 
 
 @cache

@@ -16,10 +16,10 @@ from tactograph import ctrl_c
 from tactograph.graph.run.cores import cores, environment, share_of, take_over
 
 Given = TypeVar("Given")
-SAFE = {"PYTHONSAFEPATH": "1"}
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 """Helpers start as ``python -c``, which would import from the working folder first."""
 
-PARENT = "TACTOGRAPH_PARENT"
+PARENT_VARIABLE = "TACTOGRAPH_PARENT"
 """The environment variable that tells the server whom it is for."""
 
 
@@ -27,10 +27,10 @@ def start_importing() -> bool:
     """Start the server: it imports while this process goes on.  Return if this system has one."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         # What is started instead starts whenever there is something to do.
-        os.environ.update(SAFE)
+        os.environ.update(SAFE_PATH)
         return False
     multiprocessing.set_forkserver_preload(["tactograph.graph.batch.imported_ahead"])
-    with environment({**share_of(cores()), **SAFE, PARENT: str(os.getpid())}):
+    with environment({**share_of(cores()), **SAFE_PATH, PARENT_VARIABLE: str(os.getpid())}):
         # Else the server starts it, and unblocks Ctrl-C for that.
         resource_tracker.ensure_running()
         # Blocked here, it is for the server and all that it forks.

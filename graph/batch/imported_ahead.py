@@ -3,12 +3,13 @@
 import os
 import threading
 
-from tactograph.graph.batch.fork_server import PARENT
+from tactograph.graph.batch.fork_server import PARENT_VARIABLE
 from tactograph.graph.run.collect_seldom import collect_seldom
 
 collect_seldom()
 
 LOOK_S = 0.2
+"""Seconds between two looks whether that process is still there."""
 _imported = threading.Event()
 
 
@@ -20,7 +21,9 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-_watch = threading.Thread(target=_end_with, args=(int(os.environ.get(PARENT, os.getppid())),))
+_watch = threading.Thread(
+    target=_end_with, args=(int(os.environ.get(PARENT_VARIABLE, os.getppid())),)
+)
 _watch.start()
 
 import cv2  # noqa: E402, F401

@@ -22,7 +22,9 @@ BETWEEN = 30
 GAP, LANE = 16, 14
 """Between boxes of a layer, and the width that a passing edge takes."""
 EDGE = 20
+"""Around the drawing."""
 SWEEPS = 12
+"""How often all layers are gone through, down and up, to bring what is joined together."""
 
 Spot = tuple[str, int]
 """Where a box, or the trunk of edges from it, is in a layer."""

@@ -14,7 +14,7 @@ from tactograph.nodes.calibrate._dots import find_dots
 from tactograph.nodes.calibrate._lattice import FEWEST, Lattice
 from tactograph.nodes.capture.read_grey import GreyImage
 
-NAMED = 5
+MAX_NAMED = 5
 """So many dots are named at most."""
 
 
@@ -80,7 +80,7 @@ def _marks(found: Lattice, pattern: str, astray: int) -> GridMarks:
 
 def _astray(places: NDArray[Any]) -> str:
     """Name whole dots that are left out."""
-    named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:NAMED])
-    more = f" and {len(places) - NAMED} more" if len(places) > NAMED else ""
+    named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:MAX_NAMED])
+    more = f" and {len(places) - MAX_NAMED} more" if len(places) > MAX_NAMED else ""
     what = "a whole dot is" if len(places) == 1 else f"{len(places)} whole dots are"
     return f"{what} on no place of the grid and left out, at {named} px{more}; is it dirt?"

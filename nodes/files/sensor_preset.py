@@ -12,12 +12,12 @@ from tactograph.graph import InputError
 from tactograph.graph.files.strict_yaml import read_yaml
 
 FOLDER = Path(__file__).parent / "sensors"
-LARGEST = 1e9
+MAX_SETTING = 1e9
 """Of a number for the driver, in whatever unit it has there."""
 LONGEST_WAIT_S = 3600.0
 SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-6, 10.0
 Side = Annotated[int, Interval(ge=8, le=16384)]
-Setting = Annotated[float, Interval(ge=-LARGEST, le=LARGEST)]
+Setting = Annotated[float, Interval(ge=-MAX_SETTING, le=MAX_SETTING)]
 Share = Annotated[float, Interval(ge=0, le=1)]
 
 
@@ -30,7 +30,7 @@ class DriverSettings(_Part):
 
     width: Side | None = None
     height: Side | None = None
-    rate: Annotated[float, Interval(gt=0, le=LARGEST)] | None = None
+    rate: Annotated[float, Interval(gt=0, le=MAX_SETTING)] | None = None
     format: Annotated[str, Len(4, 4)] | None = None
     exposure: Setting | None = None
     gain: Setting | None = None

@@ -14,7 +14,7 @@ PROTOCOL = 1
 LONGEST = 400
 """Most bytes of a line."""
 _LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
-MOST = 10**15
+MAX_NUMBER = 10**15
 """Largest number in a line: 31 years in microseconds, which a float holds to 0.1 us."""
 _NUMBER = re.compile(r"-?[0-9]{1,16}")
 
@@ -53,7 +53,7 @@ def unframe(line: bytes) -> str | None:
     return match[1].decode("ascii")
 
 
-def whole_number(word: str, least: int = 0, most: int = MOST) -> int:
+def whole_number(word: str, least: int = 0, most: int = MAX_NUMBER) -> int:
     """The whole number that `word` spells.
 
     Raises

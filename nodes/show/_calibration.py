@@ -28,9 +28,9 @@ from tactograph.nodes.optics.lens import seen_places
 from tactograph.nodes.show._shown import Shown, figures, origin, section, sentences
 
 KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
-NUMBERS = 8
+MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
-MARKS = 12
+MARKS_ACROSS = 12
 """Places across the image at which a lens's displacement is drawn."""
 
 
@@ -82,7 +82,7 @@ def _values(arrays: dict[str, Any], kind: FileKind) -> list[str]:
 
 
 def _range(array: Any) -> str:
-    if array.size <= NUMBERS:
+    if array.size <= MAX_NUMBERS:
         return " ".join(f"{value:.4g}" for value in array.ravel())
     shape = " x ".join(map(str, array.shape))
     return f"{shape}, {array.min():.4g} to {array.max():.4g}"
@@ -150,7 +150,7 @@ def _draw_lens(arrays: dict[str, Any], title: str, target: Path) -> None:
     columns, rows = (int(side) for side in arrays["size"])
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()
-    step = max(columns // MARKS, 1)
+    step = max(columns // MARKS_ACROSS, 1)
     seen = [plane[::step, ::step] for plane in seen_places(arrays["lens"], (rows, columns))]
     y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
     axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")

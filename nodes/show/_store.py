@@ -10,7 +10,7 @@ from tactograph.graph.batch.entry import DONE, PENDING
 from tactograph.graph.batch.store import open_store
 from tactograph.nodes.show._shown import Shown, given_params, section
 
-MOST = 20
+MAX_LINES = 20
 """Most failures, and most warnings, that are printed."""
 
 
@@ -47,5 +47,5 @@ def show_store(file: Path) -> Shown:
 
 
 def _first(lines: list[str]) -> list[str]:
-    more = len(lines) - MOST
-    return lines[:MOST] + ([f"  … and {more} more"] if more > 0 else [])
+    more = len(lines) - MAX_LINES
+    return lines[:MAX_LINES] + ([f"  … and {more} more"] if more > 0 else [])
