@@ -17,8 +17,6 @@ from tactograph.graph.files.atomic_files import atomic_file
 
 DARKEST = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
-
-
 CHANNELS = ("bgr", "rgb")
 """The orders of lights that are the channels of a colour image."""
 USERS = {

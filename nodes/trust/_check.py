@@ -8,6 +8,8 @@ import numpy as np
 
 from tactograph.nodes import F4
 
+UNTESTED = np.float32(-1)
+"""Where a map tests nothing."""
 MIN_CELLS = 20
 """Fewer cells tell nothing of a touch."""
 

@@ -25,18 +25,16 @@ from tactograph.nodes.optics.near_light import (
     places,
     vectors_at,
 )
+from tactograph.nodes.trust._check import UNTESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
 """Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
-UNTESTED = np.float32(-1)
 DARKEST = np.float32(0.1)
 """Light below which the model's error no longer falls with the light."""
 LEAST_ERROR = 0.0015
 """Of the light, relative to film at rest: no model is exact."""
 MIN_FREEDOM = np.float32(0.5)
 """Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
-
-
 UNEVEN_SHARE = 0.25
 """Of the film's unevenness, what differs from LED to LED."""
 

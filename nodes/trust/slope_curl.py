@@ -11,10 +11,10 @@ from tactograph.graph import Flips, Port, node
 from tactograph.nodes import F4, Labels, Misfit, Slope, SlopeVariance
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
+from tactograph.nodes.trust._check import UNTESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 """Curl over what is expected of a surface, squared; -1 where it tests nothing."""
-UNTESTED = np.float32(-1)
 MIN_LEDS = 3
 """Two LEDs fit any light, so that their slope may be any."""
 MIN_SLOPE = np.float32(0.05)

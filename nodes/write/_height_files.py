@@ -46,8 +46,6 @@ SUR_SIZES_AT, SUR_SIZES = 108, struct.Struct("<2i")
 """Where a .sur file says its columns and rows."""
 TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
-
-
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
 """What meshes say of themselves; an STL has room for 80 bytes."""
 PLY_HEADER = """\

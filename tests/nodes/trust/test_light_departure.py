@@ -8,7 +8,8 @@ import pytest
 from tactograph.nodes import F4
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tactograph.nodes.simulate.light_ring import light_ring
-from tactograph.nodes.trust.light_departure import UNTESTED, light_departure, light_error
+from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust.light_departure import light_departure, light_error
 from tests.nodes.scenes import waves
 
 ROWS, COLUMNS, PIXEL = 40, 50, 0.1

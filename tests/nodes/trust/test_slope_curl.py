@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust.slope_curl import UNTESTED, slope_curl
+from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust.slope_curl import slope_curl
 from tests.nodes.scenes import ball
 
 SHAPE = (60, 80)
