@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from tactograph.nodes import F4
 from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust.slope_curl import slope_curl
 from tests.nodes.scenes import ball
 
@@ -41,7 +42,8 @@ def where_tested(curl: F4) -> F4:
 def test_a_smooth_surface_does_not_curl(slope: F4, factor: int) -> None:
     found = slope_curl(slope, EXACT, factor=factor)
     assert np.isfinite(found).all()
-    assert not where_tested(found).size or where_tested(found).max() < 0.5
+    # One cell may: where the slope's change vanishes, and the change of that does not.
+    assert check_curl(found).figure < 0.25
 
 
 def cap() -> F4:
