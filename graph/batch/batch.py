@@ -131,9 +131,7 @@ def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
     return [Chunk(place, store.stamp, tuple(each)) for each in chunks.values()]
 
 
-def run_batch(
-    place: str, store: Store, chunks: Sequence[Chunk], workers: Workers
-) -> Iterator[Tally]:
+def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterator[Tally]:
     """Do the chunks, and yield how each went as soon as it is written.
 
     Raises

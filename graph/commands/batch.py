@@ -132,7 +132,7 @@ def command(
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         say(f"{_before(store, retry_failed=retry_failed)}; {who.name}")
-        _show(_with_fallbacks(run_batch(place, store, chunks, who)), to_do)
+        _show(_with_fallbacks(run_batch(store, chunks, who)), to_do)
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
         raise SystemExit(1)

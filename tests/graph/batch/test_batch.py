@@ -535,11 +535,11 @@ def test_a_chunk_that_was_half_written_is_done_again(
     store = begin(graph, over, out, chunk=3)
     monkeypatch.setattr(Store, "_merge", dies)
     with pytest.raises(KeyboardInterrupt):
-        list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
+        list(run_batch(store, open_chunks(out, store, retry_failed=False), Serial()))
     assert list(opened(out).statuses) == [DONE] * 3 + [PENDING] * 4
     monkeypatch.setattr(Store, "_merge", merge)
     store = begin(graph, over, out)
-    list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
+    list(run_batch(store, open_chunks(out, store, retry_failed=False), Serial()))
     assert list(store.statuses) == [DONE] * 7
     np.testing.assert_array_equal(lit(store, 4), expected(captures[4]))
 
@@ -618,7 +618,7 @@ def test_captures_and_store_may_lie_elsewhere(graph: str, captures: list[Path]) 
         system.put(str(capture), f"/lab/{capture.name}", recursive=True)
     out = "memory://results.zarr"
     store = begin(graph, "memory://lab/*", out)
-    list(run_batch(out, store, open_chunks(out, store, retry_failed=False), Serial()))
+    list(run_batch(store, open_chunks(out, store, retry_failed=False), Serial()))
     assert store.captures == ["memory:///lab/capture_00", "memory:///lab/capture_01"]
     np.testing.assert_array_equal(lit(store, 1), expected(captures[1]))
 
@@ -739,7 +739,7 @@ def test_captures_survive_the_death_of_processes(
     store = begin(graph, str(tmp_path / "many" / "*"), out, workers, chunk=2)
     start = time.monotonic()
     done = 0
-    for tally in run_batch(out, store, open_chunks(out, store, retry_failed=False), workers):
+    for tally in run_batch(store, open_chunks(out, store, retry_failed=False), workers):
         done += tally.done
         while len(killer) < 1 and time.monotonic() - start < 20:
             time.sleep(0.05)
@@ -810,7 +810,7 @@ def test_a_capture_that_kills_its_process_is_found_out(
     out = str(tmp_path / "out.zarr")
     workers = Processes(2, poisoned)
     store = begin(graph, over, out, workers, chunk=1)
-    list(run_batch(out, store, open_chunks(out, store, retry_failed=False), workers))
+    list(run_batch(store, open_chunks(out, store, retry_failed=False), workers))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
     assert "its process died" in store.read(3).reason
 

@@ -94,7 +94,7 @@ def test_a_batch_outlives_its_workers_and_its_scheduler(
 ) -> None:
     out, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     cluster = Cluster(machines.address)
-    tallies = run_batch(out, store, chunks, cluster)
+    tallies = run_batch(store, chunks, cluster)
     next(tallies)
     os.kill(machines.workers[0].pid, signal.SIGKILL)
     machines.workers.append(machines.start_worker())
@@ -111,12 +111,12 @@ def test_a_client_that_comes_back_goes_on_where_it_was(
 ) -> None:
     out, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     cluster = Cluster(machines.address)
-    next(run_batch(out, store, chunks, cluster))
+    next(run_batch(store, chunks, cluster))
     cluster.close()
     time.sleep(0.2)
     out, store, left = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     assert len(left) < len(chunks), "nothing was done; the test says nothing"
-    list(run_batch(out, store, left, Cluster(machines.address)))
+    list(run_batch(store, left, Cluster(machines.address)))
     assert_whole(store, captures)
 
 
