@@ -77,10 +77,10 @@ def captures(tmp_path: Path) -> list[Path]:
     return [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(40)]
 
 
-def open_chunks_of(graph: str, tmp_path: Path) -> tuple[str, Store, list[Chunk]]:
+def open_chunks_of(graph: str, tmp_path: Path) -> tuple[Store, list[Chunk]]:
     out = str(tmp_path / "out.zarr")
     store = begin(graph, str(tmp_path / "many" / "*"), out, chunk=2)
-    return out, store, open_chunks(out, store, retry_failed=False)
+    return store, open_chunks(out, store, retry_failed=False)
 
 
 def assert_whole(store: Store, captures: list[Path]) -> None:
@@ -92,7 +92,7 @@ def assert_whole(store: Store, captures: list[Path]) -> None:
 def test_a_batch_outlives_its_workers_and_its_scheduler(
     write: Write, tmp_path: Path, captures: list[Path], machines: Machines
 ) -> None:
-    out, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
+    store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     cluster = Cluster(machines.address)
     tallies = run_batch(store, chunks, cluster)
     next(tallies)
@@ -109,12 +109,12 @@ def test_a_batch_outlives_its_workers_and_its_scheduler(
 def test_a_client_that_comes_back_goes_on_where_it_was(
     write: Write, tmp_path: Path, captures: list[Path], machines: Machines
 ) -> None:
-    out, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
+    store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     cluster = Cluster(machines.address)
     next(run_batch(store, chunks, cluster))
     cluster.close()
     time.sleep(0.2)
-    out, store, left = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
+    store, left = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     assert len(left) < len(chunks), "nothing was done; the test says nothing"
     list(run_batch(store, left, Cluster(machines.address)))
     assert_whole(store, captures)
@@ -151,7 +151,7 @@ def test_a_worker_with_other_code_is_refused(
     captures: list[Path],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    _, store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
+    store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     other = replace(store.origin, code={**store.origin.code, "label_lit": "other"})
     monkeypatch.setattr(cluster, "find_origin", lambda *_, **__: other)
     for _ in range(2):
