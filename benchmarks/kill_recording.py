@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.files.mcap_log import log_files, need_mcap
 from tactograph.nodes.files.mcap_read import McapFile
-from tactograph.nodes.recording._ros import read_image
+from tactograph.nodes.files.ros_messages import read_image
 from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
 

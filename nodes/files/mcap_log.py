@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal, cast
 
 from tactograph.graph import InputError, warn
-from tactograph.nodes.recording._ros import DEFINITIONS, Message
+from tactograph.nodes.files.ros_messages import DEFINITIONS, Message
 
 if TYPE_CHECKING:
     from mcap.records import Schema

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.live.expose import _lens
+from tactograph.nodes.live.expose import lens_share
 from tactograph.nodes.optics.near_light import expected_light, places, vectors_at
 from tactograph.nodes.optics.shape import PAPER_PIXEL_MM
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -167,7 +167,7 @@ class SimulatedSensor:
         self.lights = scene.lights
         self.strength = np.ones(len(self.lights), np.float32)
         flat = render(np.zeros(shape, np.float32), pixel, self.lights).light
-        self._lens = _lens(shape, scene.vignetting)
+        self._lens = lens_share(shape, scene.vignetting)
         self._unprinted: F4 = np.ones(shape, np.float32)
         self._bare: F4 = flat * self._lens
         self._flat: F4 = self._bare * self._brightness(0.0, 0.0, 0.0)

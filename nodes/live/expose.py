@@ -61,7 +61,7 @@ def expose(
     -------
     The images K x H x W, and the dark image H x W taken with all LEDs off.
     """
-    lens = _lens(light.shape[1:], vignetting)
+    lens = lens_share(light.shape[1:], vignetting)
     frames = np.concatenate([light, np.zeros_like(light[:1])]) + np.float32(ambient)
     electrons = (frames * lens).astype(np.float64) * full_well
     rng = np.random.Generator(np.random.Philox(seed))
@@ -75,7 +75,7 @@ def expose(
     return Exposed(image[:-1], image[-1])
 
 
-def _lens(size: tuple[int, ...], vignetting: float) -> F4:
-    """Share of the light that passes: 1 at the centre, 1 - `vignetting` in the corners."""
+def lens_share(size: tuple[int, ...], vignetting: float) -> F4:
+    """Return the light that passes, H x W: 1 at the centre, 1 - `vignetting` in the corners."""
     y, x = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in size)
     return np.asarray(1 - vignetting * (y[:, None] ** 2 + x[None, :] ** 2) / 2, np.float32)

@@ -1,4 +1,4 @@
-"""A ROS 2 node for the messages of `_ros`; it only needs rclpy."""
+"""A ROS 2 node for the messages of `ros_messages`; it only needs rclpy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tactograph.graph import InputError
-from tactograph.nodes.recording._ros import Message
+from tactograph.nodes.files.ros_messages import Message
 
 DEPTH = 8
 """Most messages of a topic that wait for a slow receiver; older ones are dropped."""

@@ -13,10 +13,7 @@ import numpy as np
 
 from tactograph.graph import Provenance
 from tactograph.nodes import Contacts, Height, Labels, Light, Metrics
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Seen, Shifts
-from tactograph.nodes.optics.near_light import F8
-from tactograph.nodes.recording._ros import (
+from tactograph.nodes.files.ros_messages import (
     MM,
     Message,
     cloud_message,
@@ -24,6 +21,9 @@ from tactograph.nodes.recording._ros import (
     image_message,
     text_message,
 )
+from tactograph.nodes.marker.find_markers import Markers
+from tactograph.nodes.marker.track_markers import Seen, Shifts
+from tactograph.nodes.optics.near_light import F8
 
 FRAME = "film"
 """ROS's name of the coordinate system."""

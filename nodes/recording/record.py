@@ -12,7 +12,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Provenance, Session, node
 from tactograph.nodes import Light
 from tactograph.nodes.files.mcap_log import Limits, McapLog, WhenFull
-from tactograph.nodes.recording._ros import Message, image_message, text_message
+from tactograph.nodes.files.ros_messages import Message, image_message, text_message
 from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame
 
 FORMAT = "1"

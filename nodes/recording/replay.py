@@ -23,7 +23,7 @@ from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import MOST_PIXELS
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile, Read
-from tactograph.nodes.recording._ros import read_image
+from tactograph.nodes.files.ros_messages import read_image
 from tactograph.nodes.recording.record import FORMAT
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.colour_planes import planes_of

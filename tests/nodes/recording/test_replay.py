@@ -16,7 +16,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.files import mcap_read
 from tactograph.nodes.files.mcap_log import Limits, McapLog, log_files
 from tactograph.nodes.files.mcap_read import McapFile
-from tactograph.nodes.recording._ros import image_message, text_message
+from tactograph.nodes.files.ros_messages import image_message, text_message
 from tactograph.nodes.recording.replay import replay
 from tactograph.nodes.stream.frames import RawFrame
 from tests.nodes.recording.recordings import (
