@@ -1,4 +1,5 @@
 """What files hold: images, arrays of images, calibrations, presets, recordings, surfaces.
 
-Plain functions that nodes share, and the ROS messages of which recordings are made.  A new format goes here.
+Plain functions that nodes share, and the ROS messages of which recordings are made.  A new format
+goes here.
 """
