@@ -162,6 +162,7 @@ def check_heights(height: NDArray[np.float32], file: Path, *, unknown: bool = Fa
 
 
 def read_numbers(file: Path) -> NDArray[Any]:
+    """Return the array of a ``.npy``, or refuse what holds none."""
     try:
         return load_array(file)
     except FileNotFoundError:
@@ -171,6 +172,7 @@ def read_numbers(file: Path) -> NDArray[Any]:
 
 
 def grey(image: NDArray[Any], file: Path) -> NDArray[Any]:
+    """Return an image H x W, or H x W x C of equal channels, as H x W; refuse one with colours."""
     if image.ndim == 2:
         return image
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
@@ -185,6 +187,7 @@ def grey(image: NDArray[Any], file: Path) -> NDArray[Any]:
 def channels(
     image: NDArray[Any], file: Path, lights: Lights, leds: Leds | None
 ) -> list[NDArray[Any]]:
+    """Return the channels of an image H x W x 3 as lights, H x W each: all, or those of `leds`."""
     if image.ndim != 3 or image.shape[2] < 3:
         raise InputError(f"{file}: a grey image, but lights={lights} needs a colour one")
     order = (0, 1, 2) if lights == "bgr" else (2, 1, 0)
@@ -197,6 +200,7 @@ def channels(
 
 
 def check_alike(planes: list[NDArray[Any]], files: list[Path]) -> None:
+    """Refuse images that are not 8 or 16 bit grey, or differ in size or depth."""
     first = planes[0]
     for plane, file in zip(planes, files, strict=True):
         if plane.dtype not in (np.uint8, np.uint16):
@@ -212,6 +216,7 @@ def check_alike(planes: list[NDArray[Any]], files: list[Path]) -> None:
 
 
 def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
+    """Return the part of an image from x0, y0 to x1, y1 in px; refuse one beyond its border."""
     if crop is None:
         return plane
     x0, y0, x1, y1 = crop
@@ -289,8 +294,10 @@ def _bits(plane: NDArray[Any]) -> int:
 
 
 def size_of(plane: NDArray[Any]) -> str:
+    """Return the size of an image in words, width first."""
     return f"{plane.shape[1]} x {plane.shape[0]}"
 
 
 def lights_of(stack: NDArray[Any]) -> str:
+    """Return the size of images K x H x W in words."""
     return f"{len(stack)} lights of {size_of(stack[0])} pixels"

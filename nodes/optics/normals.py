@@ -99,6 +99,7 @@ def visible(n: F4) -> F4:
 
 
 def dot(a: Any, b: Any) -> F4:
+    """Products of vectors, their components along the first axis."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
