@@ -28,8 +28,8 @@ from tactograph.nodes.trust.light_departure import Departure, light_error
 
 STEEPNESS = 4
 """Power of the worst figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
-MAX_CELLS = 6000
-"""More cells tell no more of medians; every second one is looked at, or fewer."""
+MAX_CELLS = 2500
+"""More cells tell no more of medians; of larger images every n-th is looked at."""
 
 
 @node
