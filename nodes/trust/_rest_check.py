@@ -18,7 +18,7 @@ MAX_LEVEL, MAX_SPREAD, MAX_SHAPE = 0.1, 0.08, 0.045
 """Change of an LED's light, half the range of the LEDs' changes, and change across the image."""
 MAX_DEPTH, MIN_HEIGHT_MM = 0.6, 0.15
 """Depth below the film at rest, over the greatest height or this height if that is less."""
-MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.9, 0.05
+MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.037, 0.9, 0.05
 """Half the range of changes that a tilt of the film would explain to this share, where nothing
 stands out by this height."""
 
