@@ -17,6 +17,8 @@ $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	@$(MAKE) --no-print-directory types
+	@# What editors read beside the shipped graphs; it follows from the nodes.
+	@$(BIN)/tactograph schema > pipelines/pipeline.schema.json
 	@touch $@
 
 # Type checkers cannot follow the folder mapping of an editable install: show them a tree of
