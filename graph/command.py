@@ -7,7 +7,6 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from traceback import walk_tb
 from typing import Any, TextIO
 
 import click
@@ -17,6 +16,7 @@ from tactograph.graph.errors import (
     WriteError,
     did_you_mean,
     full_disk,
+    is_of_printing,
     message_of,
     printable,
 )
@@ -134,7 +134,7 @@ def main() -> None:
         raise
     except BaseException as error:
         error = error.__cause__ if isinstance(error, _BrokenPipe) and error.__cause__ else error
-        if isinstance(error, OSError) and _is_of_printing(error):
+        if isinstance(error, OSError) and is_of_printing(error):
             sys.exit(_end_unheard(error))
         if os.environ.get("TACTOGRAPH_TRACEBACK"):
             raise
@@ -144,12 +144,6 @@ def main() -> None:
         click.echo(f"tactograph: {line}", err=True)
         code = full.exit_code if full else 1
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _is_of_printing(error: OSError) -> bool:
-    """Whether it was raised where something is printed."""
-    modules = [frame.f_globals["__name__"] for frame, _ in walk_tb(error.__traceback__)]
-    return modules[-1].partition(".")[0] in ("click", "rich")
 
 
 def _end_unheard(error: OSError) -> int:

@@ -8,6 +8,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from traceback import walk_tb
 
 
 class TactographError(Exception):
@@ -90,6 +91,12 @@ def warn(message: str) -> None:
     notes = _notes.get()
     if notes is not None and message not in notes:
         notes.append(message)
+
+
+def is_of_printing(error: OSError) -> bool:
+    """Whether it was raised where click or rich print: the reader, such as ``| head``, has gone."""
+    modules = [frame.f_globals["__name__"] for frame, _ in walk_tb(error.__traceback__)]
+    return modules[-1].partition(".")[0] in ("click", "rich")
 
 
 @contextmanager

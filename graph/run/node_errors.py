@@ -9,6 +9,7 @@ from tactograph.graph.errors import (
     TactographError,
     WriteError,
     full_disk,
+    is_of_printing,
     message_of,
 )
 from tactograph.graph.plan.draft import Task
@@ -34,6 +35,8 @@ class Blaming:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if error is not None and not isinstance(error, _MEANT):
+            if isinstance(error, OSError) and is_of_printing(error):
+                return
             task = self._task
             if full := full_disk(error):
                 raise WriteError(f"node '{task.id}' ({task.node.name}): {full}") from error

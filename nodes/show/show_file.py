@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import click
+
 from tactograph.graph import InputError, node
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes.show._calibration import show_calibration
@@ -35,13 +37,13 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
         If a picture cannot be written.
     """
     shown = _look(file)
-    print("\n".join(shown.lines), flush=True)
+    click.echo("\n".join(shown.lines))
     if folder is None:
         return
     for name, draw in shown.pictures.items():
         with atomic_file(folder / name) as target:
             draw(target)
-        print(f"drawn: {folder / name}", flush=True)
+        click.echo(f"drawn: {folder / name}")
 
 
 def _look(file: Path) -> Shown:
