@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -12,7 +15,7 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.store import create_store
-from tactograph.graph.command import run_command
+from tactograph.graph.command import READER_GONE, run_command
 from tactograph.graph.run.result_origin import Origin
 from tactograph.nodes.calibrate.write_camera import write_camera
 from tactograph.nodes.write.write_result import write_result
@@ -44,6 +47,17 @@ def test_a_calibration_shows_verdict_settings_values_and_picture(
     picture = cv2.imread(str(tmp_path / "drawn" / "cal.png"))
     assert picture is not None
     assert np.ptp(picture) > 200
+
+
+def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    write_flashed(file)
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "tactograph", "show", str(file)]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (READER_GONE, "")
 
 
 def test_a_lens_shows_its_numbers_and_grid(
