@@ -10,6 +10,9 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from traceback import walk_tb
 
+MOST_LETTERS = 2000
+"""So much of a text out of a file is printed."""
+
 
 class TactographError(Exception):
     """Base of every error this package raises on purpose.  Exit code 1."""
@@ -62,6 +65,13 @@ def full_disk(error: BaseException) -> WriteError | None:
 def printable(text: str) -> str:
     """Text without what a terminal obeys: control characters become ``\\x1b`` and the like."""
     return "".join(c if c in "\n\t" or not _is_control(c) else f"\\x{ord(c):02x}" for c in text)
+
+
+def one_line(text: str) -> str:
+    """Text out of a file, for one line: printable, without breaks, and not endless."""
+    start = text[:MOST_LETTERS].encode("utf-8", "backslashreplace").decode()
+    more = "…" if len(text) > MOST_LETTERS else ""
+    return printable(" ".join(start.splitlines())).replace("\t", " ") + more
 
 
 def _is_control(character: str) -> bool:

@@ -127,7 +127,11 @@ def _locked(folder: Path) -> int:
 
 def _refuse_special(path: Path) -> None:
     """Refuse to put a file in the place of a folder, a device or a pipe."""
-    if path.exists() and not path.is_file():
+    try:
+        is_special = path.exists() and not path.is_file()
+    except OSError as error:  # a name that is too long
+        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
+    if is_special:
         kind = "a folder" if path.is_dir() else "a device or a pipe"
         raise WriteError(
             f"{path.parent}: cannot be written: {path.name} is {kind}; give another place"

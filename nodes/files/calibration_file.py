@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Provenance, warn
+from tactograph.graph.errors import one_line
 from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.atomic_files import atomic_file
 
@@ -176,7 +177,8 @@ def read_about(file: Path) -> About:
     for name in ("made", "given", "lights"):
         lights = lights.get(name) if isinstance(lights, dict) else None
     figures = {name: float(value) for name, value in quality.items()}
-    return About(figures, doubts, lights if isinstance(lights, str) else None)
+    sentences = [one_line(doubt) for doubt in doubts]
+    return About(figures, sentences, lights if isinstance(lights, str) else None)
 
 
 def check_use(file: Path, about: About, lights: str | None) -> None:

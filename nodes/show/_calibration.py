@@ -25,7 +25,7 @@ from tactograph.nodes.files.calibration_file import (
     read_arrays,
 )
 from tactograph.nodes.optics.lens import seen_places
-from tactograph.nodes.show._shown import Shown, figures, origin, section, sentences
+from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
 
 KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
 MAX_NUMBERS = 8
@@ -58,8 +58,8 @@ def show_calibration(file: Path) -> Shown:
         *_words(head, "sensor", "date"),
         *origin(made),
         *([f"verdict: {verdict}"] if kind is not CAMERA else []),
-        *(f"  {doubt}" for doubt in about.doubts),
-        *section("warnings", others),
+        *first(sentences(about.doubts)),
+        *section("warnings", first(others)),
         *_words(head, "advice"),
         *section("figures", figures(about.quality)),
         *section("values", _values(arrays, kind)),

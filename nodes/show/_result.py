@@ -11,11 +11,12 @@ import numpy as np
 
 from tactograph.graph import InputError
 from tactograph.nodes.drawing.result_pictures import draw_height
-from tactograph.nodes.files.image_files import read_heights
-from tactograph.nodes.show._shown import Shown, figures, origin, section, sentences
+from tactograph.nodes.files.image_files import check_heights
+from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
+from tactograph.nodes.write._height_files import read_height_file
+from tactograph.nodes.write._result_file import checksum
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
-RESULT = "result.json"
 HEIGHT = "height.npy"
 
 
@@ -39,11 +40,23 @@ def show_result(file: Path) -> Shown:
     lines = [
         f"{file}: result",
         *origin(found),
-        *(section("warnings", warnings) or ["warnings: none"]),
+        *(section("warnings", first(warnings)) or ["warnings: none"]),
         *section("figures", figures({n: v for n, v in numbers.items() if _is_number(v)})),
+        *section("not as they were written", first(_not_as_written(file, found.get("checksums")))),
     ]
     height = file.parent / HEIGHT
     return Shown(lines, {"height.png": partial(_draw, height)} if height.is_file() else {})
+
+
+def _not_as_written(result: Path, checksums: Any) -> list[str]:
+    """The files of a result that are gone, or are others than it was written with."""
+    stated = checksums if isinstance(checksums, dict) else {}
+    files = {result.parent / name: sum_ for name, sum_ in stated.items() if name == Path(name).name}
+    return [
+        f"  {file.name}: {'changed' if file.is_file() else 'missing'}"
+        for file, sum_ in files.items()
+        if not file.is_file() or checksum(file) != sum_
+    ]
 
 
 def _is_number(value: Any) -> bool:
@@ -51,4 +64,6 @@ def _is_number(value: Any) -> bool:
 
 
 def _draw(height: Path, target: Path) -> None:
-    draw_height(read_heights(height), None, read_pixel_size(height=height), target)
+    found, pixel = read_height_file(height).height, read_pixel_size(height=height)
+    check_heights(found, height, unknown=True)
+    draw_height(found, None, pixel, target)

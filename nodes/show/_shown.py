@@ -6,6 +6,11 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tactograph.graph.errors import one_line
+
+MAX_LINES = 20
+"""Most failures, and most sentences of a kind, that are printed."""
+
 
 class Shown(NamedTuple):
     """Lines to print, and functions that draw a picture into a file of that name."""
@@ -29,10 +34,16 @@ def section(title: str, lines: Iterable[str]) -> list[str]:
     return [f"{title}:", *inside] if inside else []
 
 
+def first(lines: list[str]) -> list[str]:
+    """Return the first `MAX_LINES` lines, and how many more there are."""
+    more = len(lines) - MAX_LINES
+    return lines[:MAX_LINES] + ([f"  … and {more} more"] if more > 0 else [])
+
+
 def sentences(values: Any) -> list[str]:
-    """Return the strings of what should be a list of them."""
+    """Return the strings of what should be a list of them, a line each."""
     found = values if isinstance(values, list) else []
-    return [f"  {value}" for value in found if isinstance(value, str)]
+    return [f"  {one_line(value)}" for value in found if isinstance(value, str)]
 
 
 def origin(made: Any) -> list[str]:

@@ -8,10 +8,7 @@ from pathlib import Path
 from tactograph.graph import InputError
 from tactograph.graph.batch.entry import DONE, PENDING
 from tactograph.graph.batch.store import open_store
-from tactograph.nodes.show._shown import Shown, given_params, section
-
-MAX_LINES = 20
-"""Most failures, and most warnings, that are printed."""
+from tactograph.nodes.show._shown import Shown, first, given_params, section
 
 
 def show_store(file: Path) -> Shown:
@@ -40,12 +37,7 @@ def show_store(file: Path) -> Shown:
         f"pending {status[PENDING]}",
         *given_params(store.job.given),
         f"maps: {', '.join(store.job.maps) or 'none'}",
-        *section("failed", _first(reasons)),
-        *section("warnings", _first([f"  {n} x {text}" for text, n in warned.most_common()])),
+        *section("failed", first(reasons)),
+        *section("warnings", first([f"  {n} x {text}" for text, n in warned.most_common()])),
     ]
     return Shown(lines, {})
-
-
-def _first(lines: list[str]) -> list[str]:
-    more = len(lines) - MAX_LINES
-    return lines[:MAX_LINES] + ([f"  … and {more} more"] if more > 0 else [])

@@ -7,12 +7,14 @@ from pathlib import Path
 import click
 
 from tactograph.graph import InputError, node
+from tactograph.graph.errors import one_line
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording
-from tactograph.nodes.show._result import RESULT, show_result
+from tactograph.nodes.show._result import show_result
 from tactograph.nodes.show._shown import Shown
 from tactograph.nodes.show._store import show_store
+from tactograph.nodes.write._result_file import RESULT
 
 STORE = "zarr.json"
 
@@ -37,18 +39,20 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
         If a picture cannot be written.
     """
     shown = _look(file)
-    click.echo("\n".join(shown.lines))
+    click.echo("\n".join(map(one_line, shown.lines)))
     if folder is None:
         return
     for name, draw in shown.pictures.items():
         with atomic_file(folder / name) as target:
             draw(target)
-        click.echo(f"drawn: {folder / name}")
+        click.echo(one_line(f"drawn: {folder / name}"))
 
 
 def _look(file: Path) -> Shown:
-    if not file.exists():
-        raise InputError(f"{file}: there is no such file")
+    try:
+        file.stat()
+    except (OSError, ValueError):
+        raise InputError(f"{file}: there is no such file") from None
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
     if file.suffix == ".mcap" and file.is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.store import create_store
 from tactograph.graph.command import READER_GONE, run_command
+from tactograph.graph.errors import WriteError
 from tactograph.graph.run.result_origin import Origin
 from tactograph.nodes.calibrate.write_camera import write_camera
 from tactograph.nodes.write.write_result import write_result
@@ -31,6 +33,15 @@ MADE = Provenance(
 def shown(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     run_command(["show", *words])
     return capsys.readouterr().out
+
+
+def make_result(tmp_path: Path) -> Path:
+    level, bits = np.zeros((8, 10), np.float32), np.zeros((8, 10), np.uint8)
+    write_result(
+        level, bits, np.ones((4, 8, 10), np.float32), 0.1, {"contacts": 0.0}, "",
+        folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE,
+    )  # fmt: skip
+    return tmp_path / "out"
 
 
 def test_a_calibration_shows_verdict_settings_values_and_picture(
@@ -100,12 +111,8 @@ def test_a_store_shows_what_became_of_each_capture(
 def test_a_result_shows_figures_warnings_and_height(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    level, bits = np.zeros((8, 10), np.float32), np.zeros((8, 10), np.uint8)
-    write_result(
-        level, bits, np.ones((4, 8, 10), np.float32), 0.1, {"contacts": 0.0}, "",
-        folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE,
-    )  # fmt: skip
-    told = shown(capsys, str(tmp_path / "out"), "--out", str(tmp_path / "drawn"))
+    folder = make_result(tmp_path)
+    told = shown(capsys, str(folder), "--out", str(tmp_path / "drawn"))
     assert "made by: graph toy [f00], version 0\ngiven: lights=bgr\n" in told
     assert "warnings:\n  too bright\n" in told
     assert "contacts  0" in told
@@ -127,3 +134,70 @@ def test_anything_else_is_refused_in_one_line(tmp_path: Path, name: str) -> None
 def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         run_command(["show", str(tmp_path / "cal.npz")])
+
+
+ESCAPES = "\x1b[31mred\x07\nTrust: 1\r\u202e\ud800"
+
+
+def test_texts_of_files_cannot_command_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calibration, result = tmp_path / "cal.npz", tmp_path / "result.json"
+    write_flashed(calibration, doubts=[ESCAPES, "a" * 10**6], lights=ESCAPES)
+    told = {"graph": {"name": ESCAPES}, "warnings": [ESCAPES], "metrics": {ESCAPES: 1.0}}
+    result.write_text(json.dumps(told))
+    for file in (calibration, result):
+        text = shown(capsys, str(file))
+        assert "red" in text
+        assert text.encode()
+        assert not any(mark in text for mark in "\x1b\x07\r\u202e")
+        assert not any(line.startswith("Trust") for line in text.splitlines())
+        assert len(text) < 10**4
+
+
+def test_of_many_doubts_the_first_are_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cal.npz"
+    write_flashed(file, doubts=[f"doubt {n}." for n in range(10**4)])
+    text = shown(capsys, str(file))
+    assert "doubt 19." in text
+    assert "doubt 20." not in text
+    assert "… and 9980 more" in text
+
+
+def test_a_result_tells_which_files_are_not_as_they_were_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = make_result(tmp_path)
+    assert "not as they were written" not in shown(capsys, str(folder))
+    (folder / "shadow.png").unlink()
+    (folder / "height.tiff").write_bytes(b"another")
+    told = shown(capsys, str(folder))
+    assert "not as they were written:\n  height.tiff: changed\n  shadow.png: missing\n" in told
+
+
+@pytest.mark.parametrize(
+    "height", [np.full((3, 4), np.nan), np.full((3, 4), np.inf), np.zeros((0, 4))]
+)
+def test_what_is_no_height_is_not_drawn(tmp_path: Path, height: np.ndarray) -> None:
+    folder = make_result(tmp_path)
+    said = json.loads((folder / "result.json").read_text())
+    (folder / "result.json").write_text(json.dumps(said | {"checksums": {}}))
+    np.save(folder / "height.npy", height)
+    with pytest.raises(InputError, match=r"height\.npy"):
+        run_command(["show", str(folder), "--out", str(tmp_path / "drawn")])
+    assert not [*(tmp_path / "drawn").glob("*")]
+
+
+@pytest.mark.parametrize("out", ["taken/drawn", "a" * 300])
+def test_pictures_that_cannot_be_written_are_told(tmp_path: Path, out: str) -> None:
+    folder = make_result(tmp_path)
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(WriteError, match="cannot be written"):
+        run_command(["show", str(folder), "--out", str(tmp_path / out)])
+
+
+def test_a_name_that_no_file_can_have_is_no_file() -> None:
+    with pytest.raises(InputError, match="there is no such file"):
+        run_command(["show", "a" * 5000])
