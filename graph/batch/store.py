@@ -40,8 +40,9 @@ MOST_PIXELS = 2**25
 PIECE = 2**21
 """Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
 _WORDS = ("capture", "reason", "figures", "warnings")
-_UNREACHABLE = (OSError, ValueError, ImportError, TypeError)
-"""What is raised where a store should be; TypeError by file systems that need more than a URL."""
+_UNREACHABLE = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
+"""What is raised where a store should be; TypeError by file systems that need more than a URL,
+the last two by Zarr at descriptions that it did not write."""
 _UNDECODABLE = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 """What the codecs raise at bytes that they did not write."""
 
@@ -73,7 +74,8 @@ class Store:
                 )
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
-            self.job = Job(**{**job, "maps": tuple(job["maps"])})
+            typed = {"maps": tuple(map(str, job["maps"])), "given": dict(job["given"])}
+            self.job = Job(**{**job, **typed})
             self.origin = Origin(**about["origin"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{group.store_path}: no store of a batch ({error})") from None
@@ -294,7 +296,7 @@ class Store:
         names = ("status", "reason", "figures", "warnings", "milliseconds")
         columns = [self._read(name, here) for name in names]
         return [
-            Entry(int(s), str(r), json.loads(str(f) or "{}"), str(w).splitlines(), float(ms))
+            Entry(int(s), str(r), _figures(str(f)), str(w).splitlines(), float(ms))
             for s, r, f, w, ms in zip(*columns, strict=True)
         ]
 
@@ -316,6 +318,14 @@ class Store:
         if known is None or stop is None or known.shape[0] < stop:
             return self._array(name)
         return known
+
+
+def _figures(text: str) -> dict[str, float]:
+    """Figures as they were written; of what is none, as if never written."""
+    try:
+        return dict(json.loads(text or "{}"))
+    except (ValueError, TypeError, RecursionError):
+        return {}
 
 
 def _captures_in_one(kind: MapType, chunk: int) -> int:

@@ -97,3 +97,37 @@ def test_a_store_of_version_2_is_refused_and_its_pickles_are_not_read(tmp_path: 
         open_store(str(hostile))
     assert not (tmp_path / "ran").exists()
     assert sorted(hostile.rglob("*")) == before
+
+
+@pytest.mark.parametrize("given", [None, 3, [1], "x"])
+def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: Any) -> None:
+    place = tmp_path / "out.zarr"
+    create_store(str(place), JOB, ORIGIN, 4)
+    about = json.loads((place / "zarr.json").read_text())
+    about["attributes"]["tactograph"]["job"]["given"] = given
+    (place / "zarr.json").write_text(json.dumps(about))
+    with pytest.raises(InputError, match="no store of a batch"):
+        open_store(str(place))
+
+
+@pytest.mark.parametrize(("name", "text"), [("", "null"), ("status", '{"fill_value": 300}')])
+def test_descriptions_that_zarr_did_not_write_are_refused(
+    tmp_path: Path, name: str, text: str
+) -> None:
+    place = tmp_path / "out.zarr"
+    create_store(str(place), JOB, ORIGIN, 4)
+    file = place / name / "zarr.json"
+    changed = json.loads(text)
+    file.write_text(json.dumps(changed and json.loads(file.read_text()) | changed))
+    with pytest.raises(InputError, match="no store of a batch"):
+        open_store(str(place))
+
+
+@pytest.mark.parametrize("text", ["{", "3", "[[1]]"])
+def test_figures_that_cannot_be_read_are_none(tmp_path: Path, text: str) -> None:
+    store = create_store(str(tmp_path / "out.zarr"), JOB, ORIGIN, 4)
+    store.append(["a"])
+    store.write({0: Entry(DONE, figures={"trust": 1.0})})
+    figures: Any = zarr.open_group(str(tmp_path / "out.zarr"))["figures"]
+    figures[0] = text
+    assert store.read(0).figures == {}
