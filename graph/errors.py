@@ -15,9 +15,18 @@ MOST_LETTERS = 2000
 
 
 class TactographError(Exception):
-    """Base of every error this package raises on purpose.  Exit code 1."""
+    """Base of every error this package raises on purpose.  Exit code 1.
+
+    `item` is the name of the stream's item at which it was raised, if that has one.
+    """
 
     exit_code = 1
+    item = ""
+
+    def at_item(self, name: str) -> None:
+        """Let the message begin with the item's name."""
+        if name:
+            self.item, self.args = name, (f"{name}: {self}",)
 
 
 class InputError(TactographError):

@@ -174,6 +174,10 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
             # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
             if not count:
                 raise InputError(f"{read.name}: its stream ended before a first item came")
+    except InputError as error:
+        if error.item and not pipeline.endless:
+            error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
+        raise
     finally:
         _tell(line, pipeline.closing_warnings, told)
         told.update(pipeline.closing_warnings)

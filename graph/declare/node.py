@@ -190,6 +190,11 @@ class Node:
             return ()
         return (made,) if self.output_record is None else record_values(self.output_record, made)
 
+    def name_of(self, made: Any) -> str:
+        """What is called ``name`` among what the function yielded; "" if there is none."""
+        found = dict(zip(self.outputs, self.results(made), strict=True)).get("name")
+        return found if isinstance(found, str) else ""
+
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
         """The shape of an output whose symbols are all known; a KeyError names one that is not."""
         return tuple(d if isinstance(d, int) else sizes[d] for d in self.outputs[port].dims)

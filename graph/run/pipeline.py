@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import DeviceBackend
-from tactograph.graph.errors import InputError, collect_warnings
+from tactograph.graph.errors import InputError, TactographError, collect_warnings
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.groups import meant_nodes
 from tactograph.graph.plan.draft import Task
@@ -171,7 +171,11 @@ class Pipeline:
                 if self._items.trace is not None:
                     self._items.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
                 self._has_run = False
-                result = self._items.item({source.id: item}, repeats)
+                try:
+                    result = self._items.item({source.id: item}, repeats)
+                except TactographError as error:
+                    error.at_item(source.node.name_of(item))
+                    raise
                 self._has_run = True
             yield result
 

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, load
+from tactograph.graph.command import run_command
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
@@ -98,7 +99,7 @@ def verdict(pipeline: Pipeline, stack: Images) -> str:
     return "".join(told)
 
 
-@pytest.mark.parametrize("graph", ["reconstruct", "paper", "precise"])
+@pytest.mark.parametrize("graph", ["reconstruct", "reconstruct_full", "paper", "precise"])
 @pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_right_touches_are_trusted(
@@ -185,9 +186,9 @@ def test_what_everything_contradicts_ends_a_run_that_is_not_forced(
     stream: Path, calibration: Calibration, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    given = {"capture": str(stream), "calibration": calibration("far28"), "out": str(out)}
-    with pytest.raises(InputError, match=REFUSAL):
-        list(open_pipeline(read_graph("reconstruct"), given).items())
+    given = [f"capture={stream}", f"calibration={calibration('far28')}", f"out={out}"]
+    with pytest.raises(InputError, match=f"^1: .*{REFUSAL}.*; 'tactograph batch' goes on"):
+        run_command(["run", "reconstruct", *given])
     assert {path.parent.name for path in out.rglob("result.json")} == {"0"}
 
 

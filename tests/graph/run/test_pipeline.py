@@ -511,3 +511,17 @@ def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
     results = list(opened(write(text), None).items())
     assert [float(result["light"].max()) for result in results] == [1, 2, 43]
     assert [result.warnings for result in results] == [[], [], []]
+
+
+@pytest.mark.parametrize(
+    ("node", "error"), [("failing, with: {at: 2.0}", NodeError), ("refusing", InputError)]
+)
+def test_an_error_names_the_item_at_which_it_was_raised(
+    toys: list[str], write: Write, node: str, error: type[InputError | NodeError]
+) -> None:
+    text = STREAM.replace("op: flat_field,", f"op: {node},").replace(
+        "in: {image: frames.image, flat: cal.flat, dark: cal.dark}", "in: {image: frames.image}"
+    )
+    with pytest.raises(error, match=r"^touch\d: ") as told:
+        list(opened(write(text)).items())
+    assert str(told.value).startswith(f"{told.value.item}: ")
