@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.whole_images import as_fractions
 
@@ -64,7 +64,14 @@ class StandIns:
 
 def _images(array: Any) -> NDArray[Any]:
     """K x H x W, unsigned integers or finite floats."""
-    found = np.asarray(array)
+    if np.ma.is_masked(array):
+        raise InputError("a stack of images has no masked pixels; stack.data holds all of them")
+    try:
+        found = np.asarray(array)
+    except Exception as error:  # whatever an object's own __array__ raises
+        raise InputError(
+            f"no stack of images can be made of {type(array).__name__}: {message_of(error)}"
+        ) from error
     if found.ndim == 3 and found.shape[2] <= MOST_LIGHTS < found.shape[0]:
         raise InputError(
             f"a stack of images is K x H x W; {found.shape} looks like H x W x K: "

@@ -165,6 +165,13 @@ def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> No
     np.testing.assert_array_equal(found, stack)
 
 
+class OnAnotherDevice:
+    """As the tensors of libraries that leave a copy to the caller."""
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> np.ndarray:
+        raise TypeError("copy it to the host first")
+
+
 @pytest.mark.parametrize(
     ("stack", "message"),
     [
@@ -176,6 +183,12 @@ def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> No
         (np.zeros((3, 4, 5), bool), "unsigned integers or floats, not bool"),
         (np.zeros((3, 4, 5), complex), "unsigned integers or floats, not complex128"),
         (np.zeros((3, 4, 5), object), "unsigned integers or floats, not object"),
+        (
+            np.ma.masked_array(np.ones((3, 4, 5)), np.eye(4, 5) * np.ones(3)[:, None, None]),
+            "masked",
+        ),
+        ([[[1.0, 2.0]], [[1.0]]], "no stack of images can be made of list"),
+        (OnAnotherDevice(), "of OnAnotherDevice: copy it to the host first"),
         (np.zeros((3, 4, 6), np.float32), "the size W is 6 in frames.image but 5 in cal.flat"),
         (np.zeros((4, 4, 5), np.float32), "the size K is 4 in frames.image but 3 in cal.flat"),
     ],
