@@ -133,7 +133,12 @@ def find_ball(
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
-    """Refuse a contact below a pixel, and one that must be far larger than the image."""
+    """Refuse a ball or a contact below a pixel, and one that must be far larger than the image."""
+    if radius < SMALLEST:
+        raise InputError(
+            f"radius_mm={radius_mm:g}: a ball of {radius:.2g} px radius shows nothing; check "
+            "ball_radius_mm and the pixel size"
+        )
     if contact is not None and contact < SMALLEST:
         raise InputError(
             f"ball_contact_px={contact:g}: a contact of less than {SMALLEST:g} px shows no ball; "

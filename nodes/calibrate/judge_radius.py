@@ -270,6 +270,6 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tr
         return [said + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
     share = given_mm / found_mm
     return [
-        said + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.2f} times as "
+        said + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
         "large; or led_distance_mm is wrong"
     ]

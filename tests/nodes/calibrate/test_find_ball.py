@@ -125,6 +125,11 @@ def test_a_contact_that_a_large_image_hardly_shows_has_no_goodness():
     assert found.goodness == 0
 
 
+def test_a_ball_smaller_than_a_pixel_is_refused():
+    with pytest.raises(InputError, match=r"radius_mm=1e-05: .* check ball_radius_mm"):
+        find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=1e-5)
+
+
 def test_contact_larger_than_the_ball_is_refused():
     with pytest.raises(InputError, match=r"contact_px=41 is larger than the ball.*40\.0 px"):
         find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=4.0, contact_px=41.0)
