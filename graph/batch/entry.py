@@ -31,3 +31,11 @@ class Entry:
         for name in sorted(self.maps):
             found = zlib.crc32(self.maps[name].tobytes(), found)
         return found
+
+
+def read_figures(text: str) -> dict[str, float]:
+    """Return the figures that were written as JSON; of what is none, as if never written."""
+    try:
+        return dict(json.loads(text or "{}"))
+    except (ValueError, TypeError, RecursionError):
+        return {}

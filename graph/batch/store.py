@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 
 from tactograph.graph.batch.captures import is_url
-from tactograph.graph.batch.entry import DONE, PENDING, Entry
+from tactograph.graph.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.graph.batch.job import Job, identity_of
 from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
@@ -296,7 +296,7 @@ class Store:
         names = ("status", "reason", "figures", "warnings", "milliseconds")
         columns = [self._read(name, here) for name in names]
         return [
-            Entry(int(s), str(r), _figures(str(f)), str(w).splitlines(), float(ms))
+            Entry(int(s), str(r), read_figures(str(f)), str(w).splitlines(), float(ms))
             for s, r, f, w, ms in zip(*columns, strict=True)
         ]
 
@@ -318,14 +318,6 @@ class Store:
         if known is None or stop is None or known.shape[0] < stop:
             return self._array(name)
         return known
-
-
-def _figures(text: str) -> dict[str, float]:
-    """Figures as they were written; of what is none, as if never written."""
-    try:
-        return dict(json.loads(text or "{}"))
-    except (ValueError, TypeError, RecursionError):
-        return {}
 
 
 def _captures_in_one(kind: MapType, chunk: int) -> int:

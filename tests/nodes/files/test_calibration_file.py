@@ -200,6 +200,15 @@ def test_a_doubtful_calibration_says_so_in_one_line_wherever_it_is_used(tmp_path
     )
 
 
+def test_doubts_out_of_a_file_are_one_short_line_each(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    write(file, doubts=["\x1b[2Jnothing\nwarning: speaks\ud800 against it", "a" * 10**6])
+    (note,) = told_by(file)
+    assert "\\x1b[2Jnothing warning: speaks\\ud800 against it" in note
+    assert note.isprintable()
+    assert max(map(len, read_calibration(file=file).doubts)) < 3000
+
+
 def test_nothing_is_said_of_a_right_or_an_older_calibration(file: Path) -> None:
     assert not told_by(file)
     with np.load(file) as archive:
