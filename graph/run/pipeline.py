@@ -108,14 +108,13 @@ class Pipeline:
     def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.
 
-        The stream ends with its source, or after an item at which a sink raised `EndOfStream`;
-        then it can be run again.
+        The stream ends with its source, or where a sink raised `EndOfStream`; it can be run again.
 
         Parameters
         ----------
         repeats
-            How often each item is computed; above 1, the times are medians over all runs
-            but the first, which compiles and fills caches.  Sinks run once.
+            How often each item is computed; sinks run once.  The times are medians over all runs
+            but the first, which compiles and fills caches.
         stream
             What `begin` began for the values that the pipeline has now.
 
@@ -299,10 +298,8 @@ class Pipeline:
 
     def _refuse_without_item(self, what: str) -> None:
         if not self._has_run:
-            raise InputError(
-                f"{self.plan.graph.name}: {what}: no item has run since results are kept; run "
-                "one now, or load the graph with cache=Cache()"
-            )
+            why = "no item has run since results are kept; run one now, or load with cache=Cache()"
+            raise InputError(f"{self.plan.graph.name}: {what}: {why}")
 
     def trace(self) -> Trace:
         """Take down, from now on, what runs when; return what it is written into.

@@ -9,12 +9,12 @@ import click
 from tactograph.graph import InputError, node
 from tactograph.graph.errors import one_line
 from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.nodes.files.result_file import RESULT
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording
 from tactograph.nodes.show._result import show_result
 from tactograph.nodes.show._shown import Shown
 from tactograph.nodes.show._store import show_store
-from tactograph.nodes.write._result_file import RESULT
 
 STORE = "zarr.json"
 

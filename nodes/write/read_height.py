@@ -8,8 +8,8 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Height
+from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import Crop, check_heights
-from tactograph.nodes.write._height_files import read_height_file
 
 
 @node

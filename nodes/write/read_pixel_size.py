@@ -10,8 +10,8 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.write._height_files import APART, LEAST_MM, MOST_MM, read_height_file
-from tactograph.nodes.write._result_file import RESULT, read_result
+from tactograph.nodes.files.height_files import APART, LEAST_MM, MOST_MM, read_height_file
+from tactograph.nodes.files.result_file import RESULT, read_result
 
 
 @node

@@ -19,8 +19,7 @@ from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.simulate.shape_mesh import shape_mesh
-from tactograph.nodes.write._height_files import (
+from tactograph.nodes.files.height_files import (
     MESH_AXES,
     MESHES,
     PNG_TEXT,
@@ -29,6 +28,7 @@ from tactograph.nodes.write._height_files import (
     read_tmd,
     write_tmd,
 )
+from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.read_height import read_height
 

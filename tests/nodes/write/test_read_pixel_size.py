@@ -14,7 +14,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.write._height_files import TIFF_TEXT, TMD_SIZES, WRITERS, read_tmd
+from tactograph.nodes.files.height_files import TIFF_TEXT, TMD_SIZES, WRITERS, read_tmd
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 PIXEL = 0.05
