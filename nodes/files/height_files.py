@@ -19,7 +19,7 @@ from tactograph.nodes import F4, I4, Height, Lens
 from tactograph.nodes.files.areal_surface import UM, areal_surface, surfalize
 from tactograph.nodes.files.image_files import MOST_PIXELS, read_heights
 from tactograph.nodes.files.result_file import refuse_changed
-from tactograph.nodes.write._film_places import film_places
+from tactograph.nodes.optics.film_places import film_places
 
 Format = Literal["npy", "tiff", "png", "tmd", "sur", "ply", "stl", "obj"]
 

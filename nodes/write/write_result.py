@@ -25,7 +25,7 @@ from tactograph.nodes import (
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.result_file import RESULT, checksum, read_result
-from tactograph.nodes.write._film_places import on_even_grid
+from tactograph.nodes.optics.film_places import on_even_grid
 
 FEWEST = 3
 """With this many LEDs a shadow leaves two, and two lights allow two slopes."""

@@ -11,8 +11,8 @@ import trimesh
 
 from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
+from tactograph.nodes.optics.film_places import film_places, on_even_grid
 from tactograph.nodes.optics.lens import ideal_places
-from tactograph.nodes.write._film_places import film_places, on_even_grid
 from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.write_result import write_result
 
