@@ -123,7 +123,7 @@ def film_drift(
         before = np.zeros((count, TERMS), np.float32)
         before[:, 0] = 1
     lit = np.asarray(cells / np.maximum(_gain(before, basis), DARKEST), np.float32)
-    other = before * _border_level(lit, rows, columns)[:, None]
+    other = before * border_level(lit.reshape(light.shape))[:, None]
     rough += COARSE * (grain or 0.0)
     widest = np.float32(rough + SEARCH[0])
     better = _calm(cells, noise, basis, other, widest).sum()
@@ -213,10 +213,10 @@ def _beside_skirt(clear: F4, still: F4) -> F4:
     return np.asarray(np.square(far / far.max()), np.float32)
 
 
-def _border_level(light: F4, rows: int, columns: int) -> F4:
-    """The lower median of each LED's light along the border of the frame."""
-    cells = light.reshape(-1, rows, columns)
-    if min(rows, columns) > 2:
+def border_level(light: F4) -> F4:
+    """Return the lower median of each LED's light, K x H x W, along the border of the frame."""
+    cells, light = light, light.reshape(len(light), -1)
+    if min(cells.shape[1:]) > 2:
         ring = (cells[:, 0], cells[:, -1], cells[:, 1:-1, 0], cells[:, 1:-1, -1])
         light = np.concatenate(ring, axis=1)
     middle = (light.shape[1] - 1) // 2

@@ -24,6 +24,7 @@ from tactograph.nodes.optics.film import NOISE
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
+    light_vectors,
     places,
     vectors_at,
 )
@@ -194,8 +195,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
     height = rng.uniform(0, 0.1, (H, W)).astype(np.float32)
-    x, y = (places(side, np.float32(0.05)) for side in (W, H))
-    vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)
+    vectors = light_vectors(lights.astype(np.float32), height, 0.05)
     turn = np.arange(K)[:, None, None]
     down, across = np.arange(H)[:, None] / 11, np.arange(W) / 17
     departs = np.sin(down + turn) * np.sin(across + 1 + 2 * turn)

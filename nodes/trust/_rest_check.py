@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.nodes import F4
-from tactograph.nodes.light.film_drift import Drift, drift_gain
+from tactograph.nodes.light.film_drift import Drift, border_level, drift_gain
 from tactograph.nodes.trust._check import Check
 
 CALM = np.float32(0.03)
@@ -42,7 +42,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
         level, shape = drift[:, 0], float(np.abs(drift[:, 1:]).max())
         light = light / drift_gain(drift, (light.shape[1], light.shape[2]))
     else:
-        level, shape = _border(light), 0.0
+        level, shape = border_level(light), 0.0
         light = np.asarray(light / np.maximum(level, DARK)[:, None, None], np.float32)
     calm = float((np.abs(light - 1) < CALM).all(axis=0).mean())
     change = level - 1
@@ -95,9 +95,3 @@ def _tilt(change: F4, lights: F4) -> Check:
         "the LEDs changed as if the whole film was tilted (a touch that reaches all borders has no "
         "known zero and tilt; if nothing touches, check the LEDs)",
     )
-
-
-def _border(light: F4) -> F4:
-    """The median of each LED's light along the border of the image."""
-    sides = light[:, 0], light[:, -1], light[:, :, 0], light[:, :, -1]
-    return np.asarray(np.median(np.concatenate(sides, axis=1), axis=1), np.float32)

@@ -22,8 +22,7 @@ from tactograph.nodes import (
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
-    places,
-    vectors_at,
+    light_vectors,
 )
 from tactograph.nodes.trust._check import UNTESTED
 
@@ -98,11 +97,8 @@ def light_departure(
     ndarray
         H x W; -1 where fewer LEDs were used than a test needs.
     """
-    count, rows, columns = light.shape
-    x = places(columns, np.float32(pixel))[None, :]
-    y = places(rows, np.float32(pixel))[:, None]
-    shown = expected_light(vectors_at(lights, x, y, height), slope)
-    bits = np.arange(count, dtype=np.uint8)[:, None, None]
+    shown = expected_light(light_vectors(lights, height, pixel), slope)
+    bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(np.float32)
     noise = sigma * np.float32(1 / cell_px)
     model = np.float32(light_error(misfit, uneven)) * np.maximum(shown, DARKEST)
@@ -126,8 +122,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 25], axis=1)
     slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
     height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
-    x, y = (places(side, np.float32(0.05)) for side in (W, H))
-    vectors = vectors_at(lights.astype(np.float32), x[None, :], y[:, None], height)
+    vectors = light_vectors(lights.astype(np.float32), height, 0.05)
     light = expected_light(vectors, slope) + rng.normal(0, 0.02, (K, H, W))
     return {
         "light": light.astype(np.float32),
