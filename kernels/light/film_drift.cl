@@ -190,10 +190,10 @@ static float furthest(__global const float *away, const int size, __local float 
         far = MORE_OF(far, here);
     }
     parts[get_local_id(0)] = highest_lane(far);
-    barrier(CLK_LOCAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
     float most = 1.0f;
     for (int g = 0; g < GROUP; ++g) most = fmax(most, parts[g]);
-    barrier(CLK_LOCAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
     return most;
 }
 
@@ -225,9 +225,9 @@ static float border_level(
         const floats light = gather_floats(film->light + k * H * W, at);
         store_floats(light / MORE_OF(gain, darkest), ring + j, count);
     }
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     const float level = group_median(ring, size, parts);
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     return level;
 }
 
@@ -243,7 +243,7 @@ static void weigh_calm(
         const ints calm = is_calm(film, film->light, drift, t, i, count, film->share, beyond);
         store_floats(calm ? one : none, weights + i, count);
     }
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
 }
 
 // Clear cells count by the square of their distance to a touch, which is at most `most`; if that
@@ -259,7 +259,7 @@ static void weigh_clear(
         const floats calm = far > NOT_CALM ? one : none;
         store_floats(most > 0.0f ? clear : calm, weights + i, count);
     }
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
 }
 
 // Weighted sums over the cells: of the products of the first `used` terms, of terms times the light
@@ -291,13 +291,13 @@ static void tally(
         }
     }
     for (int j = 0; j < SUMS; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     for (int j = get_local_id(0); j < SUMS; j += GROUP) {
         float sum = 0.0f;
         for (int g = 0; g < GROUP; ++g) sum += shares[j * GROUP + g];
         sums[j] = sum;
     }
-    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
 }
 
 // x with A x = b by Cholesky; A symmetric, its rows below the diagonal.
@@ -363,15 +363,15 @@ LANED __kernel ONE_GROUP void begin(
     for (int i = me; i < TERMS * K; i += GROUP)
         old[i] = has_before ? before[i] : i % TERMS == 0 ? 1.0f : 0.0f;
     if (me == 0) few[0] = 0;
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     for (int k = 0; k < K; ++k) {
         const float level = border_level(&film, k, old + TERMS * k, ring, parts);
         for (int j = me; j < TERMS; j += GROUP) drift[TERMS * k + j] = level * old[TERMS * k + j];
     }
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     const float calm_before = count_calm(&film, old, beyond, parts);
     const float calm_beside = count_calm(&film, drift, beyond, parts);
-    barrier(CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     for (int i = me; i < TERMS * K; i += GROUP)
         drift[i] = calm_beside > calm_before ? drift[i] : old[i];
 }
@@ -432,7 +432,7 @@ LANED __kernel ONE_GROUP void finish(
     const float held = HELD * (float)(H * W) * (heed ? sums[0] / clear : 1.0f);
     for (int k = me; k < K; k += GROUP)
         explained[k] = settle(sums, old, drift, k, held, used, rate);
-    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     tally(&film, weights, drift, used, shares, sums);
     const float calm = fmax(sums[0], LEAST);
     for (int i = me; i < TERMS * K; i += GROUP) {
