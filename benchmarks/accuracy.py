@@ -21,7 +21,7 @@ import numpy as np
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Labels
-from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 

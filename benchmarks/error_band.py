@@ -22,7 +22,7 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.write_capture import write_capture
-from tactograph.nodes.live.expose import expose
+from tactograph.nodes.simulate.expose import expose
 from tactograph.nodes.slope.height_slopes import height_slopes
 
 FINE = 3

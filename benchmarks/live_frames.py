@@ -14,8 +14,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from tactograph.nodes.live._match_frames import Matcher
-from tactograph.nodes.live._simulated_sensor import Scene, SimulatedSensor
+from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor
+from tactograph.nodes.live.touches._match_frames import Matcher
 from tactograph.nodes.stream.led_in_frame import make_film
 
 Made = TypeVar("Made")

@@ -17,7 +17,7 @@ import numpy as np
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.files.mcap_log import log_files
-from tactograph.nodes.live.live_statistics import resident_mib
+from tactograph.nodes.live.view.live_statistics import resident_mib
 from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
 

@@ -24,16 +24,16 @@ from matplotlib.figure import Figure
 from tactograph.graph import Provenance
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.calibrate.find_presses import find_presses
-from tactograph.nodes.calibrate.fit_reflectance_map import (
+from tactograph.nodes.calibrate.colour.find_presses import find_presses
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     Bench,
     fit_reflectance_map,
     make_bench,
     refine_center,
 )
-from tactograph.nodes.calibrate.level_presses import level_presses
-from tactograph.nodes.calibrate.rate_presses import judge_contact
-from tactograph.nodes.calibrate.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
+from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
 
 RADIUS_MM, PIXEL_MM, FOLDS = 6.31 / 2, 0.0634, 5

@@ -13,7 +13,10 @@ from pathlib import Path
 
 import cv2
 
-from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
+from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
 
 RATE = 30
 QUALITY = 95

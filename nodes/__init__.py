@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import Port
 
-FUNCTION_ROOMS = ("drawing", "files", "optics", "stream")
-"""Rooms of plain functions that nodes share; they hold no node."""
-
 F4 = NDArray[np.float32]
 I4 = NDArray[np.int32]
 U1 = NDArray[np.uint8]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from silent.calibrations import F4, Recipe, key_of
 from tactograph.graph import load
-from tactograph.nodes.live.expose import expose
+from tactograph.nodes.simulate.expose import expose
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat

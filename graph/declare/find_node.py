@@ -1,15 +1,16 @@
 """Find a node by the name a graph gives it.
 
 Built-in nodes lie in the rooms of ``tactograph.nodes``: ``op: x`` is function ``x`` of
-``nodes/ROOM/x.py``.  Third-party nodes come through the entry-point group ``tactograph.nodes``
-(``x = package.module:x``).  Only what a graph names is ever imported.
+``nodes/ROOM/x.py``, where a room may lie in another.  Third-party nodes come through the
+entry-point group ``tactograph.nodes`` (``x = package.module:x``).  Only what a graph names is
+ever imported.
 """
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
-import pkgutil
+import re
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,16 +23,19 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_mean, message_of
 
 GROUP = "tactograph.nodes"
+DECLARED = re.compile(rb"^@node\b", re.MULTILINE)
+"""How a file of a node tells itself from one of functions that nodes share."""
 
 
 @cache
 def builtin_rooms() -> Mapping[str, str]:
-    """The room of every built-in node, by the node's name; from their file names alone."""
-    packages = [m.name for m in pkgutil.iter_modules(tactograph.nodes.__path__) if m.ispkg]
-    rooms = [room for room in packages if room not in tactograph.nodes.FUNCTION_ROOMS]
-    folders = {room: [str(Path(p) / room) for p in tactograph.nodes.__path__] for room in rooms}
-    found = {m.name: room for room, where in folders.items() for m in pkgutil.iter_modules(where)}
-    return {name: found[name] for name in sorted(found) if not name.startswith("_")}
+    """The room of every built-in node, by the node's name; none of their modules is imported."""
+    found: dict[str, str] = {}
+    for root in map(Path, tactograph.nodes.__path__):
+        for file in root.rglob("[!_]*.py"):
+            if DECLARED.search(file.read_bytes()):
+                found[file.stem] = file.parent.relative_to(root).as_posix()
+    return {name: found[name] for name in sorted(found)}
 
 
 def builtin_names() -> list[str]:
@@ -87,7 +91,7 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
         both = " and ".join(sorted(packages))
         raise InputError(f"two nodes are called '{name}', in {both}; uninstall one of them")
     if room is not None:
-        module = importlib.import_module(f"{GROUP}.{room}.{name}")
+        module = importlib.import_module(f"{GROUP}.{room.replace('/', '.')}.{name}")
         return _checked(getattr(module, name, None), name)
     point = points[0]
     try:

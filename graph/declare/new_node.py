@@ -11,7 +11,6 @@ import jinja2
 from tactograph.graph.declare.find_node import GROUP, node_names
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.nodes import FUNCTION_ROOMS
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -33,8 +32,8 @@ def write_into_project(place: str, root: Path) -> list[Path]:
             "package of your own"
         )
     room, _, name = place.rpartition("/")
-    packages = sorted(p.parent.name for p in root.glob("nodes/*/__init__.py"))
-    rooms = [room for room in packages if room not in FUNCTION_ROOMS]
+    packages = [p.parent.relative_to(root / "nodes") for p in root.glob("nodes/*/**/__init__.py")]
+    rooms = sorted(package.as_posix() for package in packages)
     if room not in rooms:
         raise InputError(f"new-node {place}: say ROOM/{name}, with a room of {', '.join(rooms)}")
     return _write(
@@ -44,7 +43,7 @@ def write_into_project(place: str, root: Path) -> list[Path]:
             root / "kernels" / room / f"{name}.cl": "node.cl.j2",
             root / "tests" / "nodes" / room / f"test_{name}.py": "test_node.py.j2",
         },
-        module=f"tactograph.nodes.{room}",
+        module=f"tactograph.nodes.{room.replace('/', '.')}",
         package=False,
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, I4, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
-from tactograph.nodes.height._height_system import AWAY, FREE, REST, HeightSystem, Window
+from tactograph.nodes.height.height_equations import AWAY, FREE, REST, HeightSystem, Window
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch

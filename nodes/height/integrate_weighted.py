@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, U1, Height
-from tactograph.nodes.height._height_solver import HeightSolver
-from tactograph.nodes.height._height_system import AWAY, HeightSystem
-from tactograph.nodes.height._springs import conjugate_gradients, hierarchy
+from tactograph.nodes.height.height_equations import AWAY, HeightSystem
+from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
+from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -39,7 +39,7 @@ def integrate_weighted(
     the film at rest and Cauchy's rho(s) = c^2 log(1 + s / c^2), which limits the influence of
     outliers: across an edge no slope is right.  Each round updates the weights from the last
     height (iteratively reweighted least squares) and improves the height by conjugate
-    gradients, preconditioned by multigrid (`_springs`).
+    gradients, preconditioned by multigrid (`springs`).
 
     Parameters
     ----------

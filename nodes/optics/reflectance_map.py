@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.fit_reflectance import harmonics
+from tactograph.nodes.calibrate.tables.fit_reflectance import harmonics
 
 F8 = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from annotated_types import Ge
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
-from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.capture.read_capture import MOST_LEDS
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import MOST_PIXELS

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from tactograph.graph import InputError
 from tactograph.graph.files.array_files import load_arrays
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.write_calibration import CALIBRATION
-from tactograph.nodes.calibrate.write_camera import CAMERA
-from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION
+from tactograph.nodes.calibrate.file.write_camera import CAMERA
+from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import (
     FileKind,
     head_of,

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 from tactograph.firmware.protocol import unframe
-from tactograph.nodes.live._led_line import parse
-from tactograph.nodes.live._simulated_controller import SimulatedController
+from tactograph.nodes.live.controller._led_line import parse
+from tactograph.nodes.live.simulated.simulated_controller import SimulatedController
 
 TEXT = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
 

@@ -17,7 +17,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parity import SHAPES, cases, compare
-from tactograph.nodes.height import _height_solver
+from tactograph.nodes.height import height_solver
 
 MUTANTS = {
     "marker_darkness": {
@@ -717,7 +717,7 @@ def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(compiled_node, "_build", build_mutant)
     # Small frames have levels of one work-group alone, but for this.
-    monkeypatch.setattr(_height_solver, "ONE_GROUP_OF_LANES", 1024)
+    monkeypatch.setattr(height_solver, "ONE_GROUP_OF_LANES", 1024)
     assert any(differences(find_node(name)))
 
 

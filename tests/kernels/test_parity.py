@@ -19,7 +19,7 @@ from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parity import Case, cases, compare, compare_on
 from tactograph.nodes import F4, Light
-from tactograph.nodes.height import _height_solver
+from tactograph.nodes.height import height_solver
 from tests.graph.toys import halves, leaned
 
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
@@ -68,7 +68,7 @@ def test_levels_too_large_for_one_group(
     device: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames of cameras have them, and these do if a group does no more than this."""
-    monkeypatch.setattr(_height_solver, "ONE_GROUP_OF_LANES", 256)
+    monkeypatch.setattr(height_solver, "ONE_GROUP_OF_LANES", 256)
     node = find_node(name)
     for case in cases(node, shapes=((31, 37), (70, 131)))[:4]:
         assert compare(node, device, case) is None, str(case)

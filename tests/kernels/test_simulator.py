@@ -24,12 +24,12 @@ from tactograph.graph.backends import compiled_node, launch, opencl, programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parity import cases, compare
-from tactograph.nodes.height import _height_solver
+from tactograph.nodes.height import height_solver
 from tactograph.nodes.optics import radiosity
 
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
-_height_solver.PARTS, _height_solver.GROUP = 64, 32
+height_solver.PARTS, height_solver.GROUP = 64, 32
 radiosity.FARTHEST = 4  # cells of film beyond a frame that has fewer
 BOUNCES = {"bounces": 2}  # as many kernels as more
 FILLS = ("random", "edges", "nan")  # edges hold zeros, too

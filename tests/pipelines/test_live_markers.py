@@ -14,8 +14,11 @@ from rosbags.typesys import Stores, get_typestore
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
-from tactograph.nodes.live._simulated_sensor import read_scene
+from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tests.conftest import MadeOnce
 from tests.pipelines.test_accuracy import run
 

@@ -13,7 +13,7 @@ import pytest
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import load, open_pipeline
-from tactograph.nodes.calibrate.read_press_calibration import read_press_calibration
+from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
 from tests.conftest import MadeOnce
 from tests.nodes.live.oneshot import BALL_MM, BY_HAND, MOVING, PIXEL_MM, calibrated

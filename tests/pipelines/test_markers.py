@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.nodes.calibrate.read_calibration import read_calibration
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.marker.find_markers import find_markers
 from tactograph.nodes.marker.marker_darkness import marker_darkness
 from tests.conftest import MadeOnce

@@ -16,10 +16,10 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
-from tactograph.nodes.calibrate.read_calibration import read_calibration
-from tactograph.nodes.calibrate.write_calibration import CALIBRATION, write_calibration
-from tactograph.nodes.calibrate.write_camera import CAMERA
-from tactograph.nodes.calibrate.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
+from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION, write_calibration
+from tactograph.nodes.calibrate.file.write_camera import CAMERA
+from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.optics.film import matt_film
 
 RNG = np.random.default_rng(0)

@@ -10,8 +10,8 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.files.sensor_preset import FOLDER, read_preset
-from tactograph.nodes.live._colour_stream import open_colour_sensor
-from tactograph.nodes.live._open_camera import CameraSettings, View
+from tactograph.nodes.live.camera.open_camera import CameraSettings, View
+from tactograph.nodes.live.touches.colour_stream import open_colour_sensor
 
 
 @pytest.mark.parametrize("name", sorted(file.stem for file in FOLDER.glob("*.yaml")))

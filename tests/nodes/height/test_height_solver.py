@@ -8,8 +8,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactograph.nodes.height._height_solver import _levels, _tie_levels
-from tactograph.nodes.height._springs import Ties, join_ends, stable_order
+from tactograph.nodes.height.height_solver import _levels, _tie_levels
+from tactograph.nodes.height.springs import Ties, join_ends, stable_order
 
 ROWS, COLUMNS = 40, 50
 

@@ -7,7 +7,7 @@ import pytest
 
 from tactograph.graph.declare.find_node import find_node
 from tactograph.nodes import ShadowRises
-from tactograph.nodes.height._height_system import AWAY, REST
+from tactograph.nodes.height.height_equations import AWAY, REST
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tests.nodes.height.test_precise_nodes import (
     PIXEL,

@@ -10,14 +10,14 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, ShadowRises
-from tactograph.nodes.height import _springs
-from tactograph.nodes.height._height_system import HeightSystem
-from tactograph.nodes.height._springs import Springs, Ties
-from tactograph.nodes.height.doubt_rest import doubt_rest
-from tactograph.nodes.height.height_error import height_error
+from tactograph.nodes.error.doubt_rest import doubt_rest
+from tactograph.nodes.error.height_error import height_error
+from tactograph.nodes.height import springs
+from tactograph.nodes.height.height_equations import HeightSystem
 from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tactograph.nodes.height.settle_loose import settle_loose
+from tactograph.nodes.height.springs import Springs, Ties
 from tactograph.nodes.light.calm_film import calm_film
 from tactograph.nodes.light.rest_mask import rest_mask
 from tactograph.nodes.optics.film import matt_film
@@ -165,13 +165,13 @@ def test_outliers_are_given_up() -> None:
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many cycles every call of the solver takes, from now on."""
     counts: list[int] = []
-    plain = _springs.cycle
+    plain = springs.cycle
 
     def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
         counts[-1] += depth == 0
         return plain(levels, force, depth)
 
-    monkeypatch.setattr(_springs, "cycle", cycle)
+    monkeypatch.setattr(springs, "cycle", cycle)
     return counts
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.level_presses import level_presses
-from tactograph.nodes.calibrate.write_calibration import write_calibration
+from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift, terms
 from tactograph.nodes.light.flat_field import flat_field

@@ -8,11 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes.calibrate.fit_reflectance_map import fit_reflectance_map
-from tactograph.nodes.calibrate.level_presses import level_presses
-from tactograph.nodes.calibrate.write_press_calibration import write_press_calibration
-from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
-from tactograph.nodes.live._simulated_sensor import read_scene
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import fit_reflectance_map
+from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
+from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.stream.colour_planes import planes_of
 
 PIXEL_MM, BALL_MM = 0.2, 3.0

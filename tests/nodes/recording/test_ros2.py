@@ -22,8 +22,11 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.files.ros_messages import image_message
-from tactograph.nodes.live._simulated_colour_sensor import ColourScene, SimulatedColourSensor
-from tactograph.nodes.live._simulated_sensor import read_scene
+from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.recording._ros_node import RosNode
 from tactograph.nodes.recording.read_ros2 import RosTouches
 from tactograph.nodes.stream.calibrated_film import CalibratedFilm

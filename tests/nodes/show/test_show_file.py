@@ -19,7 +19,7 @@ from tactograph.graph.batch.store import create_store
 from tactograph.graph.command import READER_GONE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.graph.run.result_origin import Origin
-from tactograph.nodes.calibrate.write_camera import write_camera
+from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
 from tests.nodes.recording.recordings import LEDS, make_recording

@@ -11,7 +11,7 @@ from tactograph.graph import InputError
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.calibrate.find_ball import find_ball
+from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_flat import shape_flat

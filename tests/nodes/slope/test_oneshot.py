@@ -13,12 +13,12 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.calibrate.find_ball import find_ball
-from tactograph.nodes.calibrate.find_presses import find_presses
-from tactograph.nodes.calibrate.fit_reflectance_map import degree_for, fit_reflectance_map
-from tactograph.nodes.calibrate.rate_presses import advise, judge_contact
-from tactograph.nodes.calibrate.read_press_calibration import read_press_calibration
-from tactograph.nodes.calibrate.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tactograph.nodes.calibrate.colour.find_presses import find_presses
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for, fit_reflectance_map
+from tactograph.nodes.calibrate.colour.rate_presses import advise, judge_contact
+from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
+from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.optics.reflectance_map import SHADES, TERMS, ball_shape, shades, terms

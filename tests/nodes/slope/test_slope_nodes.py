@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactograph.nodes.calibrate.build_lut import build_lut
-from tactograph.nodes.calibrate.fit_null_vector import fit_null_vector
-from tactograph.nodes.calibrate.fit_reflectance import fit_reflectance
-from tactograph.nodes.calibrate.label_lit import label_lit
+from tactograph.nodes.calibrate.tables.build_lut import build_lut
+from tactograph.nodes.calibrate.tables.fit_null_vector import fit_null_vector
+from tactograph.nodes.calibrate.tables.fit_reflectance import fit_reflectance
+from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.shadow.shadow_linear import shadow_linear
 from tactograph.nodes.slope.index_lut import index_lut
 from tactograph.nodes.slope.lut_nearest import lut_nearest

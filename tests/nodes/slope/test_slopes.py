@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.calibrate.ball_slopes import ball_slopes
+from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
 from tactograph.nodes.slope.height_slopes import height_slopes
 from tests.nodes.scenes import ball, waves
 

@@ -1,0 +1,408 @@
+// Equations H2 and H3 of docs/model.md.
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+#include "group.clh"
+#include "border.clh"
+#include "springs.clh"
+#include "spring_cells.clh"
+#include "height_system.clh"
+
+#define STEEPEST 3.0f
+#define SINGULAR 1e-4f
+#define SHARPEST 2.0f
+#define SHARP 0.5f
+#define NARROWEST 1e-3f
+#define TILTED 0.1f
+#define FLAT 0.3f
+#define ERRORS 8
+// The number of LEDs: if the compiler knows it, loops over them are unrolled.
+#ifdef LEDS
+#define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
+#define MOST LEDS
+#else
+#define EACH_LED(k) for (int k = 0; k < K; ++k)
+#define MOST 8
+#endif
+
+// The hash of nodes/error/_random_errors.py, drawn, of one number or of several in lanes.
+#define SCATTER(x) \
+    x ^= x >> 16;  \
+    x *= 0x7feb352dU; \
+    x ^= x >> 15;  \
+    x *= 0x846ca68bU; \
+    x ^= x >> 16;
+
+// +1 or -1, by the hash of a number and of the draw's key.
+static float drawn(const uint number, const uint key)
+{
+    uint x = number ^ key;
+    SCATTER(x)
+    return x >> 31 ? 1.0f : -1.0f;
+}
+
+// The same for the numbers that follow, too.
+#if LANES == 1
+#define uints uint
+#define LANE_COUNTS 0u
+#else
+#define uints uint16
+#define LANE_COUNTS ((uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#endif
+static floats drawn_from(const uint number, const uint key)
+{
+    const floats up = 1.0f, down = -1.0f;
+    uints x = (number + LANE_COUNTS) ^ key;
+    SCATTER(x)
+    return AS_INTS(x) < 0 ? up : down;
+}
+
+// What a small change of each LED's light does to p and to q.
+typedef struct {
+    floats by_p[MOST], by_q[MOST];
+} Response;
+
+// Nothing on the film at rest.
+static Response respond(
+    const floats p, const floats q, const floats nz, const floats x, const floats y, const floats z,
+    const ints free_, const ints used, const floats *noise, __global const float *lights,
+    const int K, const float uneven)
+{
+    const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
+    const ints one_more = 1, nothing = 0;
+    floats told_a[MOST], told_b[MOST], shown[MOST], weight[MOST];
+    floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
+    ints leds = 0;
+    EACH_LED(k) {
+        const Vector v = light_vector(lights + 3 * k, x, y, z);
+        const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);
+        const ints lit = (used & (1 << k)) != 0;
+        told_a[k] = (v.x + v.z * p) * nz;
+        told_b[k] = (v.y + v.z * q) * nz;
+        shown[k] = (v.z - v.x * p - v.y * q) * nz;
+        weight[k] = lit ? sure : none;
+        by_shown_a += weight[k] * shown[k] * told_a[k];
+        by_shown_b += weight[k] * shown[k] * told_b[k];
+        whole += weight[k] * shown[k] * shown[k];
+        leds += lit ? one_more : nothing;
+    }
+    // For three LEDs or more, less what the film's brightness explains.
+    const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
+    floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
+    EACH_LED(k) {
+        const floats a = told_a[k], b = told_b[k];
+        told_a[k] = weight[k] * (a - share * by_shown_a * shown[k]);
+        told_b[k] = weight[k] * (b - share * by_shown_b * shown[k]);
+        aa += told_a[k] * a;
+        ab += told_a[k] * b;
+        bb += told_b[k] * b;
+    }
+    const floats determinant = aa * bb - ab * ab;
+    const ints known = (determinant > SINGULAR * aa * bb) & free_;
+    const floats divisor = known ? determinant : one;
+    const floats inverse = known ? 1.0f / divisor : none;
+    Response found;
+    EACH_LED(k) {
+        const floats by_a = (bb * told_a[k] - ab * told_b[k]) * inverse;
+        const floats by_b = (aa * told_b[k] - ab * told_a[k]) * inverse;
+        found.by_p[k] = -((1.0f + p * p) * by_a + p * q * by_b);
+        found.by_q[k] = -(p * q * by_a + (1.0f + q * q) * by_b);
+    }
+    return found;
+}
+
+// The cosine of an angle in turns, by Taylor's series of the sine up to a quarter: within 4e-6.
+static floats cosine_of(const floats turns)
+{
+    // To the nearest whole number; the built-in is compiled lane by lane by some.
+    const floats whole = (turns + 12582912.0f) - 12582912.0f, over = turns - whole;
+    const floats x = 6.2831853f * (0.25f - MORE_OF(over, -over)), square = x * x;
+    const floats inner = fma(square, 2.7557319e-6f, -1.9841270e-4f);
+    return x * fma(square, fma(square, fma(square, inner, 8.3333333e-3f), -0.16666667f), 1.0f);
+}
+
+static floats within(const floats value, const float most)
+{
+    const floats low = -most, high = most, raised = MORE_OF(value, low);
+    return LESS_OF(raised, high);
+}
+
+// The parameters of each error: its signs for the wrong share of bounced light, for what has not
+// settled and for the lean of all normals; its wave's direction, phase in turns, and length.
+typedef struct {
+    float sign, settling, leaning, across, down, phase, wavelength;
+} Kind;
+
+// The errors of the slopes inside the window, all in one launch because they read the same data:
+// the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and of the
+// bounced light; and normals that lean in waves because the film's model is wrong.
+LANED __kernel void err_slopes(
+    __global const float *restrict light, __global const float *restrict sigma,
+    __global const float *restrict height, __global const float *restrict slope,
+    __global const uchar *restrict state, __global const uchar *restrict used,
+    __global const float *restrict lights, __global const float *restrict others,
+    __global float *restrict out, const int K, const int frame_height, const int frame_width,
+    const int top, const int left, const int H, const int W, const float pixel,
+    const float flat_noise, const float shared, const float uneven, __global const float *restrict kinds,
+    __global const uint *restrict keys, __global const float *misfit,
+    __global const float *bounced, __global const float *earlier)
+{
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
+    __global const Kind *kind = (__global const Kind *)kinds;
+    const int frame_size = frame_height * frame_width;
+    const int i = row * W + column, from = (top + row) * frame_width + left + column;
+    const float middle = 0.5f * (float)(frame_width - 1);
+    const floats x = ((float)(left + column) + LANE_NUMBERS - middle) * pixel;
+    const floats y = ((float)(top + row) - 0.5f * (float)(frame_height - 1)) * pixel;
+    const floats z = load_floats(height + from, count), none = 0.0f;
+    const floats a = load_floats(slope + from, count);
+    const floats b = load_floats(slope + frame_size + from, count);
+    const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
+    const float wrong = misfit ? misfit[3] : 0.0f;
+    floats noise[MOST];
+    EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
+    const ints free_ = load_bytes(state + i, count) == 0;
+    const Response response = respond(
+        a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
+    floats p[ERRORS], q[ERRORS], pp = 0.0f, pq = 0.0f, qq = 0.0f;
+    for (int n = 0; n < ERRORS; ++n) p[n] = q[n] = 0.0f;
+    EACH_LED(k) {
+        const int at = k * frame_size + from;
+        const floats flat = flat_noise * load_floats(light + at, count);
+        const floats noisy = shared * noise[k] * sqrt(1.0f + flat * flat);
+        const floats to_p = response.by_p[k], to_q = response.by_q[k];
+        const floats noise_p = to_p * noisy, noise_q = to_q * noisy;
+        pp += noise_p * noise_p;
+        pq += noise_p * noise_q;
+        qq += noise_q * noise_q;
+        __global const float *led = lights + 3 * k;
+        const Vector by = light_by_place(led, x, y, z, a, b, nz);
+        for (int n = 0; n < ERRORS; ++n) {
+            __global const float *other = others + 3 * (n * K + k);
+            const floats change =
+                (other[0] - led[0]) * by.x + (other[1] - led[1]) * by.y + (other[2] - led[2]) * by.z;
+            p[n] += to_p * change;
+            q[n] += to_q * change;
+        }
+        if (bounced) {
+            const floats thrown = load_floats(bounced + at, count);
+            const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
+            for (int n = 0; n < ERRORS; ++n) {
+                const floats change = kind[n].sign * wrong * thrown + kind[n].settling * changed;
+                p[n] += to_p * change;
+                q[n] += to_q * change;
+            }
+        }
+    }
+    // A root of the covariance of p and q.
+    const floats tiny = 1e-12f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
+    const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));
+    for (int n = 0; n < ERRORS; ++n) {
+        const floats first = drawn_from(i, keys[n]);
+        const floats second = drawn_from(H * W + i, keys[n]);
+        p[n] += alone * first;
+        q[n] += along * first + across * second;
+    }
+    const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
+    const floats level = FLAT, whole = 1.0f, tilt = TILTED, by_tilt = slant / TILTED;
+    const floats above = MORE_OF(by_tilt, level), tilted = LESS_OF(above, whole);
+    const floats leans = MORE_OF(slant, tilt);
+    for (int n = 0; n < ERRORS; ++n) {
+        p[n] = within(p[n], STEEPEST);
+        q[n] = within(q[n], STEEPEST);
+        if (misfit) {
+            const float right = kind[n].across, down = kind[n].down;
+            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], NARROWEST));
+            const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
+            const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
+            const floats steeper = kind[n].leaning * (misfit[4] / leans);
+            const floats uphill = lean * (right * a + down * b) + steeper * steep;
+            p[n] = within(p[n] + lean * right + uphill * a, STEEPEST);
+            q[n] = within(q[n] + lean * down + uphill * b, STEEPEST);
+        }
+        store_floats(p[n], out + 2 * n * H * W + i, count);
+        store_floats(q[n], out + (2 * n + 1) * H * W + i, count);
+    }
+}
+
+// By how much steps to the right, or down, differ from their neighbours.
+static floats turned_right(
+    __global const float *want, const int y, const int x, const int count, const int W)
+{
+    const floats none = 0.0f, half_ = 0.5f, one = 1.0f, column = (float)x + LANE_NUMBERS;
+    if (W < 3) return none;
+    const floats before = load_within_border(want + y * W, x - 1, count, W - 1, REPLICATE);
+    const floats after = load_within_border(want + y * W, x + 1, count, W - 1, REPLICATE);
+    return fabs(after - before) * ((column == 0.0f | column == (float)(W - 2)) ? one : half_);
+}
+
+static floats turned_down(
+    __global const float *want, const int y, const int x, const int count, const int H, const int W)
+{
+    const floats none = 0.0f;
+    if (H < 3) return none;
+    const floats before = load_floats(want + clamp(y - 1, 0, H - 2) * W + x, count);
+    const floats after = load_floats(want + clamp(y + 1, 0, H - 2) * W + x, count);
+    return fabs(after - before) * (y == 0 || y == H - 2 ? 1.0f : 0.5f);
+}
+
+LANED __kernel void err_steps(
+    __global const float *restrict want_right, __global const float *restrict want_down,
+    __global const float *restrict slopes, __global float *restrict right,
+    __global float *restrict down, const int H, const int W, const int number, const int to,
+    const float half_, const float aperture, const uint key_right, const uint key_down)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int i = y * W + x, out = to * H * W + i;
+    __global const float *p = slopes + 2 * number * H * W, *q = p + H * W;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
+    const floats east = (beside + load_floats(p + i, count)) * half_
+        + aperture * turned_right(want_right, y, x, count, W) * drawn_from(i, key_right);
+    store_floats(column < (float)(W - 1) ? east : none, right + out, count);
+    const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
+    const floats south = (below + load_floats(q + i, count)) * half_
+        + aperture * turned_down(want_down, y, x, count, H, W) * drawn_from(i, key_down);
+    store_floats(y + 1 < H ? south : none, down + out, count);
+}
+
+__kernel void err_rises(
+    __global float *restrict rise, const int ties, const int to, const float error, const uint key)
+{
+    GRID_1(t, ties)
+    rise[to * ties + t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
+}
+
+// By how much steps are too small, all of them uphill.
+static floats lacking(
+    const floats step_, const floats turn_, const float pixel, const float kink)
+{
+    const floats sharpest = SHARPEST, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
+    const floats none = 0.0f, up = 1.0f, down = -1.0f;
+    const floats falls = step_ < 0.0f ? down : none, sign_ = step_ > 0.0f ? up : falls;
+    return kink * (bend * bend * bend) * sign_;
+}
+
+LANED __kernel void err_kinks(
+    __global const float *restrict want_right, __global const float *restrict want_down,
+    __global float *restrict right, __global float *restrict down, const int H, const int W,
+    const float pixel, const float kink)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int i = y * W + x;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats turn_right = turned_right(want_right, y, x, count, W);
+    const floats turn_down = turned_down(want_down, y, x, count, H, W);
+    const floats east = lacking(load_floats(want_right + i, count), turn_right, pixel, kink);
+    const floats south = lacking(load_floats(want_down + i, count), turn_down, pixel, kink);
+    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
+    store_floats(y + 1 < H ? south : none, down + i, count);
+}
+
+// Add the squares of the changes by errors, each times its share.
+LANED __kernel void add_squares(
+    __global const float *restrict moved, __global float *restrict total, const int size,
+    const int loads, __global const float *restrict shares)
+{
+    GRID_LANES(i, count, size)
+    floats sum = load_floats(total + i, count);
+    for (int load_ = 0; load_ < loads; ++load_) {
+        const floats each = load_floats(moved + load_ * size + i, count);
+        sum += shares[load_] * each * each;
+    }
+    store_floats(sum, total + i, count);
+}
+
+// What counts and is not at rest, and the variance there.
+__kernel void free_part(
+    __global const uchar *restrict state, __global float *restrict variance,
+    __global float *restrict freed, const int H, const int W)
+{
+    GRID_2(y, x, H, W)
+    const int i = y * W + x;
+    freed[i] = state[i] ? 0.0f : 1.0f;
+    variance[i] *= freed[i];
+}
+
+// The index within 0 .. size - 1 after mirroring at both ends, without repeating the end pixels.
+static int mirrored(int i, const int size)
+{
+    if (size == 1) return 0;
+    while (i < 0 || i >= size) i = i < 0 ? -i : 2 * size - 2 - i;
+    return i;
+}
+
+// Weighted mean along one axis (1: x).
+LANED __kernel void blur(
+    __global const float *restrict plane, __global const float *restrict weights,
+    __global float *restrict out, const int H, const int W, const int radius, const int axis)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int inside = y >= radius && y + radius < H;
+    if (count == LANES && (axis ? x >= radius && x + LANES + radius <= W : inside)) {
+        const int stride = axis ? 1 : W;
+        floats total = 0.0f;
+        for (int n = -radius; n <= radius; ++n)
+            total += weights[n + radius] * LOAD_LANES(plane + y * W + x + n * stride);
+        STORE_LANES(total, out + y * W + x);
+        return;
+    }
+    if (axis) {
+        for (int l = 0; l < count; ++l) {
+            float total = 0.0f;
+            for (int n = -radius; n <= radius; ++n)
+                total += weights[n + radius] * plane[y * W + mirrored(x + l + n, W)];
+            out[y * W + x + l] = total;
+        }
+        return;
+    }
+    floats total = 0.0f;
+    for (int n = -radius; n <= radius; ++n) {
+        const int i = mirrored(y + n, H) * W + x;
+        total += weights[n + radius] * load_floats(plane + i, count);
+    }
+    store_floats(total, out + y * W + x, count);
+}
+
+// The departure of a pixel's height from its neighbours, beyond what a film bends.
+LANED __kernel void bends(
+    __global const float *restrict height, __global float *restrict bent, const int H, const int W,
+    const float pixel)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    __global const float *row = height + y * W;
+    const floats twice = 2.0f * load_floats(row + x, count), none = 0.0f;
+    const floats across = load_within_border(row, x + 1, count, W, REPLICATE) - twice
+        + load_within_border(row, x - 1, count, W, REPLICATE);
+    const floats along = load_floats(height + min(y + 1, H - 1) * W + x, count) - twice
+        + load_floats(height + max(y - 1, 0) * W + x, count);
+    const floats found = sqrt(across * across + along * along) - SHARP * pixel;
+    store_floats(MORE_OF(found, none), bent + y * W + x, count);
+}
+
+// The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may
+// equally lie in the next pixel.
+LANED __kernel void deviation(
+    __global const float *restrict variance, __global const float *restrict weight,
+    __global const float *restrict freed, __global const float *restrict bent,
+    __global float *restrict out, const int frame_height, const int frame_width, const int top,
+    const int left, const int H, const int W)
+{
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int i = y * W + x;
+    const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
+    floats edge = 0.0f;
+    for (int dy = -1; dy <= 1; ++dy) {
+        __global const float *row = bent + clamp(top + y + dy, 0, frame_height - 1) * frame_width;
+        for (int dx = -1; dx <= 1; ++dx) {
+            const int from = left + x + dx;
+            const floats there = load_within_border(row, from, count, frame_width, REPLICATE);
+            edge = MORE_OF(edge, there);
+        }
+    }
+    edge *= 0.5f;
+    const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
+    const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
+    const ints free = load_floats(freed + i, count) > 0.0f;
+    store_floats(free ? found : none, out + (top + y) * frame_width + left + x, count);
+}

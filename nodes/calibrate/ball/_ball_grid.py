@@ -1,0 +1,202 @@
+"""Balls on a lattice: found in one image, placed together, then refined one by one.
+
+A ball shows as a disc over which the LEDs' light differs, more so towards the rim.  The peaks of
+the correlation with a template share an error of some hundredths of the pitch, since the LEDs
+are not evenly spaced.  A lattice of known pitch is fitted to them.  A fit of the light with the
+simplest model that real films need (diffuse share and gain) then places the balls.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, predicted, start_at
+from tactograph.nodes.calibrate.lights.light_fit import Rest
+from tactograph.nodes.optics.near_light import F8, places
+
+FINE = 6.0
+"""Radius in px of a ball in the reduced image that is searched."""
+ALIKE = 0.5
+"""Correlation with the template above which a peak is a ball."""
+OUTSIDE = 1.3
+"""Distance, in ball radii, at which the film around a ball is at rest again."""
+CONTACT = 0.9
+"""Initial contact radius, relative to the ball's."""
+OFF_LATTICE = 0.15
+"""Largest distance of a ball from the lattice, in pitches."""
+SAMPLES = 60
+"""Samples per ball to place it."""
+RINGS = np.arange(0.5, 1.0, 0.04)
+"""Radii, relative to the ball's, between which the contact's edge is searched for."""
+WORSE = 1.5
+"""Residual, relative to the inner one, above which the film has left the ball."""
+FAR_MM = 1e3
+
+
+class Grid(NamedTuple):
+    """Circles N x 3 in px (x, y, contact radius), and the correlation of each with a ball."""
+
+    circle: F8
+    goodness: F8
+
+
+def find_grid(
+    light: F4, radius_px: float, pitch_px: float, pixel: float, rest: Rest | None
+) -> Grid | None:
+    """Return the balls of a press that shows a lattice of balls; None if fewer than four.
+
+    Parameters
+    ----------
+    light
+        K x H x W, relative to the film at rest.
+    radius_px, pitch_px
+        Radius of the balls, and pitch of the lattice.
+    pixel
+        mm per px.
+    rest
+        The flat frame in blocks, if there is one.
+    """
+    peaks, goodness = _peaks(light, radius_px)
+    if len(peaks) < 4:
+        return None
+    centre, kept = _lattice(peaks, pitch_px)
+    if kept.sum() < 4:
+        return None
+    circle = np.column_stack([centre, np.full(len(centre), CONTACT * radius_px)])[kept]
+    inside = _whole(circle, radius_px, light.shape[1:])
+    circle, goodness = circle[inside], goodness[kept][inside]
+    if len(circle) < 4:
+        return None
+    return Grid(_placed(light, circle, radius_px, pixel, rest), goodness)
+
+
+def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
+    """Positions (x, y in px, N x 2) where the LEDs' light varies as over a ball; correlations."""
+    factor = max(1, int(radius_px / FINE))
+    small = [
+        cv2.resize(plane, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
+        for plane in light
+    ]
+    spread = np.std(np.stack(small), axis=0).astype(np.float32)
+    radius = radius_px / factor
+    reach = int(np.ceil(1.05 * OUTSIDE * radius))
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    r = np.hypot(x, y) / radius
+    template = np.where(r < CONTACT, r / CONTACT, np.clip((OUTSIDE - r) / 0.4, 0, 1))
+    wide = cv2.copyMakeBorder(spread, reach, reach, reach, reach, cv2.BORDER_REFLECT)
+    found = cv2.matchTemplate(wide, template.astype(np.float32), cv2.TM_CCOEFF_NORMED)
+    peak = (found == maximum_filter(found, size=2 * int(1.6 * radius) + 1)) & (found > ALIKE)
+    rows, columns = np.nonzero(peak)
+    where = np.column_stack([columns, rows]).astype(np.float64)
+    return (where + 0.5) * factor - 0.5, found[rows, columns].astype(np.float64)
+
+
+def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
+    """The lattice points nearest to the peaks, for a known pitch, and which peaks are close."""
+    away = peaks[:, None] - peaks[None]
+    near = np.abs(np.hypot(away[..., 0], away[..., 1]) / pitch_px - 1) < OFF_LATTICE
+    # Four times the angle (modulo 2 pi) is the same for all neighbours on a square lattice.
+    angle = np.angle(np.exp(4j * np.arctan2(away[near][:, 1], away[near][:, 0])).sum()) / 4
+    offset = np.zeros(2)
+    for _ in range(5):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        place = (peaks @ turn.T) / pitch_px
+        phase = np.exp(2j * np.pi * place).mean(axis=0)
+        offset = np.angle(phase) / (2 * np.pi)
+        step = np.round(place - offset)
+        left = place - offset - step
+        kept = np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
+        # A rotation by d moves the point (a, b) by d (-b, a).
+        spread = step[kept] - step[kept].mean(axis=0)
+        turned = spread[:, 0] * left[kept][:, 1] - spread[:, 1] * left[kept][:, 0]
+        angle += float(turned.sum() / max((spread**2).sum(), 1e-9))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    place = (peaks @ turn.T) / pitch_px
+    step = np.round(place - offset)
+    left = place - offset - step
+    return (step + offset) * pitch_px @ turn, np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
+
+
+def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which balls the frame does not cut off."""
+    x, y = circle[:, 0], circle[:, 1]
+    inside = (x > radius_px) & (x < shape[1] - 1 - radius_px)
+    return np.asarray(inside & (y > radius_px) & (y < shape[0] - 1 - radius_px))
+
+
+def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | None) -> F8:
+    """The circles after a fit of the balls' positions to the light."""
+    balls = _samples(light, circle, 0.85 * radius_px, radius_px, pixel)
+    start = _start(balls)
+    width = pixel * light.shape[2]
+    shift = 0.1 * radius_px * pixel
+    found = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
+    placed = circle.copy()
+    placed[:, :2] += found.shifts[:, :2] / pixel
+    placed[:, 2] = _contact(light, placed, radius_px, pixel, found) * radius_px
+    return placed
+
+
+def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float) -> Balls:
+    """Samples of all balls, spread evenly over each."""
+    rows, columns = light.shape[1:]
+    x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
+    offsets = np.mgrid[-int(reach) - 1 : int(reach) + 2, -int(reach) - 1 : int(reach) + 2]
+    dy, dx = offsets.reshape(2, -1)
+    number, row, column = [], [], []
+    for i, (u, v, _) in enumerate(circle):
+        xx, yy = np.round(u).astype(int) + dx, np.round(v).astype(int) + dy
+        inside = np.hypot(xx - u, yy - v) < reach
+        inside &= (xx >= 0) & (xx < columns) & (yy >= 0) & (yy < rows)
+        chosen = np.flatnonzero(inside)[:: inside.sum() // SAMPLES + 1]
+        number.append(np.full(chosen.size, i))
+        row.append(yy[chosen])
+        column.append(xx[chosen])
+    at = np.concatenate(row), np.concatenate(column)
+    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    values = light[:, at[0], at[1]].astype(np.float64)
+    return Balls(
+        u=x[at[1]].astype(np.float64),
+        v=y[at[0]].astype(np.float64),
+        light=values,
+        ball=np.concatenate(number),
+        centre=(circle[:, :2] - middle) * pixel,
+        rim=circle[:, 2] * pixel,
+        radius=np.full(len(circle), radius_px * pixel),
+        bounced=np.zeros_like(values),
+        by_lift=np.zeros_like(values),
+        by_rim=np.zeros_like(values),
+        sector=np.zeros(values.shape[1], int),
+    )
+
+
+def _start(balls: Balls) -> Fitted:
+    """Distant LEDs by linear least squares: light is a constant plus a product with the normal."""
+    n, *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
+    basis = np.vstack([np.ones(n.shape[1]), n]).T
+    found, *_ = np.linalg.lstsq(basis, balls.light.T, rcond=None)
+    ends = found[1:3] / np.maximum(found[3], 0.05)
+    lights = np.vstack([ends, np.ones(ends.shape[1])]).T * FAR_MM * balls.radius.max()
+    count = len(balls.centre)
+    return start_at(lights.astype(np.float32), np.ones(len(lights), np.float32), count)
+
+
+def _contact(light: F4, circle: F8, radius_px: float, pixel: float, found: Fitted) -> float:
+    """The contact radius, relative to the ball's: up to there the film follows the balls."""
+    balls = _samples(light, circle, RINGS[-1] * radius_px, radius_px, pixel)
+    still = found._replace(shifts=found.shifts * [0, 0, 1])
+    left = np.square(predicted(balls, still) - balls.light).mean(axis=0)
+    middle = balls.centre[balls.ball]
+    r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
+    ring = np.digitize(r, RINGS)
+    spread = np.array(
+        [np.sqrt(np.median(left[ring == i])) if (ring == i).any() else 0 for i in range(len(RINGS))]
+    )
+    beyond = np.flatnonzero(spread > WORSE * np.median(spread[:4]))
+    return float(RINGS[beyond[0] - 1] if beyond.size and beyond[0] else RINGS[-1])

@@ -1,0 +1,275 @@
+"""Find the calibration ball: where it touches the film, and how large the contact is."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+from scipy import ndimage, optimize
+
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.calibrate.ball._ball_search import (
+    CONTACT_SHARES,
+    LARGEST,
+    LIT,
+    Circle,
+    bases,
+    reduced_to,
+    rise_of,
+    search_ball,
+    share_of,
+)
+
+F8 = NDArray[np.float64]
+
+ACCEPTED = 0.45
+"""Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
+REFINE_WIDTH = 320
+"""Width in px that the image is reduced to for the last step."""
+REFINE_PIXELS = 3000
+"""Most pixels that are fitted; three numbers need no more."""
+JUDGED = (0.97, 1.3, 1.8)
+"""As `SEARCHED`, for the goodness of the final circle; the film folds up to the second radius."""
+CONTACT_TRIALS = tuple(np.linspace(0.85, 1.15, 16))
+"""Contact radii tried before the last descent, relative to that of the search."""
+FOLD_KNOTS = (1.0, 1.07, 1.15, 1.25, 1.4, 1.6)
+"""Radii, in contact radii, between which the film around the contact is interpolated."""
+SMALLEST = 1.0
+"""Smallest radius of a contact in px."""
+RIDGE = 1e-9
+"""Ridge relative to the trace; keeps the normal equations solvable where pixels are few."""
+
+
+class Ball(NamedTuple):
+    """Contact circle of the ball, and its goodness."""
+
+    center: Annotated[F4, Port("2", "px")]
+    contact: Annotated[float, Port(unit="px")]
+    goodness: Annotated[float, Port(unit="1")]
+
+
+class _Samples(NamedTuple):
+    """Pixels to fit: x and y of length N, light and lit K x N."""
+
+    x: F8
+    y: F8
+    light: F8
+    lit: F8
+
+
+@node
+def find_ball(
+    light: Light,
+    pixel: PixelSize,
+    *,
+    radius_mm: Annotated[float, Gt(0)],
+    center_px: tuple[float, float] | None = None,
+    contact_px: Annotated[float, Gt(0)] | None = None,
+) -> Ball:
+    """Return the contact circle of a ball of known radius.
+
+    On the ball the unit normal is known, n = ((x - c_x)/R, (y - c_y)/R, sqrt(1 - n_x^2 - n_y^2)),
+    and the light of an LED is nearly linear in it (section 3.1: Lambert).  So for every
+    candidate circle, linear least squares over the pixels that an LED reaches fits the light
+    inside with 1, n_x, n_y, n_z and the light around it with a plain film.  The circle that
+    explains most is the contact (variable projection: Golub and Pereyra, 1973).  The search
+    correlates all centres at once on a reduced image, for eight radii.  Nelder-Mead then
+    refines the circle on a finer image, where the film around the contact may have any fold
+    that is the same in all directions.
+
+    Parameters
+    ----------
+    light
+        K x H x W, K from 3; relative to the film at rest, or as captured.
+    pixel
+        mm per px.
+    radius_mm
+        The ball's radius.
+    center_px
+        x, y of the ball's centre, if known; it may lie outside the image.
+    contact_px
+        Radius of the contact circle in px, if known.
+
+    Returns
+    -------
+    Ball
+        Centre x, y in px, where the ball is highest (pixel centres lie at integers); radius of
+        the contact circle in px; and the goodness: the share of the light's variance in and
+        around the contact, beyond a quadratic in x and y, that a ball on a plane explains.
+        1 is a perfect ball on an untouched film, 0 anything smooth.
+
+    Raises
+    ------
+    InputError
+        If no circle reaches a goodness of 0.45, unless centre and contact are both given; if
+        the given contact is larger than the ball; if the contact is smaller than a pixel, lies
+        beside the image or does not fit it.
+    """
+    radius = radius_mm / pixel
+    if contact_px is not None and contact_px > radius:
+        raise InputError(
+            f"find_ball: contact_px={contact_px:g} is larger than the ball, whose radius_mm="
+            f"{radius_mm:g} is {radius:.1f} px; correct contact_px, radius_mm or the pixel size"
+        )
+    _check_size(light, radius, radius_mm, contact_px)
+    if center_px is not None and contact_px is not None:
+        circle = Circle(*center_px, contact_px)
+        _check_place(light, circle)
+        return _ball(circle, _goodness(light, circle, radius))
+    seed = search_ball(light, radius, center_px, contact_px)
+    circle = _refine(light, seed, radius, center_px, contact_px)
+    goodness = _goodness(light, circle, radius)
+    if goodness < ACCEPTED:
+        raise InputError(
+            f"no ball of radius {radius_mm:g} mm found in the calibration capture: the best "
+            f"circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
+            f"{ACCEPTED:g} is needed; give its place "
+            "(ball_center_px=x,y and ball_contact_px=r), or press again"
+        )
+    return _ball(circle, goodness)
+
+
+def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
+    """Refuse a ball or a contact below a pixel, and one that must be far larger than the image."""
+    if radius < SMALLEST:
+        raise InputError(
+            f"radius_mm={radius_mm:g}: a ball of {radius:.2g} px radius shows nothing; check "
+            "ball_radius_mm and the pixel size"
+        )
+    if contact is not None and contact < SMALLEST:
+        raise InputError(
+            f"ball_contact_px={contact:g}: a contact of less than {SMALLEST:g} px shows no ball; "
+            "give its radius in px, or leave it out and it is searched for"
+        )
+    smallest = contact if contact is not None else radius * min(CONTACT_SHARES)
+    diagonal = float(np.hypot(*light.shape[1:]))
+    if smallest > LARGEST * diagonal:
+        raise InputError(
+            f"radius_mm={radius_mm:g}: the ball's contact of {smallest:.3g} px does not fit the "
+            f"image of {light.shape[2]} x {light.shape[1]} px; check ball_radius_mm, "
+            "ball_contact_px and the pixel size"
+        )
+
+
+def _check_place(light: F4, circle: Circle) -> None:
+    """Refuse a contact that lies beside the image."""
+    rows, columns = light.shape[1:]
+    beyond = [
+        max(-at, at - (size - 1), 0.0) for at, size in ((circle.x, columns), (circle.y, rows))
+    ]
+    if np.hypot(*beyond) > circle.radius:
+        raise InputError(
+            f"ball_center_px={circle.x:g},{circle.y:g}: a contact of {circle.radius:g} px there "
+            f"lies beside the image of {columns} x {rows} px; correct ball_center_px"
+        )
+
+
+def _ball(circle: Circle, goodness: float) -> Ball:
+    return Ball(np.array([circle.x, circle.y], np.float32), float(circle.radius), goodness)
+
+
+def _explained(normal: F8, right: F8) -> F8:
+    """Return the sum of squares that the least-squares solution explains."""
+    trace = np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
+    damped = normal + (RIDGE * trace + 1e-12) * np.eye(normal.shape[-1])
+    return np.sum(np.linalg.solve(damped, right[..., None])[..., 0] * right, axis=-1)
+
+
+def _refine(
+    light: F4,
+    seed: Circle,
+    radius: float,
+    center: tuple[float, float] | None,
+    contact: float | None,
+) -> Circle:
+    """Return the circle near `seed` that explains the light best, with subpixel accuracy."""
+    reduced, shrink = reduced_to(light, REFINE_WIDTH)
+    circle = seed.on(shrink)
+    limit = radius / shrink
+    samples = _sample(reduced, circle, FOLD_KNOTS[-1])
+    place = [] if center is not None else [0, 1]
+    size = [] if contact is not None else [2]
+    # The search finds the centre to about a tenth of the contact radius.
+    circle = _descend(samples, circle, limit, place, 0.1)
+    if size:
+        circle = min(
+            (circle._replace(radius=min(s * seed.radius / shrink, limit)) for s in CONTACT_TRIALS),
+            key=lambda trial: _residual(samples, trial, limit),
+        )
+    return _descend(samples, circle, limit, place + size, 0.03).on(1 / shrink)
+
+
+def _descend(
+    samples: _Samples, start: Circle, limit: float, free: list[int], step: float
+) -> Circle:
+    """Return the circle of least residual; only the fields `free` vary, first by `step` radii."""
+    if not free:
+        return start
+
+    def circle(values: F8) -> Circle:
+        full = np.array(start)
+        full[free] = values
+        return Circle(full[0], full[1], float(np.clip(full[2], 0.5 * start.radius, limit)))
+
+    first = np.array(start)[free]
+    corners = first - step * start.radius * np.vstack([np.zeros(len(free)), np.eye(len(free))])
+    # Only the circle's tolerance (in px) ends the descent; the residual's scale is unknown.
+    stop = {"initial_simplex": corners, "xatol": 0.02, "fatol": np.inf, "maxfev": 100}
+    minimize: Any = optimize.minimize  # its stubs know no initial simplex
+    result = minimize(
+        lambda values: _residual(samples, circle(values), limit),
+        first,
+        method="Nelder-Mead",
+        options=stop,
+    )
+    return circle(result.x)
+
+
+def _sample(light: F4, circle: Circle, reach: float) -> _Samples:
+    """Return evenly spread pixels up to `reach` contact radii from the centre."""
+    y, x = np.indices(light.shape[1:])
+    # Pixels at a shadow's edge are partly lit, so they are left out.
+    lit = np.stack([ndimage.binary_erosion(i > LIT, border_value=1, iterations=2) for i in light])
+    near = np.flatnonzero(np.hypot(x - circle.x, y - circle.y) < reach * circle.radius)
+    near = near[:: near.size // REFINE_PIXELS + 1]
+    values = light.reshape(len(light), -1)[:, near].astype(np.float64)
+    shone = lit.reshape(len(light), -1)[:, near].astype(np.float64)
+    return _Samples(x.flat[near].astype(float), y.flat[near].astype(float), values, shone)
+
+
+def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
+    """Return the residual sum of squares of a ball in a film that folds evenly around it."""
+    dx, dy = samples.x - circle.x, samples.y - circle.y
+    r = np.hypot(dx, dy)
+    # A pixel on the rim mixes ball and film by area.
+    inside = np.clip(circle.radius - r + 0.5, 0, 1)
+    ball = [inside, inside * dx / radius, inside * dy / radius, inside * rise_of(r, radius)]
+    away = np.maximum(r, 1e-9)
+    turns = np.stack([np.ones_like(r), dx / away, dy / away])
+    hats = [np.interp(r / circle.radius, FOLD_KNOTS, hat) for hat in np.eye(len(FOLD_KNOTS))]
+    fold = ((1 - inside) * np.stack(hats))[:, None] * turns
+    return float(_left(samples, np.vstack([ball, fold.reshape(-1, r.size)])).sum())
+
+
+def _left(samples: _Samples, basis: F8) -> F8:
+    """Return each LED's residual sum of squares on lit pixels, for a basis (columns x N)."""
+    weighted = samples.lit * samples.light
+    normal = np.stack([(basis * lit) @ basis.T for lit in samples.lit])
+    power = np.sum(weighted * samples.light, axis=1)
+    return power - _explained(normal, weighted @ basis.T)
+
+
+def _goodness(light: F4, circle: Circle, radius: float) -> float:
+    reduced, shrink = reduced_to(light, REFINE_WIDTH)
+    small = circle.on(shrink)
+    samples = _sample(reduced, small, JUDGED[2])
+    u, v = (samples.x - small.x) / small.radius, (samples.y - small.y) / small.radius
+    ball, smooth, window = bases(u, v, radius / circle.radius, JUDGED)
+    if not window.any():  # of a contact that the reduced image does not resolve
+        return 0.0
+    samples = samples._replace(lit=samples.lit * window)
+    share = share_of(_left(samples, ball), _left(samples, smooth), window.sum() * len(light))
+    return float(np.clip(share, 0, 1))

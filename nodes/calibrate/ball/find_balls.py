@@ -1,0 +1,145 @@
+"""Find the ball in every press of a calibration."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, I4, Light, PixelSize
+from tactograph.nodes.calibrate.ball._ball_grid import find_grid
+from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
+from tactograph.nodes.calibrate.lights.light_fit import rest_of
+from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+BallCircles = Annotated[F4, Port("B 3", "px")]
+"""x, y and contact radius of every ball."""
+BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
+"""The radius of every ball."""
+BallPress = Annotated[I4, Port("B", "press number")]
+"""The press that every ball is in, counted from 0."""
+
+
+class FoundBalls(NamedTuple):
+    """Circle, goodness, radius and press of every ball."""
+
+    circle: BallCircles
+    goodness: Annotated[F4, Port("B", "1")]
+    radius: BallRadii
+    of: BallPress
+
+
+@node
+def find_balls(
+    light: SheetLight,
+    flat: Light,
+    radius: Radii,
+    known: KnownCircles,
+    names: list[str],
+    pixel: PixelSize,
+    *,
+    pitch_mm: Annotated[float, Gt(0)] | None = None,
+) -> FoundBalls:
+    """Return the contact circle of every press, as `find_ball` finds it, or its grid of balls.
+
+    A press without a ball is named in a warning and gets a radius of 0, which excludes it from
+    all later steps.  A single press without a ball is refused.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the presses relative to the film at rest.
+    flat
+        K x H x W; only its size is used.
+    radius, known, names
+        As `read_balls` returns them.  No names mean that there is no press, and no ball.
+    pixel
+        mm per px.
+    pitch_mm
+        Pitch of a square grid of balls, of which every press shows several (`_ball_grid`).
+        None: every press is one of a single ball.
+
+    Returns
+    -------
+    FoundBalls
+        x, y and contact radius in px (pixel centres lie at integers), goodness from 0 to 1,
+        radius in mm and press of each ball.
+
+    Raises
+    ------
+    InputError
+        If no press shows its ball; if the balls of a grid overlap.
+    """
+    if not names:
+        none = np.zeros(len(radius), np.float32)
+        return FoundBalls(
+            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32)
+        )
+    if pitch_mm is not None:
+        return _grids(light, flat, radius, names, pixel, pitch_mm)
+    balls: list[Ball | None] = []
+    for press, size, circle, name in zip(
+        cut(light, flat.shape[1]), radius, known, names, strict=True
+    ):
+        x, y, contact = (None if np.isnan(value) else float(value) for value in circle)
+        try:
+            ball = find_ball(
+                press,
+                pixel,
+                radius_mm=float(size),
+                center_px=None if x is None or y is None else (x, y),
+                contact_px=contact,
+            )
+        except InputError as error:
+            if len(names) == 1:
+                raise
+            warn(
+                f"press {name} is left out: {str(error).partition(':')[0]}; if there is one, say "
+                "where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
+            )
+            ball = None
+        balls.append(ball)
+    if not any(balls):
+        raise InputError(
+            f"none of {len(names)} presses shows its ball; check ball_radius_mm and pixel_size_mm"
+        )
+    return FoundBalls(
+        np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
+        np.array([b.goodness if b else 0 for b in balls], np.float32),
+        radius,
+        np.arange(len(balls), dtype=np.int32),
+    )
+
+
+def _grids(
+    light: F4, flat: F4, radius: F4, names: list[str], pixel: float, pitch_mm: float
+) -> FoundBalls:
+    """The balls of presses that each show a grid of balls."""
+    rest = rest_of(flat, pixel)
+    found = []
+    for number, (press, size) in enumerate(zip(cut(light, flat.shape[1]), radius, strict=True)):
+        if 2 * size > pitch_mm:
+            raise InputError(
+                f"ball_pitch_mm={pitch_mm:g}: balls of {2 * size:g} mm diameter do not fit"
+            )
+        grid = find_grid(press, size / pixel, pitch_mm / pixel, pixel, rest)
+        if grid is None:
+            warn(f"press {names[number]} is left out: it shows no grid of four balls or more")
+        else:
+            found.append((number, float(size), grid))
+    if not found:
+        raise InputError(
+            f"none of {len(names)} presses shows a grid of balls; check ball_radius_mm, "
+            "ball_pitch_mm and pixel_size_mm"
+        )
+    return FoundBalls(
+        np.concatenate([grid.circle for *_, grid in found]).astype(np.float32),
+        np.concatenate([grid.goodness for *_, grid in found]).astype(np.float32),
+        np.concatenate([np.full(len(grid.circle), size) for _, size, grid in found]).astype(
+            np.float32
+        ),
+        np.concatenate([np.full(len(grid.circle), i) for i, _, grid in found]).astype(np.int32),
+    )

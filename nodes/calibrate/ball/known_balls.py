@@ -1,0 +1,60 @@
+"""The slopes of the balls on a sheet of presses."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge
+
+from tactograph.graph import node
+from tactograph.nodes import Light, PixelSize
+from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
+from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
+
+
+class KnownBalls(NamedTuple):
+    """Slope and height of every ball pressed into the film, and the pixels where they hold."""
+
+    slope: SheetSlope
+    mask: SheetMask
+    height: SheetHeight
+
+
+@node
+def known_balls(
+    light: SheetLight,
+    flat: Light,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
+    pixel: PixelSize,
+    *,
+    margin_px: Annotated[float, Ge(0)] = 0.5,
+) -> KnownBalls:
+    """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`sheet`).
+
+    Parameters
+    ----------
+    light, flat
+        K x S x W and K x H x W; only their sizes are used.
+    circle
+        B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask.
+    radius, of
+        Length B: the balls' radii in mm, and the press that each is in.
+    pixel
+        mm per px.
+    margin_px
+        Width of the rim that is left out.
+    """
+    rows = flat.shape[1]
+    slope = np.zeros((2, *light.shape[1:]), np.float32)
+    mask, height = np.zeros(light.shape[1:], np.uint8), np.zeros(light.shape[1:], np.float32)
+    for c, r, press in zip(circle, radius, of, strict=True):
+        ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r), margin_px=margin_px)
+        inside, at = ball.mask > 0, slice(press * rows, (press + 1) * rows)
+        slope[:, at][:, inside] = ball.slope[:, inside]
+        mask[at][inside] = 1
+        height[at][inside] = ball.height[inside]
+    return KnownBalls(slope, mask, height)

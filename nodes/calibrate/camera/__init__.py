@@ -1,0 +1,1 @@
+"""Calibrate the camera's lens by a grid that lies on the film."""

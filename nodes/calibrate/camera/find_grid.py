@@ -1,0 +1,86 @@
+"""Find the marks of a grid that lies on the film, and their lattice coordinates."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, I4
+from tactograph.nodes.calibrate.camera._checkerboard import find_corners
+from tactograph.nodes.calibrate.camera._dots import find_dots
+from tactograph.nodes.calibrate.camera._lattice import FEWEST, Lattice
+from tactograph.nodes.capture.read_grey import GreyImage
+
+MAX_NAMED = 5
+"""So many dots are named at most."""
+
+
+class GridMarks(NamedTuple):
+    """N dots or corners: x, y in px in the image, and column, row on the lattice.
+
+    `astray` counts whole dots that are on no place of it.
+    """
+
+    place: Annotated[F4, Port("N 2", "px")]
+    cell: Annotated[I4, Port("N 2", "lattice place")]
+    pattern: str
+    astray: int
+
+
+@node
+def find_grid(
+    image: GreyImage, *, pattern: Literal["auto", "dots", "checkerboard"] = "auto"
+) -> GridMarks:
+    """Return the marks of a square lattice, accurate to a few hundredths of a pixel.
+
+    Partial grids, uneven light and missing marks are allowed.  Dots cut off by the frame are
+    left out; a warning names whole dots that are left out, because they are on no place of the
+    lattice.
+
+    Parameters
+    ----------
+    image
+        H x W.
+    pattern
+        "dots": dark or bright dots.  "checkerboard": the corners where four squares meet.
+        "auto": dots if any lie on a lattice, else corners.
+
+    Returns
+    -------
+    GridMarks
+        N x 2 positions in px, N x 2 columns and rows of the lattice, the pattern found, and the
+        number of whole dots that are not on it.
+
+    Raises
+    ------
+    InputError
+        If fewer than 12 marks, or fewer than three rows or columns, lie on one lattice.
+    """
+    dots = find_dots(image) if pattern != "checkerboard" else None
+    if dots is not None:
+        if len(dots.astray):
+            warn(_astray(dots.astray))
+        return _marks(dots.lattice, "dots", len(dots.astray))
+    corners = find_corners(image) if pattern != "dots" else None
+    if corners is not None:
+        return _marks(corners, "checkerboard", 0)
+    what = {"auto": "dots or corners", "dots": "dots", "checkerboard": "corners"}[pattern]
+    raise InputError(
+        f"the image shows no square lattice of {FEWEST} {what} or more in three rows and columns; "
+        "show more of the grid, sharp, evenly lit and without glare, or name another pattern="
+    )
+
+
+def _marks(found: Lattice, pattern: str, astray: int) -> GridMarks:
+    return GridMarks(np.asarray(found.place, np.float32), found.cell, pattern, astray)
+
+
+def _astray(places: NDArray[Any]) -> str:
+    """Name whole dots that are left out."""
+    named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:MAX_NAMED])
+    more = f" and {len(places) - MAX_NAMED} more" if len(places) > MAX_NAMED else ""
+    what = "a whole dot is" if len(places) == 1 else f"{len(places)} whole dots are"
+    return f"{what} on no place of the grid and left out, at {named} px{more}; is it dirt?"

@@ -1,0 +1,184 @@
+"""Fit distortion and tilt of a camera to a square grid."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, Lens, Metrics, PixelSize
+from tactograph.nodes.calibrate.camera.find_grid import GridMarks
+from tactograph.nodes.capture.read_grey import GreyImage
+from tactograph.nodes.optics.lens import TERMS, half_diagonal, seen_offset
+
+POSE = 4
+"""Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
+RADIAL = ((), ("k1",), ("k1", "cx", "cy"), ("k1", "k2"), ("k1", "k2", "cx", "cy"))
+TILT = ("a", "b", "gx", "gy")
+OUTLIER = 5.0
+"""Robust standard deviations above which a mark is left out."""
+EXACT = 0.03
+"""Accuracy of a mark's position in px, however well marks fit.  A lens that explains less is not
+fitted, so that images stay unchanged."""
+WORST = 0.05
+"""Largest residual of a square grid, relative to its pitch."""
+NEAR = 0.75
+"""Reach of the marks, relative to the half diagonal, below which distortion is extrapolated."""
+
+Places = NDArray[Any]
+
+
+class LensFit(NamedTuple):
+    """A lens, how well it fits, and each mark's departure from it (NaN: left out)."""
+
+    lens: Lens
+    pixel: PixelSize
+    residual: Annotated[float, Port(unit="px")]
+    departure: Annotated[F4, Port("N 2", "px", nan=True)]
+    quality: Metrics
+
+
+@node
+def fit_lens(
+    image: GreyImage,
+    marks: GridMarks,
+    *,
+    pitch_mm: Annotated[float, Gt(0)],
+    camera_mm: Annotated[float, Gt(0)] | None = None,
+) -> LensFit:
+    """Fit scale, tilt and radial distortion (L1 and L2 of `lens`) to the marks of a grid.
+
+    The candidates are lenses with and without tilt, and with no distortion or with k1, its
+    centre and k2.  The one with the lowest Bayesian information criterion is taken, so that a
+    parameter is only fitted where the marks support it.
+
+    Parameters
+    ----------
+    image
+        H x W; only its size is used.
+    marks
+        As `find_grid` found them.
+    pitch_mm
+        Distance between neighbouring marks.
+    camera_mm
+        Distance of the camera's pupil from the film, which converts the tilt into degrees.
+
+    Returns
+    -------
+    LensFit
+        The lens, the pixel size in mm per px at the image's middle, the root mean square
+        distance of the marks from the fit in px, the departures N x 2 in px, and figures.
+
+    Raises
+    ------
+    InputError
+        If the marks do not lie on a square grid, or the lens would fold the image.
+    """
+    shape = (image.shape[0], image.shape[1])
+    half = float(half_diagonal(shape))
+    middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
+    seen = (marks.place.astype(np.float64) - middle) / half
+    kept = _fitting(seen, marks.cell)
+    pose, lens = _simplest(seen[kept], marks.cell[kept], EXACT / half)
+    departure = half * (seen - _predicted(pose, lens, marks.cell))
+    departure[~kept] = np.nan
+    residual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
+    pitch = half * float(np.exp(pose[0]))
+    if residual > WORST * pitch:
+        raise InputError(
+            f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid; "
+            "lay it flat on the film, or name another pattern="
+        )
+    _check_fold(lens)
+    reach = float(np.linalg.norm(seen[kept], axis=1).max())
+    if reach < NEAR:
+        warn(
+            f"the marks reach {reach:.0%} of the way to the corners; the distortion beyond is "
+            "only continued: show a grid that fills the image"
+        )
+    pixel = pitch_mm / pitch
+    quality: Metrics = {
+        "marks": int(kept.sum()),
+        "left_out": int((~kept).sum()) + marks.astray,
+        "residual_px": residual,
+        "pixel_size_mm": pixel,
+        "distortion_corner_percent": 100 * float(lens[0] + lens[1]),
+        "tilt_percent": 100 * float(np.hypot(lens[6], lens[7])),
+    }
+    if camera_mm is not None:
+        sine = np.hypot(lens[6], lens[7]) * camera_mm / (half * pixel)
+        quality["tilt_deg"] = float(np.degrees(np.arcsin(min(sine, 1.0))))
+    return LensFit(lens.astype(np.float32), pixel, residual, departure.astype(np.float32), quality)
+
+
+def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
+    """Which marks the most flexible lens fits."""
+    kept = np.ones(len(seen), bool)
+    for _ in range(2):
+        pose, lens, _ = _fit(seen[kept], cell[kept], ("k1", "k2", *TILT))
+        away = np.linalg.norm(seen - _predicted(pose, lens, cell), axis=1)
+        # The median distance of a Gaussian's points in the plane is 1.18 standard deviations.
+        kept = away <= OUTLIER * max(float(np.median(away[kept])) / 1.18, 1e-6)
+    return kept
+
+
+def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]:
+    """Pose and lens with the lowest information criterion, n ln(S / n + exact^2) + p ln(n)."""
+    best, least = None, np.inf
+    for tilt, radial in product(((), TILT), RADIAL):
+        pose, lens, squares = _fit(seen, cell, (*radial, *tilt))
+        number = POSE + len(radial) + len(tilt)
+        criterion = seen.size * np.log(squares / seen.size + exact**2) + number * np.log(seen.size)
+        if criterion < least:
+            best, least = (pose, lens), criterion
+    assert best is not None
+    return best
+
+
+def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Places, float]:
+    """Fit the pose and the lens's terms named in `free`; return pose, lens and sum of squares."""
+    where = [TERMS.index(name) for name in free]
+    start = np.concatenate([_pose(seen, cell), np.zeros(len(free))])
+
+    def lens_of(values: Places) -> Places:
+        lens = np.zeros(len(TERMS))
+        lens[where] = values[POSE:]
+        return lens
+
+    def wrong(values: Places) -> Places:
+        return (_predicted(values[:POSE], lens_of(values), cell) - seen).ravel()
+
+    low = np.concatenate([np.full(POSE, -np.inf), np.full(len(free), -0.5)])
+    found = least_squares(wrong, start, bounds=(low, np.abs(low)), x_scale="jac")
+    return found.x[:POSE], lens_of(found.x), 2 * found.cost
+
+
+def _pose(seen: Places, cell: Places) -> Places:
+    """Logarithm of the pitch, rotation, x and y: the similarity a c + b in complex numbers."""
+    z, c = seen @ [1, 1j], cell @ [1, 1j]
+    a, b = np.linalg.lstsq(np.stack([c, np.ones_like(c)], axis=1), z, rcond=None)[0]
+    return np.array([np.log(abs(a)), np.angle(a), b.real, b.imag])
+
+
+def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
+    """Where the camera sees the cells of a grid with this pose."""
+    size, turn, x, y = pose
+    place = np.exp(size + 1j * turn) * (cell @ [1, 1j]) + complex(x, y)
+    u, v = place.real, place.imag
+    du, dv = seen_offset(lens, u, v)
+    return np.stack([u + du, v + dv], axis=1)
+
+
+def _check_fold(lens: Places) -> None:
+    """Refuse a lens that maps two ideal positions to one."""
+    square = np.linspace(0, 1.2, 50) ** 2
+    if (1 + 3 * lens[0] * square + 5 * lens[1] * square**2 <= 0).any():
+        raise InputError(
+            f"the fitted distortion ({100 * (lens[0] + lens[1]):.1f} % at the corner) folds the "
+            "image; show a grid that fills it"
+        )

@@ -1,0 +1,1 @@
+"""Calibrate one-shot sensors, whose coloured LEDs are all lit at once."""

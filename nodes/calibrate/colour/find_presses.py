@@ -1,0 +1,96 @@
+"""Find the ball in every press."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tactograph.nodes.capture.read_presses import PressImages
+
+DARKEST = np.float32(0.02)
+FEWEST = 4
+
+Circles = Annotated[F4, Port("P 3", "px")]
+"""Contact circles: x, y, radius; a radius of 0 where no ball was found."""
+
+
+class FoundPresses(NamedTuple):
+    """A circle per press, and its goodness."""
+
+    circle: Circles
+    goodness: Annotated[F4, Port("P", "1")]
+
+
+@node
+def find_presses(
+    image: PressImages,
+    flat: Light,
+    names: list[str],
+    pixel: PixelSize,
+    known: Circles | None = None,
+    *,
+    radius_mm: Annotated[float, Gt(0)] | None = None,
+    fewest: Annotated[int, Ge(1)] = FEWEST,
+) -> FoundPresses:
+    """Return the contact circle of every press, as `find_ball` finds it.
+
+    A press without a ball is named in a warning and gets a radius of 0, which excludes it from
+    all later steps.
+
+    Parameters
+    ----------
+    image, flat
+        P x K x H x W presses and the K x H x W film at rest.
+    names
+        The presses' names, for messages.  No names mean that there is no press, and no ball.
+    pixel
+        mm per px.
+    known
+        P x 3: circles that are known already, as from `guide_colour_presses`.
+    radius_mm
+        The ball's radius.
+    fewest
+        Fewest presses that must show a ball.
+
+    Returns
+    -------
+    FoundPresses
+        x, y and contact radius in px per press (pixel centres lie at integers), and the
+        goodness of each, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        If fewer than `fewest` presses show a ball; if the radius is not given.
+    """
+    if not names:
+        none = np.zeros(len(image), np.float32)
+        return FoundPresses(np.zeros((len(image), 3), np.float32), none)
+    if radius_mm is None:
+        raise InputError("the ball's radius is not known; give ball_radius_mm=...")
+    if known is not None:
+        return FoundPresses(known, (known[:, 2] > 0).astype(np.float32))
+    circles, goodness = [], []
+    for press, name in zip(image, names, strict=True):
+        light = press / np.maximum(flat, DARKEST)
+        try:
+            ball = find_ball(light, pixel, radius_mm=radius_mm)
+        except InputError:
+            warn(f"press {name or '1'} is left out: no ball of radius {radius_mm:g} mm in it")
+            circles.append((0.0, 0.0, 0.0))
+            goodness.append(0.0)
+        else:
+            circles.append((*ball.center, ball.contact))
+            goodness.append(ball.goodness)
+    found = int(np.count_nonzero(goodness))
+    if found < fewest:
+        raise InputError(
+            f"a ball of radius {radius_mm:g} mm shows in {found} of {len(image)} presses, and "
+            f"{fewest} are needed; check ball_radius_mm and pixel_size_mm, or press more often"
+        )
+    return FoundPresses(np.asarray(circles, np.float32), np.asarray(goodness, np.float32))

@@ -1,0 +1,205 @@
+"""Rate a calibration by many presses, on held-out presses."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node, warn
+from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
+    Bench,
+    degree_for,
+    fit_presses,
+    make_bench,
+    reconstruct,
+    refine_center,
+)
+from tactograph.nodes.calibrate.rating.advise_press import REGIONS
+from tactograph.nodes.calibrate.rating.verdict import advice_after, of_heldout_error, verdict_of
+from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.optics.reflectance_map import F8, ball_shape
+
+JUDGED = 0.9
+"""Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
+CELLS = (4, 6)
+"""Rows and columns of cells into which the film is divided to measure coverage."""
+ENOUGH = 0.85
+"""Share of the cells that contacts should reach."""
+STEEP = 0.5
+
+
+class PressRating(NamedTuple):
+    """Figures for programs; for people what to press next, what is doubtful, and the verdict."""
+
+    quality: Metrics
+    advice: str
+    doubts: list[str]
+    verdict: str
+
+
+@node
+def rate_presses(
+    image: PressImages,
+    flat: Light,
+    found: Circles,
+    circle: Circles,
+    kept: Annotated[U1, Port("P", "flag", high=1)],
+    rim: Annotated[float, Port(unit="mm")],
+    residual: Annotated[F4, Port("K", "1")],
+    pixel: PixelSize,
+    of_radius: list[str] | None = None,
+    *,
+    radius_mm: Annotated[float, Gt(0)],
+    folds: Annotated[int, Interval(ge=2, le=20)] = 5,
+) -> PressRating:
+    """Return the errors on held-out presses, the coverage, and what to press next.
+
+    For each fold, a map fitted to the other folds' presses reconstructs the fold's presses like
+    any capture.  A held-out circle keeps the contact radius from `find_presses`; its centre is
+    found with the map of the others.
+
+    Parameters
+    ----------
+    image, flat
+        P x K x H x W presses and the K x H x W film at rest.
+    found, circle
+        P x 3 in px, before and after refining.
+    kept, rim, residual
+        As `fit_reflectance_map` returns them.
+    pixel
+        mm per px.
+    of_radius
+        The doubts of `judge_press_radius`.
+    radius_mm
+        The ball's radius.
+    folds
+        Parts into which the presses are split.
+
+    Returns
+    -------
+    PressRating
+        ``heldout_normal_deg``, mean angle between normals in the contact;
+        ``heldout_height_um``, root mean square error of the height there without its mean,
+        because the height of the ball's rim is unknown; ``heldout_height_percent`` of the
+        cap; ``presses`` kept; ``residual_percent``; ``film_covered_percent``;
+        ``steepest_slope``, the median slope at the contacts' rims; ``rim_um``; one
+        sentence of advice; the doubts, each of them also a warning; and the verdict.
+    """
+    chosen = np.flatnonzero(kept)
+    bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5))
+    errors = [
+        _judge(bench, reflectance, found[press].astype(np.float64), int(press), rim)
+        for fold in range(folds)
+        for reflectance in [_map_without(bench, circle, kept, rim, chosen[fold::folds])]
+        for press in chosen[fold::folds]
+    ]
+    degrees, microns, percent = np.mean(errors, axis=0)
+    pressed = presses_per_cell(circle[chosen], bench.shape)
+    steepest = rim_slope(circle[chosen], bench.radius)
+    quality = {
+        "heldout_normal_deg": float(degrees),
+        "heldout_height_um": float(microns),
+        "heldout_height_percent": float(percent),
+        "presses": float(chosen.size),
+        "residual_percent": float(100 * residual.max()),
+        "film_covered_percent": float(100 * (pressed > 0).mean()),
+        "steepest_slope": steepest,
+        "rim_um": 1e3 * rim,
+    }
+    doubts = of_heldout_error(float(degrees)) + (of_radius or [])
+    for doubt in doubts:
+        warn(doubt)
+    counting = "heldout_normal_deg", float(degrees)
+    advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
+    return PressRating(quality, advice, doubts, verdict_of(doubts, *counting))
+
+
+def _map_without(bench: Bench, circle: F4, kept: U1, rim: float, held_out: NDArray[np.intp]) -> F8:
+    training = kept > 0
+    training[held_out] = False
+    reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
+    return reflectance
+
+
+def _judge(
+    bench: Bench, reflectance: F8, circle: F8, press: int, rim: float
+) -> tuple[float, float, float]:
+    """Normal error in degrees, height error in um and in per cent of the cap."""
+    circle = refine_center(bench, reflectance, circle, press, rim, steps=6)
+    slope, height = reconstruct(bench, reflectance, press)
+    return judge_contact(slope, height, circle, bench.radius, bench.pixel)
+
+
+def judge_contact(
+    slope: F4,
+    height: F4,
+    circle: F8,
+    radius: float,
+    pixel: float,
+    known: NDArray[np.bool_] | None = None,
+) -> tuple[float, float, float]:
+    """Compare slope and height in a contact (x, y, contact radius in px) with the ball's.
+
+    Parameters
+    ----------
+    slope, height
+        2 x H x W, and H x W in mm.
+    circle
+        x, y, contact radius in px.
+    radius, pixel
+        The ball's radius in px, mm per px.
+    known
+        H x W, the pixels that are judged.  None: all of the contact.
+
+    Returns
+    -------
+    tuple
+        Mean angle between normals in degrees; root mean square height error without its
+        mean, in um; the same in per cent of the cap's height.
+    """
+    y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
+    inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED * circle[2]
+    if known is not None:
+        inside &= known
+    true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
+    found = slope[:, inside].astype(np.float64)
+    p, q = found - true
+    twist = found[0] * true[1] - found[1] * true[0]
+    angle = np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (found * true).sum(axis=0))
+    microns = float(1e3 * np.std(height[inside] - rise))
+    cap = (radius - np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))) * pixel
+    return float(np.degrees(angle.mean())), microns, microns / 10 / float(cap)
+
+
+def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
+    """Number of contacts that reach the middle of each cell of the film."""
+    (rows, columns), (height, width) = CELLS, shape
+    row, column = np.indices(CELLS)
+    x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
+    reach = 0.25 * min(width / columns, height / rows)
+    far = np.hypot(x[..., None] - circles[:, 0], y[..., None] - circles[:, 1])
+    return np.asarray((far < circles[:, 2] + reach).sum(axis=-1), np.float32)
+
+
+def rim_slope(circles: F4, radius: float) -> float:
+    """The median slope at the contacts' rims; the ball's `radius` is in px."""
+    rim = circles[:, 2]
+    return float(np.median(rim / np.sqrt(np.maximum(radius**2 - rim**2, 1))))
+
+
+def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
+    """Say what to press next: the emptiest part of the film, or deeper, or nothing."""
+    (rows, columns), (height, width) = CELLS, shape
+    if (pressed > 0).mean() < ENOUGH:
+        row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
+        x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
+        region = REGIONS[int(3 * y / height)][int(3 * x / width)]
+        return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
+    if steepest < STEEP:
+        return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"
+    return "the presses cover the film; nothing more is needed"

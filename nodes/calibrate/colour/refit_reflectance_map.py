@@ -1,0 +1,219 @@
+"""Adapt a reflectance map to a new film by a check press."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import Light, Metrics, PixelSize
+from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
+    RIM_ROUNDS,
+    Bench,
+    make_bench,
+    measure_rim,
+    reconstruct,
+    refine_center,
+)
+from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
+from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.optics.reflectance_map import (
+    DEGREE,
+    F8,
+    SHADES,
+    ball_pixels,
+    ball_shape,
+    robust_weights,
+    shades,
+    terms,
+)
+from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
+
+FOLDS, SLICES = 4, 16
+"""Number of folds, and the slices of a contact that they hold out in turn."""
+PIXELS = 1500
+"""Most pixels of a press that are fitted."""
+HEIGHT = SHADES - 1
+BETTER = 0.95
+"""Factor by which a further change must lower the held-out error."""
+HELD = {"gain": 0.1, "shades": 0.3, "offsets": 0.05}
+"""Prior standard deviations: of a gain; of single harmonics' gains; of offsets to harmonics."""
+SPREAD = 0.01
+"""Standard deviation of the light from the map."""
+INDEPENDENT = 200
+"""Most independent values per light that the presses count as, because departures are smooth."""
+CHANGES = (("gain",), ("gain", "shades"), ("gain", "shades", "offsets"))
+"""The changes tried, the simplest first."""
+
+
+class MapRefit(NamedTuple):
+    """The new map, and figures."""
+
+    reflectance: ReflectanceMap
+    quality: Metrics
+
+
+@node
+def refit_reflectance_map(
+    image: PressImages,
+    flat: Light,
+    names: list[str],
+    circle: Circles,
+    reflectance: ReflectanceMap,
+    pixel: PixelSize,
+    *,
+    radius_mm: Annotated[float, Gt(0)] | None = None,
+) -> MapRefit:
+    """Return the map of a new film: the old one, with the changes that a check press shows.
+
+    The variation of equation M1's coefficients over the film comes from the LED positions,
+    which stay the same.  A check press may change, per light: a gain of all harmonics and one
+    of the height; a gain of each harmonic; an offset to each harmonic.  Robust least squares
+    fits them with priors of no change, in this order.  A further change is accepted if it lowers
+    the error of the normals on held-out slices of the press by 5 per cent.
+
+    Parameters
+    ----------
+    image, flat
+        P x K x H x W check presses and the K x H x W new film at rest.
+    names
+        The presses' names.  No names mean that there is no check press, and the map stays.
+    circle
+        P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out.
+    reflectance
+        K x 9 x 15, of the old film.
+    pixel
+        mm per px.
+    radius_mm
+        The ball's radius.
+
+    Returns
+    -------
+    MapRefit
+        Coefficients K x 9 x 15; ``check_deg/before`` and ``check_deg/held_out``, the mean angle
+        between normals on the check press with the old and the new map; ``check_um``, the error
+        of the height there; ``gain_percent/...`` of each light.
+    """
+    kept = circle[:, 2] > 0
+    if not names or radius_mm is None or not kept.any():
+        return MapRefit(reflectance, {})
+    bench = make_bench(image, flat, radius_mm, pixel, DEGREE)
+    circles, old = circle.astype(np.float64), reflectance.astype(np.float64)
+    best, before, microns = _judged(bench, old, circles, kept, ())
+    error = before
+    for parts in CHANGES:
+        tried, degrees, height = _judged(bench, old, circles, kept, parts)
+        if degrees < BETTER * error:
+            best, error, microns = tried, degrees, height
+    gains = (best[:, :HEIGHT] * old[:, :HEIGHT]).sum((1, 2)) / np.square(old[:, :HEIGHT]).sum(
+        (1, 2)
+    )
+    figures = {"check_deg/before": before, "check_deg/held_out": error, "check_um": microns}
+    figures |= {f"gain_percent/light{k}": 100 * float(g) for k, g in enumerate(gains, start=1)}
+    return MapRefit(best.astype(np.float32), figures)
+
+
+def _judged(
+    bench: Bench, old: F8, circles: F8, kept: NDArray[np.bool_], parts: tuple[str, ...]
+) -> tuple[F8, float, float]:
+    """The map fitted to all slices, and the held-out errors in degrees and um."""
+    number = _folds(bench, circles)
+    whole, _, _ = _fit(bench, old, circles, kept, parts, number >= 0)
+    degrees, microns = [], []
+    for fold in range(FOLDS):
+        found, placed, _ = _fit(bench, old, circles, kept, parts, number != fold)
+        for press in np.flatnonzero(kept).tolist():
+            slope, height = reconstruct(bench, found, press)
+            here = placed[press], bench.radius, bench.pixel, number[press] == fold
+            off, um, _ = judge_contact(slope, height, *here)
+            degrees.append(off)
+            microns.append(um)
+    return whole, float(np.mean(degrees)), float(np.mean(microns))
+
+
+def _folds(bench: Bench, circles: F8) -> NDArray[np.intp]:
+    """The fold that holds out each pixel of each press: P x H x W."""
+    y, x = np.indices(bench.shape)
+    turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
+    return np.asarray(np.floor(turn * SLICES).astype(int) % FOLDS)
+
+
+def _fit(
+    bench: Bench,
+    old: F8,
+    circles: F8,
+    kept: NDArray[np.bool_],
+    parts: tuple[str, ...],
+    used: NDArray[np.bool_],
+) -> tuple[F8, F8, float]:
+    """Update centres, the rim's height and map in turn; return map, circles and rim height."""
+    placed, found = circles.copy(), old
+    rim = 0.0
+    for _ in range(RIM_ROUNDS + 1):
+        for press in np.flatnonzero(kept).tolist():
+            placed[press] = refine_center(bench, found, placed[press], press, rim)
+        rim = measure_rim(bench, found, placed, kept)
+        found = _changed(bench, old, placed, kept, rim, parts, used)
+    return found, placed, rim
+
+
+def _changed(
+    bench: Bench,
+    old: F8,
+    circles: F8,
+    kept: NDArray[np.bool_],
+    rim: float,
+    parts: tuple[str, ...],
+    used: NDArray[np.bool_],
+) -> F8:
+    """The old map with the changes fitted to the used pixels."""
+    if not parts:
+        return old
+    found: list[tuple[F8, ...]] = []
+    for press in np.flatnonzero(kept).tolist():
+        pixels = ball_pixels(bench.light[press], bench.flat, circles[press], most=PIXELS)
+        chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
+        slope, rise = ball_shape(pixels.x, pixels.y, circles[press], bench.radius, bench.pixel)
+        shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
+        of_press = shade, place, pixels.light, pixels.weight
+        found.append(tuple(part[:, chosen] for part in of_press))
+    shade, place, light, weight = (
+        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
+    )
+    new = old.copy()
+    for k, coefficients in enumerate(old):
+        new[k] = _of_one(coefficients, shade, place, light[k], weight[k], parts)
+    return new
+
+
+def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, ...]) -> F8:
+    """The coefficients of one light, 9 x 15, after robust ridge regression of the changes."""
+    known = (c @ place) * shade
+    columns = [known[:HEIGHT].sum(0), known[HEIGHT]]
+    held = [HELD["gain"]] * 2
+    if "shades" in parts:
+        columns += list(known[:HEIGHT])
+        held += [HELD["shades"]] * HEIGHT
+    if "offsets" in parts:
+        columns += list(shade[:HEIGHT])
+        held += [HELD["offsets"]] * HEIGHT
+    basis, left = np.stack(columns), light - known.sum(0)
+    thinned = min(1.0, INDEPENDENT / max(light.size, 1))
+    weight, change = even / even.mean(), np.zeros(len(basis))
+    for _ in range(3):
+        weighted = basis * (weight * thinned / SPREAD**2)
+        normal = weighted @ basis.T + np.diag(np.asarray(held) ** -2)
+        change = np.linalg.solve(normal, weighted @ left)
+        weight = robust_weights(left - change @ basis, even / even.mean())
+    new = c.copy()
+    new[:HEIGHT] *= 1 + change[0]
+    new[HEIGHT] *= 1 + change[1]
+    if "shades" in parts:
+        new[:HEIGHT] += c[:HEIGHT] * change[2 : 2 + HEIGHT, None]
+    if "offsets" in parts:
+        new[:HEIGHT, 0] += change[-HEIGHT:]
+    return new

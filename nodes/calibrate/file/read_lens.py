@@ -1,0 +1,41 @@
+"""Read the distortion and tilt of a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Lens, Light
+from tactograph.nodes.calibrate.file.write_camera import CAMERA
+from tactograph.nodes.files.calibration_file import read_arrays
+
+
+@node
+def read_lens(image: Light, *, file: Path | None = None) -> Lens:
+    """Read the lens from the ``.npz`` that `write_camera` wrote.
+
+    Parameters
+    ----------
+    image
+        K x H x W, the image to undistort; only its size is used.
+    file
+        The camera.  None: an ideal lens, eight zeros.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of another kind or version, or was made with images
+        of another size.
+    """
+    if file is None:
+        return np.zeros(8, np.float32)
+    found = read_arrays(file, CAMERA)
+    columns, rows = found["size"]
+    if image.shape[1:] != (rows, columns):
+        raise InputError(
+            f"{file}: was made with an image of {columns} x {rows} pixels, but these have "
+            f"{image.shape[2]} x {image.shape[1]}; take and crop the grid as the captures"
+        )
+    return np.asarray(found["lens"], np.float32)

@@ -1,0 +1,58 @@
+"""The true normals of balls, and those found from their light by a film's model."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted
+from tactograph.nodes.optics.film import rest_below, turned
+from tactograph.nodes.optics.near_light import F8
+
+STEPS = 4
+"""Iterations for a normal, which start from the ball's own."""
+RINGS, SECTORS = 3, 8
+"""Parts of a ball over which errors of the normal are averaged, to suppress noise."""
+
+
+class BallNormals(NamedTuple):
+    """True and found normals, 3 x N; the light without bounces, K x N; positions x, y, z."""
+
+    truth: F8
+    found: F8
+    direct: F8
+    place: tuple[F8, F8, F8]
+
+
+def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNormals:
+    """Find the normal of every sample from its light; `uneven` as in `Film`."""
+    film = fitted.film
+    truth, x, y, z = balls.seen(fitted.shifts, film.camera)
+    direct = balls.light - balls.thrown(fitted.shifts, film)
+    place = x, y, np.maximum(z, film.contact)
+    n, rest = truth, rest_below(film, *place)
+    for _ in range(STEPS):
+        n = turned(film, direct, n, place, uneven, rest)
+    return BallNormals(truth, n, direct, place)
+
+
+def normal_error(balls: Balls, fitted: Fitted) -> float:
+    """Return the root mean square error in degrees of the normals found from light.
+
+    Noise is averaged over parts of each ball, because heights, as sums of slopes, average it, too.
+    """
+    truth, found, *_ = ball_normals(balls, fitted)
+    part = _parts(balls, truth)
+    number = np.maximum(np.bincount(part), 1)
+    mean = np.stack([np.bincount(part, e) / number for e in found - truth])
+    seen = np.bincount(part) > 0
+    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
+
+
+def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
+    """The number of the ball's part in which each sample lies."""
+    ring = np.minimum((RINGS * (1 - normal[2] ** 2)).astype(int), RINGS - 1)
+    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
+    return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)

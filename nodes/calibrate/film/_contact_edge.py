@@ -1,0 +1,71 @@
+"""Where the film leaves a ball: inside it is lit like the ball, outside like the film at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import Film
+from tactograph.nodes.calibrate.film.film_fit import FAINT, ball_height
+from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.near_light import F8
+
+NEAREST, FARTHEST = 0.8, 1.25
+"""Radii between which the edge is searched for, relative to the known one."""
+CLEAR = 0.15
+"""Largest departure of the light that counts, because folding film matches neither model."""
+
+
+def contact_edge(
+    u: F8,
+    v: F8,
+    light: F8,
+    thrown: F8,
+    centre: tuple[float, float, float],
+    radius: float,
+    rim: float,
+    film: Film,
+) -> float:
+    """Return the radius in mm of a ball's contact that fits the light best.
+
+    On a film that is glossy and lights itself, a contact is easily found too small, because the
+    light at its foot is not that of a matt film.  A known film corrects this.
+
+    Parameters
+    ----------
+    u, v
+        N positions in mm on the film at rest, up to `FARTHEST` times `rim` from the ball's
+        centre.
+    light, thrown
+        K x N, the light as seen, and the part reflected from film to film.
+    centre, radius
+        Of the ball, in mm.
+    rim
+        Approximate radius of the contact, in mm.
+    film
+        The film's model.
+    """
+    cx, cy, cz = centre
+    away = np.hypot(u - cx, v - cy)
+    ring = (away > NEAREST * rim) & (away < min(FARTHEST * rim, radius))
+    u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]
+    if not away.size:
+        return rim
+    z = ball_height(u, v, (cx, cy, cz), radius, film.camera)
+    x, y = u * (1 - film.camera * z), v * (1 - film.camera * z)
+    n = np.stack([x - cx, y - cy, np.maximum(z - cz, 0)])
+    n /= np.sqrt((n * n).sum(0))
+    on_ball = predict(film, n, x, y, np.maximum(z, film.contact)) + thrown
+    # Both the far side of a ball and its shadow are dark.
+    lit = light > FAINT
+    inside, outside = (_departure(light - model, lit) for model in (on_ball, 1 + thrown))
+    order = np.argsort(away)
+    beyond = np.concatenate([[0.0], np.cumsum((inside - outside)[order])])
+    edges = np.concatenate([[NEAREST * rim], away[order]])
+    return float(edges[np.argmin(beyond)])
+
+
+def _departure(left: F8, lit: NDArray[np.bool_]) -> F8:
+    """Departure without what the LEDs share: at the foot, light from film to film is common."""
+    common = (left * lit).sum(0) / np.maximum(lit.sum(0), 1)
+    return np.asarray((np.minimum(np.abs(left - common), CLEAR) ** 2 * lit).sum(0))

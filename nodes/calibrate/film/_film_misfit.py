@@ -1,0 +1,215 @@
+"""Errors of a film's model on held-out presses, and their correlation length."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.film._ball_normals import ball_normals
+from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, predicted
+from tactograph.nodes.light.touch_misfit import brighter
+from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
+from tactograph.nodes.optics.near_light import F8
+
+NEAREST_PX = 2
+"""Distance from which the noise of pixels is independent, even after undistortion."""
+FARTHEST, LAGS = 0.7, 12
+"""Longest lag, relative to a contact's radius, and number of lags."""
+WITHIN = 0.95
+"""Quantile at which a normal distribution replaces Student's: that of the 90 % band."""
+EVERY = 7
+"""Stride of the pixels on which other LED positions are tried."""
+LEAST_LIT = 0.1
+"""Light beyond the diffused share from which an LED is used to measure brightness."""
+CAUTION = 2.5
+"""Factor by which another object may brighten the film more than the calibration's balls, which
+all stretch it in the same way."""
+LEAST_DOUBT = 0.015
+"""Smallest relative uncertainty of the light from film to film, however well presses agree.  On
+ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""
+DOWN = 0.75
+"""Farthest that another place of an LED lies nearer to the film, relative to the LED's height."""
+LEVEL = 0.1
+"""Sine of the slant above which the model's tilt error counts in full."""
+
+
+class Held(NamedTuple):
+    """Held-out samples, and the film fitted to the others."""
+
+    balls: Balls
+    fitted: Fitted
+
+
+class _Sums(NamedTuple):
+    """Sums by lag over pairs of pixels: products of normals and of light, and number of pairs."""
+
+    lags: NDArray[np.intp]
+    normal: F8
+    light: F8
+    pairs: F8
+
+
+def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
+    """Return the (level, width, light, bounce, tilt) of a `Misfit`.
+
+    Products of the errors of two pixels contain no noise, because noise is independent.  Their
+    mean by distance is the covariance of the model's errors.  The common tilt of all normals of
+    a ball is removed first and measured separately.  The level includes what chance may have
+    hidden.  All figures are for one further press: the finite number n of presses adds 1/n to
+    the variance; a tilt known from n presses and an albedo from n parts follow Student's
+    distribution instead of a normal one; and errors of the level cause a common tilt by chance,
+    by 1/n of their variance.
+
+    Parameters
+    ----------
+    held
+        Every held-out pixel, fold by fold.
+    others
+        8 x K x 3 in mm, deviations of the LED positions, whose error is accounted for
+        separately.
+    pixel
+        mm per px.
+    """
+    rim = float(np.median(np.concatenate([h.balls.rim for h in held])))
+    farthest = max(FARTHEST * rim / pixel, NEAREST_PX + 1)
+    lags = np.unique(np.geomspace(NEAREST_PX, farthest, LAGS).round().astype(int))
+    total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
+    tilts, spread, count = [], 0.0, 0
+    for part in held:
+        errors, left, truth = left_over(part, uneven)
+        spread += float(np.square(errors).sum())
+        count += errors.shape[1]
+        for ball in np.unique(part.balls.ball):
+            at = part.balls.ball == ball
+            place = np.stack([part.balls.v[at], part.balls.u[at]]) / pixel
+            outward = _outward(truth[:, at])
+            tilt = float((errors[:, at] * outward).sum() / np.square(outward).sum())
+            _add(total, place, errors[:, at] - tilt * outward, left[:, at])
+            tilts.append(tilt)
+    pairs = np.maximum(total.pairs, 1)
+    normal, light = total.normal / pairs, total.light / pairs
+    chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
+    reach = _half_way(lags, normal) * pixel
+    near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
+    sure = _root(normal[0] - chance)
+    known = np.mean([_led_tilt(part, others, uneven) for part in held])
+    tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
+    level = _root(max(normal[0], 0) + chance) * float(np.sqrt(1 + 1 / len(held)))
+    tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
+    presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
+    tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
+    return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
+
+
+def unevenness(held: list[Held], pixel: float) -> float:
+    """Return the standard deviation of the brightness of touched film, `Film.uneven`.
+
+    A pixel's brightness is the least-squares factor between the light of the LEDs that reach it
+    and that predicted for the true normal.  Noise drops out, because it is independent from
+    pixel to pixel.
+
+    Parameters
+    ----------
+    held
+        Every held-out pixel, fold by fold.
+    pixel
+        mm per px.
+    """
+    lags = np.array([NEAREST_PX])
+    total = _Sums(lags, *(np.zeros(1) for _ in range(3)))
+    for part in held:
+        film, balls = part.fitted.film, part.balls
+        seen = predicted(balls, part.fitted)
+        made = seen - balls.thrown(part.fitted.shifts, film)
+        lit = made > film.diffuse[:, None] + LEAST_LIT
+        left, made = np.where(lit, balls.light - seen, 0), np.where(lit, made, 0)
+        brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), LEAST_LIT)
+        for ball in np.unique(balls.ball):
+            at = balls.ball == ball
+            place = np.stack([balls.v[at], balls.u[at]]) / pixel
+            _add(total, place, np.empty((0, at.sum())), brightness[None, at])
+    return CAUTION * _root(float(total.light[0] / max(total.pairs[0], 1)))
+
+
+def _led_tilt(part: Held, others: F8, uneven: float) -> float:
+    """Mean square effect of other LED positions on `tilt`."""
+    film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % EVERY == 0)
+    truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
+    z = np.maximum(z, film.contact)
+    light, outward = predict(film, truth, x, y, z), _outward(truth)
+    found = []
+    for away in others:
+        # A place that the whole fit allows may be under the film for the LED of a part.
+        most = DOWN * film.lights[:, 2:]
+        lights = film.lights + most / np.maximum(-away[:, 2:], most) * away
+        n = turned(film._replace(lights=cast(F4, lights)), light, truth, (x, y, z), uneven)
+        found.append(((n - truth) * outward).sum() / np.square(outward).sum())
+    return float(np.square(found).mean())
+
+
+def _outward(normal: F8) -> F8:
+    """The direction of increasing slant in a normal's tangent plane; zero on level film."""
+    nx, ny, nz = normal
+    sine = np.maximum(np.hypot(nx, ny), 1e-6)
+    rising = np.minimum(sine / LEVEL, 1)
+    return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
+
+
+def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
+    """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
+    film = held.fitted.film
+    truth, found, direct, place = ball_normals(held.balls, held.fitted, uneven)
+    left = direct - predict(film, found, *place)
+    gain = touch_gain(film, place[2])
+    matt, diffuse = gain * direct_share(film)[:, None], gain * film.diffuse[:, None]
+    left, shown = left / matt, (direct - left - diffuse) / matt
+    return found - truth, left - brighter(left, shown, uneven) * shown, truth
+
+
+def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
+    """Add the products of one ball's pixels with those to the right of and below them."""
+    row, column = (np.rint(p - p.min()).astype(int) for p in place)
+    planes = np.zeros((1 + len(errors) + len(left), row.max() + 1, column.max() + 1))
+    planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, left])
+    normals, lights = slice(1, 1 + len(errors)), slice(1 + len(errors), None)
+    for i, lag in enumerate(total.lags):
+        for turned_planes in (planes, planes.transpose(0, 2, 1)):
+            product = turned_planes[:, lag:] * turned_planes[:, :-lag]
+            total.pairs[i] += product[0].sum()
+            total.normal[i] += product[normals].sum() / 2
+            total.light[i] += product[lights].sum() / len(left)
+
+
+def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
+    """The interpolated lag at which the covariance has fallen to one half.
+
+    The longest lag if noise hides it.
+    """
+    if covariance[0] <= 0:
+        return float(lags[-1])
+    low = np.flatnonzero(covariance < 0.5 * covariance[0])
+    if not low.size:
+        return float(lags[-1])
+    i = int(low[0])
+    over = covariance[i - 1] - 0.5 * covariance[0]
+    share = over / (covariance[i - 1] - covariance[i])
+    return float(lags[i - 1] + share * (lags[i] - lags[i - 1]))
+
+
+def _doubt(held: list[Held]) -> float:
+    """Relative uncertainty of the film's albedo, which is the mean over parts of the presses."""
+    albedo = np.array([h.fitted.film.albedo for h in held])
+    parts = len(albedo)
+    if parts < 2 or albedo.mean() <= 0:
+        return 0.0
+    wider = float(stdtrit(parts - 1, WITHIN) / ndtri(WITHIN))
+    share = float(albedo.std(ddof=1) / np.sqrt(parts) / albedo.mean())
+    return float(np.hypot(wider * share, LEAST_DOUBT))
+
+
+def _root(square: float) -> float:
+    return float(np.sqrt(max(square, 0)))

@@ -1,0 +1,100 @@
+"""Judge the ball's radius of a one-shot sensor by the light of its presses."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, U1, Light, PixelSize
+from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes.calibrate.film._ball_samples import sample_balls
+from tactograph.nodes.calibrate.film.film_fit import Balls
+from tactograph.nodes.calibrate.film.judge_radius import (
+    MAX_SAMPLES,
+    RadiusVerdict,
+    as_given,
+    doubt_of_radius,
+    try_radii,
+)
+from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.optics.film import matt_film
+
+MAX_PRESSES = 12
+"""Most presses that are looked at."""
+COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
+"""Radii that are tried, relative to the given one: a guided calibration does so at every press."""
+MIN_FLAT = np.float32(0.02)
+"""Light of the film at rest below which presses are not divided by it."""
+MIN_LIGHT = 0.1
+"""Light of a sample above which an LED reaches it."""
+MAX_SLOPE = 3.0
+"""Steepest film of a sample."""
+ABOVE = np.array([0, 0, 1], np.float32)
+"""Where all lights are taken to be until the samples tell, in mm."""
+
+
+@node
+def judge_press_radius(
+    image: PressImages,
+    flat: Light,
+    circle: Circles,
+    kept: Annotated[U1, Port("P", "flag", high=1)],
+    pixel: PixelSize,
+    *,
+    radius_mm: Annotated[float, Gt(0)],
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> RadiusVerdict:
+    """Fit a plain film under point lights with other radii, as `judge_radius` does.
+
+    A reflectance map takes any radius for right, because its coefficients have no scale; lights
+    and a gel have.
+
+    Parameters
+    ----------
+    image, flat
+        P x K x H x W presses, levelled, and the K x H x W film at rest.
+    circle, kept
+        P x 3 in px, and the presses used, as `fit_reflectance_map` returns them.
+    pixel
+        mm per px.
+    radius_mm
+        The ball's radius.
+    shift_px
+        Standard deviation of a ball's position.
+
+    Returns
+    -------
+    RadiusVerdict
+        ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
+    """
+    used = np.flatnonzero(kept)
+    used = used[:: used.size // MAX_PRESSES + 1]
+    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT)), axis=1)
+    radius = np.full(used.size, radius_mm, np.float32)
+    nowhere = matt_film(np.tile(ABOVE, (len(flat), 1)))
+    of, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
+    found = sample_balls(
+        *(sheet, flat, circle[used], radius, of, nowhere, noise, pixel),
+        MAX_SLOPE,
+        most=MAX_SAMPLES,
+        fine=True,
+    )
+    strength = np.ones(len(flat), np.float32)
+    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px, COARSE_FACTORS, 0)
+    doubt = doubt_of_radius(tried, radius_mm)
+    figures = {"diffuse_percent": 100 * as_given(tried).diffuse}
+    return RadiusVerdict(figures, [doubt.said] if doubt.said else [])
+
+
+def _directions(balls: Balls) -> F4:
+    """Roughly where the lights are: distant ones, by linear least squares."""
+    (nx, ny, nz), *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
+    found = []
+    for light in balls.light:
+        lit = light > MIN_LIGHT
+        slant = np.linalg.lstsq(np.stack([nx, ny])[:, lit].T, light[lit] - nz[lit], rcond=None)[0]
+        found.append([*slant, 1.0])
+    return np.asarray(found, np.float32)

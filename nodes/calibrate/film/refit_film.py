@@ -1,0 +1,347 @@
+"""Refit a film's model to a check press on a new film; camera and LEDs stay the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from scipy.optimize import least_squares
+
+from tactograph.graph import SizeLimit, node
+from tactograph.nodes import (
+    F4,
+    Film,
+    Light,
+    Metrics,
+    Misfit,
+    Noise,
+    PixelSize,
+)
+from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.film._ball_normals import normal_error
+from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
+from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
+from tactograph.nodes.calibrate.film.film_fit import FAINT, LIFT, Balls, Fitted, predicted
+from tactograph.nodes.calibrate.lights.light_fit import HUBER, LIFT_MM, SPREAD, Rest, rest_of
+from tactograph.nodes.optics.film import rest_light
+from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.optics.sheet import SheetLight
+
+FOLDS = 4
+"""Number of folds, each of which holds out a quarter of the check press."""
+SAMPLES = 400
+"""Samples of the check press; the few parameters need no more."""
+INDEPENDENT, INDEPENDENT_REST = 200, 5
+"""Most independent values per LED that a check press, and the flat frame's fall-off, count as,
+because departures from a model are smooth."""
+BETTER = 0.95
+"""Factor by which a further change of the film must lower the held-out error."""
+STEPS = 25
+COPIES = 25
+"""Residuals into which each prior is split.  They stay below the scale of the robust loss, which is
+meant for light."""
+
+
+class _Open(NamedTuple):
+    """A parameter that may have changed: standard deviation of its change, and its bounds."""
+
+    spread: float
+    low: float
+    high: float
+
+
+OPEN = {
+    "thicker": _Open(0.3, -3.0, 3.0),
+    "gain": _Open(0.01, 0.8, 1.3),
+    "diffuse": _Open(0.15, -0.9, 0.9),
+    "albedo": _Open(0.05, 0.0, 0.95),
+    "base": _Open(0.3, 0.05, 5.0),
+    "roughness": _Open(0.15, 0.08, 0.6),
+    "refraction": _Open(0.15, 1.0, 2.0),
+}
+"""Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
+CHANGES = (
+    ("thicker",),
+    ("thicker", "gain", "diffuse", "albedo"),
+    tuple(OPEN),
+)
+"""The changes tried, the simplest first: another thickness, another gel, another coat."""
+COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
+"""Start values of the fit with a coat: a usual coat, since the old film may have had none."""
+
+
+class FilmRefit(NamedTuple):
+    """The new film, its misfit, and the pixel size on it."""
+
+    film: Film
+    misfit: Misfit
+    pixel_size: PixelSize
+    quality: Metrics
+
+
+class _Known(NamedTuple):
+    """The fit's starting point: the old film, and how the flat frame changed.
+
+    `light` is the ratio of its brightness, `ratio` the change of its fall-off's logarithm.
+    """
+
+    film: Film
+    light: float
+    fall: Rest
+    ratio: F8
+    shift_mm: float
+
+
+class _Refitted(NamedTuple):
+    """A fit: the changes by name, the film, and the shifts of the balls."""
+
+    changed: dict[str, float]
+    film: Film
+    shifts: F8
+
+    @property
+    def fitted(self) -> Fitted:
+        """The fit in the form that other functions take."""
+        return Fitted(np.zeros((len(self.film.lights), 4)), self.film, self.shifts, SPREAD)
+
+
+@node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
+def refit_film(
+    light: SheetLight,
+    flat: Light,
+    before: Light,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
+    film: Film,
+    old_misfit: Misfit,
+    noise: Noise,
+    pixel: PixelSize,
+    even_pixel: PixelSize,
+    *,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> FilmRefit:
+    """Return the model of a new film: the old one, with the changes that a check press shows.
+
+    The LEDs stay where they are.  A thicker gel puts the film farther from all of them and from
+    the camera; a new film may diffuse more, be brighter or be glossier.  Robust least squares
+    with priors fits these few parameters to the check press and to the change of the flat
+    frame's fall-off.  Each prior holds a parameter near its old value; the albedo's takes the
+    flat frame's brightness into account.  The thickness is always fitted.  Changes of the gel,
+    and then of the coat, are accepted if they lower the error on held-out slices of the press by
+    5 per cent.  The old film's harmonics are dropped if that lowers the error as much.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the check press or presses relative to the new film at rest, on a sheet.
+    flat, before
+        K x H x W, the new and the old film at rest.
+    circle, radius, of
+        B x 3 in px, B in mm, and the press that each ball is in; a contact radius of 0 means
+        that there is no ball.
+    film, old_misfit
+        Of the old calibration.
+    noise
+        (shot, read).
+    pixel
+        mm per px on the old film.
+    even_pixel
+        The same for the camera's own pixels, if `light` is binned.
+    steepest, shift_px
+        As for `calibrate_lights`.
+
+    Returns
+    -------
+    FilmRefit
+        The `Film`; its misfit, no less than the old one's; the camera's pixel size on the new
+        film; and figures: ``check_deg/before`` and ``check_deg/held_out``, the error of the
+        normals on the check press with the old and the new film, and what has changed.
+    """
+    typed: dict[str, Any] = {
+        n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()
+    }
+    precise = Film(**typed)
+    used = circle[:, 2] > 0
+    if not used.any():
+        return _result(precise, film, old_misfit, even_pixel, {})
+    circle, radius, of = circle[used], radius[used], of[used]
+    given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
+    balls = sample_balls(*given, most=SAMPLES)
+    known = _known(precise, flat, before, pixel, shift_px)
+    best, error, folds = _choose(known, balls)
+    if precise.harmonics.any():
+        plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
+        other = _choose(known._replace(film=plain), balls)
+        if other[1] < BETTER * error:
+            best, error, folds = other
+    before_error = _judged(known, balls, (), None)[1]
+    whole = sample_balls(*given, most=None)
+    held = [
+        Held(whole.only(whole.held_by % FOLDS == number), fold.fitted)
+        for number, fold in enumerate(folds)
+    ]
+    away = np.asarray(film.others - film.lights, np.float64)
+    held = [part for part in held if part.balls.u.size]
+    uneven = unevenness(held, pixel)
+    found = misfit(held, away, pixel, uneven)
+    rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
+    figures = {"check_deg/before": before_error, "check_deg/held_out": error}
+    thicker = best.changed.get("thicker", 0.0)
+    return _result(
+        best.film._replace(grain=max(rough, film.grain), uneven=max(uneven, film.uneven)),
+        film,
+        np.maximum(found, old_misfit),
+        even_pixel * (1 + film.camera * thicker),
+        figures | _changes(film, best.film, thicker),
+    )
+
+
+def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> FilmRefit:
+    typed: dict[str, Any] = {
+        name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
+        for name, value in new._asdict().items()
+    }
+    typed["others"] = np.asarray(old.others + (typed["lights"] - old.lights), np.float32)
+    return FilmRefit(
+        Film(**typed), misfit=np.asarray(left, np.float32), pixel_size=pixel, quality=figures
+    )
+
+
+def _changes(old: Film, new: Film, thicker: float) -> Metrics:
+    """What has changed, in practical units."""
+    diffuse = float(np.mean(new.diffuse - old.diffuse))
+    return {
+        "thicker_mm": thicker,
+        "diffuse_percent/before": 100 * float(np.mean(old.diffuse)),
+        "diffuse_percent/now": 100 * float(np.mean(old.diffuse) + diffuse),
+        "film_albedo/before": float(old.albedo),
+        "film_albedo/now": float(new.albedo),
+        "coat_roughness/before": float(old.roughness),
+        "coat_roughness/now": float(new.roughness),
+        "coat_index/before": float(old.refraction),
+        "coat_index/now": float(new.refraction),
+    }
+
+
+def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _Known:
+    """The change of the flat frame; none if either frame is uniform, because none was taken."""
+    now, then = rest_of(flat, pixel), rest_of(before, pixel)
+    if now is None or then is None:
+        empty = np.zeros((len(flat), 0))
+        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_px * pixel)
+    light = float(np.median(flat) / np.median(before))
+    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_px * pixel)
+
+
+def _level(logarithm: F8) -> F8:
+    """Remove what all LEDs share, which is albedo, and each LED's strength."""
+    shared = logarithm - logarithm.mean(axis=0)
+    return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
+
+
+def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
+    """The simplest change that the held-out slices support, its error and its folds."""
+    best, error, folds = _judged(known, balls, CHANGES[0], None)
+    for names in CHANGES[1:]:
+        tried = _judged(known, balls, names, COAT if "base" in names else None)
+        if tried[1] < BETTER * error:
+            best, error, folds = tried
+    return best, error, folds
+
+
+def _judged(
+    known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float] | None
+) -> tuple[_Refitted, float, list[_Refitted]]:
+    """The fit to all samples, the held-out error, and the fit without each fold."""
+    whole = _fit(known, balls, names, start)
+    folds, errors = [], []
+    for number in range(FOLDS):
+        held = balls.held_by % FOLDS == number
+        if not held.any():
+            continue
+        fold = _fit(known, balls.only(~held), names, whole.changed)
+        folds.append(fold)
+        errors.append(normal_error(balls.only(held), fold.fitted))
+    return whole, float(np.mean(errors)), folds
+
+
+def _changed(film: Film, names: dict[str, float]) -> Film:
+    """The film after a change."""
+    values: dict[str, Any] = dict(names)
+    thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
+    return film._replace(
+        lights=film.lights + np.array([0, 0, thicker]),
+        camera=film.camera / (1 + film.camera * thicker),
+        diffuse=np.clip(film.diffuse + diffuse, 0, 0.9),
+        **values,
+    )
+
+
+def _scaled(balls: Balls, by: float) -> Balls:
+    """The samples' positions on a film that is farther from the camera, scaled by `by`."""
+    if by == 1:
+        return balls
+    return replace(
+        balls, u=balls.u * by, v=balls.v * by, centre=balls.centre * by, rim=balls.rim * by
+    )
+
+
+def _fit(
+    known: _Known,
+    balls: Balls,
+    names: tuple[str, ...],
+    start: dict[str, float] | None = None,
+) -> _Refitted:
+    """Fit the named changes and the balls' positions, with priors."""
+    film, count = known.film, len(balls.centre)
+    old = {name: float(getattr(film, name)) for name in names if name not in ("thicker", "diffuse")}
+    if "albedo" in old:
+        # The LEDs stay, so a film at rest that is darker reflects less.
+        old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
+    first = np.array([old.get(name, 0.0) for name in names])
+    lift = np.minimum(LIFT_MM, LIFT * balls.radius)
+    places = np.column_stack([np.full((count, 2), known.shift_mm), lift]).ravel()
+    spread = np.concatenate([places, [OPEN[name].spread for name in names]])
+    samples = SPREAD * np.sqrt(max(balls.u.size / INDEPENDENT / count, 1))
+    blocks = SPREAD * np.sqrt(max(known.fall.x.size / INDEPENDENT_REST, 1))
+    whole = np.maximum(balls.light, FAINT) * samples
+    level = np.log(rest_light(film, known.fall.x, known.fall.y))
+
+    def at(values: F8) -> _Refitted:
+        named = dict(zip(names, values[3 * count :].tolist(), strict=True))
+        return _Refitted(named, _changed(film, named), values[: 3 * count].reshape(-1, 3))
+
+    def left(values: F8) -> F8:
+        tried = at(values)
+        scale = 1 + film.camera * tried.changed.get("thicker", 0.0)
+        parts = [
+            ((balls.light - predicted(_scaled(balls, scale), tried.fitted)) / whole).ravel(),
+            np.tile((values - usual) / spread / np.sqrt(COPIES), COPIES),
+        ]
+        if names and known.fall.x.size:
+            fallen = np.log(rest_light(tried.film, known.fall.x * scale, known.fall.y * scale))
+            parts.append(((known.ratio - _level(fallen - level)) / blocks).ravel())
+        return np.concatenate(parts)
+
+    usual = np.concatenate([np.zeros(3 * count), first])
+    begin = [(start or {}).get(name, value) for name, value in zip(names, first, strict=True)]
+    bounds = np.array([(OPEN[name].low, OPEN[name].high) for name in names]).reshape(-1, 2)
+    low = np.concatenate([-10 * places, bounds[:, 0]])
+    high = np.concatenate([10 * places, bounds[:, 1]])
+    margin = 1e-6 * spread
+    solved = least_squares(
+        left,
+        np.clip(np.concatenate([np.zeros(3 * count), begin]), low + margin, high - margin),
+        bounds=(low, high),
+        x_scale=spread,
+        loss="huber",
+        f_scale=HUBER,
+        max_nfev=STEPS,
+        xtol=1e-4,
+        ftol=1e-4,
+    )
+    return at(solved.x)

@@ -1,0 +1,116 @@
+"""Find the LEDs' positions from the untouched film and objects of known shape."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import InputError, Port, SizeLimit, node
+from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
+from tactograph.nodes.calibrate.lights.light_fit import (
+    FEWEST,
+    other_places,
+    place_leds,
+    presses_of,
+    residual_of,
+    rest_of,
+    sample,
+    samples_for,
+    spread_of,
+    unreached,
+)
+from tactograph.nodes.optics.sheet import (
+    SheetHeight,
+    SheetLabels,
+    SheetLight,
+    SheetMask,
+    SheetSlope,
+)
+
+
+class LightsFit(NamedTuple):
+    """The LEDs and the residual of the fit."""
+
+    lights: LightPositions
+    strength: Annotated[F4, Port("K", "1")]
+    residual: Annotated[F4, Port("K", "1")]
+    others: LightPlaces
+
+
+@node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
+def calibrate_lights(
+    light: SheetLight,
+    flat: Light,
+    slope: SheetSlope,
+    mask: SheetMask,
+    height: SheetHeight,
+    lit: SheetLabels,
+    pixel: PixelSize,
+    *,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> LightsFit:
+    """Fit the LEDs' positions to the light of known shapes and to the fall-off over the film.
+
+    Robust least squares (Huber) combines two kinds of evidence.  On the object, the light
+    relative to the film at rest is n.v (`near_light`, N1).  On the film at rest, each LED's
+    light falls off as L_z / |L - P_0|^3, up to a gain common to all LEDs.  An LED is described
+    by a strength and by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a distant LED.
+    The fit also refines the positions of the objects.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the object relative to the film at rest: one capture, or a sheet of
+        several (`sheet`).
+    flat
+        K x H x W, the film at rest.  A uniform one means that none was taken: then the
+        positions come from the object alone, and `light` is the light as captured.
+    slope, mask, height
+        2 x S x W, S x W, S x W in mm: the object, where known.
+    lit
+        S x W, the LEDs that reach each pixel.
+    pixel
+        mm per px.
+    steepest
+        Pixels steeper than this (mm per mm) are left out, because the shape is least certain
+        there.
+    shift_px
+        Standard deviation of the object's position along x and along y.
+
+    Returns
+    -------
+    LightsFit
+        Positions K x 3 in mm from the middle of the image; strength K, the light of the film
+        at rest in the middle of the image, if the flat frame is missing (else 1); root mean
+        square residual on the objects, K; eight sets of LED positions sampled from the
+        uncertainty of the fit, 8 x K x 3 in mm.
+
+    Raises
+    ------
+    InputError
+        If an LED reaches fewer than 100 pixels of the objects.
+    """
+    presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
+    presses = [press for press in presses if press.mask.any()]
+    if not presses:
+        raise InputError("no pixel of the calibration object is known: is it in the frame?")
+    most = samples_for(len(presses))
+    objects = [sample(press, pixel, steepest, most) for press in presses]
+    dark = unreached(objects)
+    if dark:
+        raise InputError(
+            f"LED {dark[0]} reaches only {dark[1]} pixels of the calibration object "
+            f"({FEWEST} are needed): is it on?"
+        )
+    rest, width = rest_of(flat, pixel), pixel * light.shape[2]
+    placed = place_leds(objects, rest, shift_px, width)
+    left = [
+        residual_of(there, placed.leds, shift, placed.flat)
+        for there, shift in zip(objects, placed.shifts, strict=True)
+    ]
+    spread = spread_of(np.hstack(left), np.hstack([there.lit for there in objects]))
+    others = other_places(objects, rest, placed, shift_px, width)
+    return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)

@@ -1,0 +1,223 @@
+"""Leave out the presses that are inconsistent with the others, and say why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, U1, Light, PixelSize
+from tactograph.nodes.calibrate.lights.light_fit import (
+    DIM,
+    ENOUGH,
+    Object,
+    Placed,
+    Rest,
+    place_leds,
+    presses_of,
+    residual_of,
+    rest_of,
+    sample,
+    shift_of,
+    unreached,
+)
+from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.optics.sheet import (
+    SheetHeight,
+    SheetLabels,
+    SheetLight,
+    SheetMask,
+    SheetSlope,
+    cut,
+)
+
+FULL = 0.998
+"""Captured light that counts as saturated."""
+TOO_MUCH = 0.02
+"""Share of saturated pixels in a contact above which a press is rejected."""
+CANDIDATES = 8
+"""Number of presses that each serve alone as a candidate reference for the others."""
+OUT_OF_LINE = 3.0
+"""Residual or movement, relative to the median press's, above which a press is an outlier."""
+FINE = 0.02
+"""Residual, relative to the film at rest, up to which a press is never an outlier."""
+STILL_PX = 1.0
+"""Movement in px between LEDs up to which a press is never an outlier."""
+EXPLAINED = 0.3
+"""Largest share of the squared residual that may remain if movement is the cause."""
+
+
+class ChosenPresses(NamedTuple):
+    """The known pixels of the used presses, which presses are used, and their residuals."""
+
+    mask: SheetMask
+    kept: Annotated[U1, Port("P", "flag", high=1)]
+    residual: Annotated[F4, Port("P", "1")]
+
+
+@node
+def choose_presses(
+    image: SheetLight,
+    light: SheetLight,
+    flat: Light,
+    slope: SheetSlope,
+    mask: SheetMask,
+    height: SheetHeight,
+    lit: SheetLabels,
+    pixel: PixelSize,
+    names: list[str],
+    *,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> ChosenPresses:
+    """Leave out the pixels of presses that are inconsistent with the others.
+
+    A press is left out, with a warning that gives the reason, if it is saturated, if an LED
+    does not reach it, or if its light contradicts the LED positions found from the others.
+    Consensus (Fischler and Bolles, 1981) finds these: LEDs are placed by the flat frame and
+    one press at a time, and the placement with the smallest median residual is taken.  A press
+    is an outlier if its residual exceeds three times the median press's and 2 % of the light.
+    A single press is always kept.
+
+    Parameters
+    ----------
+    image, light
+        K x S x W, the presses as captured and relative to the film at rest.
+    flat
+        K x H x W, the film at rest.
+    slope, mask, height, lit
+        Of the presses, as for `calibrate_lights`.
+    pixel
+        mm per px.
+    names
+        The presses' names, for messages.
+    steepest, shift_px
+        As for `calibrate_lights`.
+
+    Returns
+    -------
+    ChosenPresses
+        Mask S x W, empty where a press is left out; 1 for each of the P presses that is used;
+        root mean square residual of the light of each press (0 for a single press, and for
+        presses that were not compared).
+
+    Raises
+    ------
+    InputError
+        If no press can be used.
+    """
+    presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
+    found = [i for i, press in enumerate(presses) if press.mask.any()]
+    kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
+    kept[found] = 1
+    if len(presses) > 1:
+        captured = cut(image, flat.shape[1])
+        objects = {i: sample(presses[i], pixel, steepest, ENOUGH) for i in found}
+        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in found}
+        why = {i: reason for i, reason in spoilt.items() if reason}
+        usable = [i for i in found if i not in why]
+        if not usable:
+            raise InputError(
+                f"none of {len(presses)} presses can be used: "
+                + "; ".join(f"{names[i]}: {reason}" for i, reason in why.items())
+            )
+        agreed = _consensus(
+            [objects[i] for i in usable], rest_of(flat, pixel), shift_px, pixel * light.shape[2]
+        )
+        residual[usable] = agreed.residual
+        why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}
+        for i in sorted(why):
+            warn(f"press {names[i]} is left out: {why[i]}")
+            kept[i] = 0
+    return ChosenPresses(np.repeat(kept, flat.shape[1])[:, None] * mask, kept, residual)
+
+
+class _Agreement(NamedTuple):
+    """How well LEDs explain each press: its residual, and the ball's movement between LEDs."""
+
+    residual: F8
+    moved: F8
+
+
+def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
+    """The reason why a press cannot be used, regardless of the others; None if it can."""
+    clipped = float((captured[:, mask > 0] >= FULL).any(axis=0).mean())
+    if clipped > TOO_MUCH:
+        return f"{clipped:.0%} of its contact is saturated; expose shorter"
+    dark = unreached([there])
+    if dark:
+        return f"LED {dark[0]} reaches only {dark[1]} pixels of its contact; is it on?"
+    return None
+
+
+def _consensus(
+    objects: list[Object], rest: Rest | None, shift_px: float, width_mm: float
+) -> _Agreement:
+    """How well the LEDs that most presses agree on explain each press."""
+    tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATES).astype(int))
+    alone = [place_leds([objects[i]], rest, shift_px, width_mm) for i in tried]
+    found = [_explain(objects, placed, shift_px) for placed in alone]
+    # `_middle` is the lower median: of two presses, the one that explains itself better counts.
+    best = min(found, key=lambda a: _middle(a.residual))
+    good = [o for o, bad in zip(objects, _far(best.residual, FINE), strict=True) if not bad]
+    start = alone[next(i for i, a in enumerate(found) if a is best)]
+    return _explain(objects, place_leds(good, rest, shift_px, width_mm, start), shift_px)
+
+
+def _explain(objects: list[Object], placed: Placed, shift_px: float) -> _Agreement:
+    left, moved = [], []
+    for there in objects:
+        shift = shift_of(there, placed, shift_px)
+        error = residual_of(there, placed.leds, shift, placed.flat)
+        left.append(np.sqrt((error * error).sum() / there.lit.sum()))
+        moved.append(_movement(there, placed, shift, error))
+    return _Agreement(np.array(left), np.array(moved))
+
+
+def _movement(there: Object, placed: Placed, shift: F8, error: F8) -> float:
+    """The largest distance in px between the object's positions under two LEDs.
+
+    Zero unless a separate position for each LED explains most of the residual.
+    """
+    step = 0.25
+    slopes = [
+        (residual_of(there, placed.leds, shift + by, placed.flat) - error) / step
+        for by in step * np.eye(2, 3)
+    ]
+    seen, left = [], 0.0
+    for k, lit in enumerate(there.lit):
+        used = lit & (there.light[k] > 2 * DIM)
+        by_shift = np.stack([s[k, used] for s in slopes], axis=1)
+        place = np.linalg.lstsq(by_shift, -error[k, used], rcond=None)[0]
+        seen.append(place)
+        left += float(((by_shift @ place + error[k, used]) ** 2).sum())
+    if left > EXPLAINED * float((error * error).sum()):
+        return 0.0
+    apart = np.asarray(seen)[:, None] - np.asarray(seen)[None]
+    return float(np.hypot(apart[..., 0], apart[..., 1]).max())
+
+
+def _middle(values: F8) -> float:
+    return float(np.sort(values)[(values.size - 1) // 2])
+
+
+def _far(values: F8, harmless: float) -> NDArray[np.bool_]:
+    return np.asarray(values > max(OUT_OF_LINE * _middle(values), harmless))
+
+
+def _out_of_line(found: _Agreement) -> Iterator[tuple[int, str]]:
+    residual, moved = _far(found.residual, FINE), _far(found.moved, STILL_PX)
+    for i in np.flatnonzero(residual | moved):
+        if moved[i]:
+            yield int(i), f"the ball moved by {found.moved[i]:.1f} px between two LEDs"
+        else:
+            left, others = found.residual[i], _middle(found.residual)
+            yield (
+                int(i),
+                f"LEDs that explain the others' light to {others:.1%} leave {left:.1%} of its; "
+                "is its ball_radius_mm right?",
+            )

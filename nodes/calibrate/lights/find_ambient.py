@@ -1,0 +1,150 @@
+"""Estimate the ambient light where no image with all LEDs off was taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from scipy import optimize
+from scipy.ndimage import uniform_filter
+
+from tactograph.graph import SizeLimit, node, warn
+from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate.lights.light_fit import (
+    ENOUGH,
+    Object,
+    Press,
+    misfit_of,
+    place_leds,
+    presses_of,
+    rest_of,
+    sample,
+    unreached,
+)
+from tactograph.nodes.calibrate.tables.label_lit import label_lit
+from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
+
+NEGLIGIBLE = 0.01
+"""Ambient light, relative to the film at rest, too weak to tell from an imperfect ball."""
+FINE = 0.002
+"""Tolerance of the search, relative to the film at rest."""
+DARKEST = 0.1
+"""Per cent of the pixels that may be darker than the ambient light: dead pixels and noise."""
+EXPLAINED = 0.5
+"""Largest share of the misfit that may remain if ambient light is the cause."""
+BEYOND = 1.5
+"""Light, relative to the darkest pixels, that ambient light cannot reach."""
+CALM = 5
+"""Width in px of the mean that suppresses noise in the darkest pixels."""
+PRESSES = 3
+"""Most presses that are used: they suffice for one number."""
+
+
+class WithoutAmbient(NamedTuple):
+    """The film at rest without ambient light, the dark image, and the figure."""
+
+    flat: Light
+    dark: Dark
+    quality: Metrics
+
+
+@node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
+def find_ambient(
+    image: SheetLight,
+    flat: Light,
+    dark: Dark,
+    slope: SheetSlope,
+    mask: SheetMask,
+    height: SheetHeight,
+    pixel: PixelSize,
+    *,
+    taken: Path | None = None,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> WithoutAmbient:
+    """Return flat frame and dark image of a sensor that ambient light reaches.
+
+    Daylight and the camera's black level add the same light to the object and to the film at
+    rest.  Divided by the film's light, the object's is ``n.v + (1 - n.v) b``, where b is their
+    share of the film's light: as if every LED stood nearer to the camera's axis.  LEDs are
+    placed for different b (`calibrate_lights`), and the b with the smallest misfit is taken.
+    It cannot exceed the light of the darkest pixels, since ambient light reaches them, too.
+
+    Parameters
+    ----------
+    image
+        K x S x W, the presses as captured, on a sheet (`sheet`).
+    flat, dark
+        K x H x W and H x W, as `read_flat` returns them.  If the flat frame is uniform, because
+        none was taken, nothing is estimated.
+    slope, mask, height
+        Of the presses, as `known_balls` returns them.
+    pixel
+        mm per px.
+    taken
+        The image with all LEDs off, if one was taken; then nothing is estimated.
+    steepest, shift_px
+        As for `calibrate_lights`.
+
+    Returns
+    -------
+    WithoutAmbient
+        The flat frame minus the ambient light; the dark image, which is that light everywhere;
+        ``ambient_percent`` of full scale.  A warning reports ambient light that was found.
+    """
+    nothing = WithoutAmbient(flat, dark, {})
+    if taken is not None or rest_of(flat, pixel) is None:
+        return nothing
+    presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
+    presses = [press for press in presses if press.mask.any()][:PRESSES]
+    film, most = float(np.median(flat)), _darkest(image)
+    if not presses or most < NEGLIGIBLE * film:
+        return nothing
+
+    def misfit(ambient: float) -> float:
+        """The misfit of LEDs placed after this much ambient light is subtracted."""
+        less = _less(flat, ambient)
+        objects = [_object(press, less, ambient, pixel, steepest) for press in presses]
+        if unreached(objects):
+            return np.inf
+        rest = rest_of(less, pixel)
+        placed = place_leds(objects, rest, shift_px, pixel * flat.shape[2])
+        return misfit_of(objects, rest, placed, shift_px)
+
+    if misfit(0.0) <= misfit(NEGLIGIBLE * film):
+        return nothing
+    stop = {"xatol": FINE * film}
+    minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
+    ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
+    left = misfit(ambient)
+    if left > EXPLAINED * misfit(0.0) or misfit(BEYOND * most) < left:
+        # Light diffused in the gel or reflected from film to film has a similar effect, which
+        # `fit_film` models.
+        return nothing
+    percent = 100 * ambient
+    warn(
+        f"{percent:.1f} % of full scale seems to be light that no LED gives, and is taken off: "
+        "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
+        "pixel_size_mm and that the camera is linear (gamma 1)"
+    )
+    found = np.full_like(dark, ambient)
+    return WithoutAmbient(_less(flat, ambient), found, {"ambient_percent": percent})
+
+
+def _darkest(image: F4) -> float:
+    """Light that all but a few pixels exceed under every LED."""
+    calm = [uniform_filter(plane, (CALM, CALM)) for plane in image]
+    return min(float(np.percentile(plane, DARKEST)) for plane in calm)
+
+
+def _less(flat: F4, ambient: float) -> F4:
+    return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)
+
+
+def _object(press: Press, flat: F4, ambient: float, pixel: float, steepest: float) -> Object:
+    """Samples of a press without ambient light."""
+    light = flat_field(press.light, flat, np.full(press.mask.shape, ambient, np.float32))
+    return sample(press._replace(light=light, lit=label_lit(light)), pixel, steepest, ENOUGH)

@@ -1,0 +1,1 @@
+"""Rate a calibration, plot it, and say what to press next."""

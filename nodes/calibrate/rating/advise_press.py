@@ -1,0 +1,109 @@
+"""Report what the presses cover and what to press next."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import F4, U1, Light, Metrics
+from tactograph.nodes.calibrate.rating.verdict import advice_after
+from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
+
+REGIONS = (
+    ("at the upper left", "at the top", "at the upper right"),
+    ("at the left", "in the middle", "at the right"),
+    ("at the lower left", "at the bottom", "at the lower right"),
+)
+"""Names of the nine parts of the film."""
+DIRECTIONS = (
+    "right", "lower right", "lower side", "lower left",
+    "left", "upper left", "upper side", "upper right",
+)  # fmt: skip
+"""Sides of a ball, clockwise from x.  Where the film falls to the right is the right side."""
+TOUCHED = 0.15
+"""Share of each part of the film that contacts must cover."""
+STEEP = 1.0
+"""Slope up to which every direction should be covered."""
+
+
+class PressAdvice(NamedTuple):
+    """Figures for programs, and one sentence for people."""
+
+    quality: Metrics
+    advice: str
+
+
+@node
+def advise_press(
+    flat: Light,
+    slope: SheetSlope,
+    mask: SheetMask,
+    lit: SheetLabels,
+    doubts: list[str] | None = None,
+) -> PressAdvice:
+    """Measure how much of the film and of the slopes the presses cover, and name what is missing.
+
+    Parameters
+    ----------
+    flat
+        K x H x W; only its size is used.
+    slope, mask, lit
+        The used presses on a sheet: 2 x S x W, S x W, S x W.
+    doubts
+        What speaks against the calibration, which matters more than further presses.
+
+    Returns
+    -------
+    PressAdvice
+        ``film_covered_percent``, the share of the film's nine parts;
+        ``slopes_covered_percent``, the share of the slopes up to 1 in eight directions; and a
+        sentence such as "press at the lower left: no contact reaches there".
+    """
+    count, rows, _ = flat.shape
+    touched = _touched(mask, rows)
+    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
+    steep = _steepest(slope[:, (mask > 0) & reached])
+    presses = sum(bool(part.any()) for part in cut(mask, rows))
+    quality = {
+        "film_covered_percent": float(100 * (touched >= TOUCHED).mean()),
+        "slopes_covered_percent": float(100 * (np.minimum(steep, STEEP) / STEEP).mean()),
+    }
+    return PressAdvice(quality, advice_after(doubts or [], _advice(presses, touched, steep)))
+
+
+def _touched(mask: U1, rows: int) -> F8:
+    """The share of each of the film's nine parts that contacts cover."""
+    film = np.maximum.reduce([part > 0 for part in cut(mask, rows)])
+    bands = [np.array_split(band, 3, axis=1) for band in np.array_split(film, 3, axis=0)]
+    return np.array([[part.mean() if part.size else 1 for part in band] for band in bands])
+
+
+def _steepest(slope: F4) -> F8:
+    """The slope up to which each direction is covered; a slope falls away from its ball."""
+    towards = np.arctan2(-slope[1], -slope[0])
+    sector = np.rint(towards / (2 * np.pi) * len(DIRECTIONS)).astype(int) % len(DIRECTIONS)
+    steep = np.zeros(len(DIRECTIONS))
+    np.maximum.at(steep, sector, np.hypot(slope[0], slope[1]))
+    return steep
+
+
+def _advice(presses: int, touched: F8, steep: F8) -> str:
+    row, column = np.unravel_index(int(touched.argmin()), touched.shape)
+    flattest = int(steep.argmin())
+    empty, gentle = touched[row, column] < TOUCHED, steep[flattest] < STEEP
+    if not empty and not gentle:
+        if presses == 1:
+            return "press once more: one press has no other to be checked by"
+        return "the presses cover the film and the slopes; nothing more is needed"
+    where = f" {REGIONS[row][column]}" if empty else ""
+    how = ("," if where else "") + " deeper, or with a smaller ball" if gentle else ""
+    why = ["no contact reaches there"] if empty else []
+    if gentle:
+        side = DIRECTIONS[flattest]
+        why.append(f"slopes on the {side} of what was pressed end at {steep[flattest]:.2f}")
+    if presses == 1:
+        why.append("one press has no other to be checked by")
+    return f"press{where}{how}: {', and '.join(why)}"

@@ -1,0 +1,175 @@
+"""Measure each press with a calibration that has not seen it."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node
+from tactograph.nodes import (
+    F4,
+    Height,
+    Light,
+    LightPositions,
+    Metrics,
+    Noise,
+    PixelSize,
+    Slope,
+    Uneven,
+)
+from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
+from tactograph.nodes.calibrate.lights.light_fit import (
+    Press,
+    place_leds,
+    presses_of,
+    rest_of,
+    sample,
+    samples_for,
+    shift_of,
+)
+from tactograph.nodes.height.integrate_dct import integrate_dct
+from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import (
+    SheetHeight,
+    SheetLabels,
+    SheetLight,
+    SheetMask,
+    SheetSlope,
+    cut,
+)
+from tactograph.nodes.shadow.label_lights import label_lights
+
+
+class HeldOut(NamedTuple):
+    """Errors by press, NaN where there are none, and their means."""
+
+    degrees: Annotated[F4, Port("P", "deg", nan=True)]
+    microns: Annotated[F4, Port("P", "um", nan=True)]
+    quality: Metrics
+
+
+@node
+def hold_out_presses(
+    image: SheetLight,
+    light: SheetLight,
+    flat: Light,
+    slope: SheetSlope,
+    mask: SheetMask,
+    height: SheetHeight,
+    lit: SheetLabels,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
+    noise: Noise,
+    pixel: PixelSize,
+    uneven: Uneven,
+    *,
+    steepest: Annotated[float, Gt(0)] = 3.0,
+    shift_px: Annotated[float, Gt(0)] = 0.5,
+) -> HeldOut:
+    """Place the LEDs without a press, measure it with them, and compare it with its ball.
+
+    The position of its ball is refined with the same LEDs.  Slopes are found as in
+    `reconstruct`, for the ball's own height, and judged where at least all LEDs but one reach,
+    so that the figures rate the calibration, not the treatment of shadows.  With only one
+    press nothing can be held out.
+
+    Parameters
+    ----------
+    image, light
+        K x S x W, the presses as captured and relative to the film at rest.
+    flat
+        K x H x W, the film at rest.
+    slope, mask, height, lit
+        Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
+    circle, radius, of
+        B x 3 in px, B in mm, and the press that each ball is in.
+    noise
+        (shot, read), as `estimate_noise` returns it.
+    pixel
+        mm per px.
+    uneven
+        Relative standard deviation of the film's brightness.
+    steepest, shift_px
+        As for `calibrate_lights`.
+
+    Returns
+    -------
+    HeldOut
+        For each press, over the inner nine tenths of its contact, where all LEDs but one reach
+        and the ball is not steeper than `steepest`: the mean angle between normals in degrees,
+        and the root mean square error of the height in um without its mean, because the height
+        of the ball's rim is unknown.  The number of ``presses`` used, and from two presses on
+        the means ``heldout_normal_deg``, ``heldout_height_um`` and ``heldout_height_percent``
+        of the cap.
+    """
+    rows = flat.shape[1]
+    presses = presses_of(light, slope, mask, height, lit, rows)
+    kept = [i for i, press in enumerate(presses) if press.mask.any()]
+    degrees, microns = np.full((2, len(presses)), np.nan, np.float32)
+    quality = {"presses": float(len(kept))}
+    if len(kept) < 2:
+        return HeldOut(degrees, microns, quality)
+    rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
+    most = samples_for(len(kept) - 1)
+    objects = {i: sample(presses[i], pixel, steepest, most) for i in kept}
+    everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
+    percent = []
+    for i in kept:
+        others = [there for j, there in objects.items() if j != i]
+        placed = place_leds(others, rest, shift_px, width_mm, start=everything)
+        shift = shift_of(objects[i], placed, shift_px)
+        sigma = light_noise(cut(image, rows)[i], flat, noise)
+        judged = _judged(presses[i], steepest)
+        found = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
+        errors = [
+            judge_contact(
+                *found,
+                np.array([*(circle[b, :2] + shift[:2]), circle[b, 2]]),
+                radius[b] / pixel,
+                pixel,
+                judged,
+            )
+            for b in np.flatnonzero(of == i)
+        ]
+        degrees[i], microns[i], share = np.mean(errors, axis=0)
+        percent.append(share)
+    return HeldOut(
+        degrees,
+        microns,
+        quality
+        | {
+            "heldout_normal_deg": float(np.nanmean(degrees)),
+            "heldout_height_um": float(np.nanmean(microns)),
+            "heldout_height_percent": float(np.mean(percent)),
+        },
+    )
+
+
+def _judged(press: Press, steepest: float) -> NDArray[np.bool_]:
+    """The pixels that at least all LEDs but one reach and that are not too steep."""
+    (p, q), count = press.slope, len(press.light)
+    reached = np.bitwise_count(press.lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
+    return np.asarray((press.mask > 0) & reached & (p * p + q * q < steepest * steepest))
+
+
+def _measure(
+    press: Press,
+    judged: NDArray[np.bool_],
+    sigma: Light,
+    lights: LightPositions,
+    pixel: float,
+    uneven: float,
+    lift: float,
+) -> tuple[Slope, Height]:
+    """Slope and height; unjudged contact pixels get the ball's slope, so their errors stay out."""
+    inside = press.mask > 0
+    height = press.height + inside * np.float32(lift)
+    level = np.zeros_like(press.slope)
+    found = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
+    slope = np.where(inside & ~judged, press.slope, found)
+    return slope, integrate_dct(slope, pixel)

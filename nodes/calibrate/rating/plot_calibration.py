@@ -1,0 +1,229 @@
+"""Plot a calibration, so that a person can tell a good one from a bad one."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from tactograph.graph import Port, node
+from tactograph.nodes import (
+    F4,
+    U1,
+    Light,
+    LutSlope,
+    Metrics,
+    NullVector,
+    PixelSize,
+    Reflectance,
+    Spread,
+)
+from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
+from tactograph.nodes.calibrate.tables.fit_reflectance import harmonics
+from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
+
+ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
+TOGETHER = 6
+"""Figures per line of the title."""
+MOST_NAMES = 20
+"""Most balls that are labelled with the names of their presses."""
+LONGEST = 24
+"""Most letters of a press's name."""
+
+
+@node
+def plot_calibration(
+    light: SheetLight,
+    flat: Light,
+    mask: SheetMask,
+    slope: SheetSlope,
+    lit: SheetLabels,
+    lut_slope: LutSlope,
+    reflectance: Reflectance,
+    null: NullVector,
+    spread: Spread,
+    quality: Metrics,
+    names: list[str] | None = None,
+    circle: BallCircles | None = None,
+    of: BallPress | None = None,
+    pixel: PixelSize | None = None,
+    camera_pixel: PixelSize | None = None,
+    degrees: Annotated[F4, Port("P", "deg", nan=True)] | None = None,
+    microns: Annotated[F4, Port("P", "um", nan=True)] | None = None,
+    advice: str | None = None,
+    *,
+    file: BesidePicture,
+) -> None:
+    """Draw the objects found, the tables' coverage, the fit's residual and the null test.
+
+    For several presses, also draw where they lie on the film, which are left out, and each
+    press's error with a calibration by the others.
+
+    Parameters
+    ----------
+    light, mask, slope, lit
+        Of the calibration object, or of all presses on a sheet; the mask of those used.
+    flat
+        K x H x W; only its size is used.
+    lut_slope
+        N x 2, the slopes in the tables.
+    reflectance, null, spread
+        The fits.
+    quality
+        The figures of the calibration, for the title.
+    names, degrees, microns, advice
+        Of P presses: names, held-out errors, and what to press next.
+    circle, of
+        B x 3 in px: the balls, and the press that each is in.
+    pixel, camera_pixel
+        mm per px of these images and of the camera's, whose pixels the axes count; none: alike.
+    file
+        The picture goes beside it: ``cal.npz`` gives ``cal.png``.
+    """
+    rows = flat.shape[1]
+    lights, masks = cut(light, rows), cut(mask, rows)
+    wide = 1 if pixel is None or camera_pixel is None else round(pixel / camera_pixel)
+    figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), dpi=100, layout="constrained")
+    axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
+    residuals = [
+        _residual(*press, reflectance)
+        for press in zip(lights, masks, cut(slope, rows), cut(lit, rows), strict=True)
+    ]
+    _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals), wide)
+    _draw_coverage(figure, axes[0, 1], lut_slope)
+    _draw_null(axes[1, 1], light, mask, lit, null, spread)
+    if len(lights) == 1:
+        _draw_found(axes[0, 0], light, mask, wide)
+    elif names and circle is not None and of is not None:
+        used = np.array([part.any() for part in masks])
+        _draw_presses(axes[0, 0], masks, names, circle, of, used, wide)
+        if degrees is not None and microns is not None:
+            _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
+            _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
+    figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))
+
+
+def _title(quality: Metrics) -> str:
+    """The figures that do not concern a single LED, a few per line."""
+    figures = [
+        f"{name} {int(value) if float(value).is_integer() else format(value, '.4g')}"
+        for name, value in quality.items()
+        if "/" not in name
+    ]
+    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
+
+
+def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
+    extent = _extent(mask.shape, wide)
+    axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
+    axes.contour(mask, extent=extent, origin="upper", levels=[0.5], colors=[ORANGE], linewidths=1)
+    axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
+
+
+def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of an image whose pixels are `wide` pixels of the camera."""
+    rows, columns = shape
+    return -0.5, columns * wide - 0.5, rows * wide - 0.5, -0.5
+
+
+def _draw_coverage(figure: Figure, axes: Axes, lut_slope: LutSlope) -> None:
+    drawn = axes.hexbin(lut_slope[:, 0], lut_slope[:, 1], gridsize=60, bins="log", cmap="viridis")
+    figure.colorbar(drawn, ax=axes, label="pixels in a cell")
+    axes.set_aspect("equal")
+    axes.set(
+        title=f"slopes in the tables ({len(lut_slope)} pixels)",
+        xlabel="p = dz/dx / mm per mm",
+        ylabel="q = dz/dy / mm per mm",
+    )
+
+
+def _draw_presses(
+    axes: Axes,
+    masks: list[U1],
+    names: list[str],
+    circle: F4,
+    of: NDArray[np.int32],
+    used: NDArray[np.bool_],
+    wide: int,
+) -> None:
+    """Draw the film with all contacts; those left out are grey and dashed."""
+    depth = np.sum([mask > 0 for mask in masks], axis=0)
+    scale = {"vmin": 0, "vmax": max(3, depth.max())}
+    axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
+    # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
+    middle = (wide - 1) / 2
+    placed = circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
+    for press, (x, y, radius) in zip(of, placed, strict=True):
+        if radius == 0:
+            continue
+        look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
+        axes.add_patch(Circle((x, y), radius, fill=False, **look))
+        if len(circle) <= MOST_NAMES:
+            axes.text(x, y - radius, names[press][:LONGEST], fontsize=7, ha="center", va="bottom")
+    out = int((~used).sum())
+    axes.set(
+        title=f"presses on the film: {int(used.sum())} used, {out} left out",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
+
+
+def _draw_errors(
+    axes: Axes, names: list[str], errors: F4, used: NDArray[np.bool_], what: str
+) -> None:
+    """Draw a bar for each press; a press that is left out has none."""
+    places = np.arange(len(names))
+    axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
+    labels = [
+        name[:LONGEST] + ("" if good else " (out)") for name, good in zip(names, used, strict=True)
+    ]
+    axes.set_yticks(places, labels, fontsize=7)
+    axes.invert_yaxis()
+    axes.set(title=f"error by press: {what}", xlabel=what.rpartition(" / ")[2])
+
+
+def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
+    """Largest departure from the fit of the LEDs that reach a pixel; NaN where unknown."""
+    model = np.tensordot(reflectance, harmonics(slope), axes=1)
+    error = np.zeros(mask.shape, np.float32)
+    for k, plane in enumerate(light):
+        used = (mask > 0) & ((lit >> k) & 1 > 0)
+        error = np.maximum(error, np.where(used, np.abs(plane - model[k]), 0))
+    return np.where(mask > 0, error, np.float32(np.nan))
+
+
+def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
+    # Single pixels at the rim, which are partly in shadow, must not hide the rest.
+    most = float(np.nanpercentile(error, 99))
+    known = np.ma.masked_invalid(100 * error)
+    extent = _extent(error.shape, wide)
+    drawn = axes.imshow(known, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
+    figure.colorbar(drawn, ax=axes, label="% of the light of the film at rest")
+    axes.set(
+        title="misfit of the reflectance |I - R|, the largest of all LEDs",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
+
+
+def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, spread: Spread) -> None:
+    if spread == 0:
+        axes.text(0.5, 0.5, "three LEDs:\nno shadow test", ha="center", va="center")
+        axes.set_axis_off()
+        return
+    chosen = (mask > 0) & (lit == (1 << len(light)) - 1)
+    departure = np.tensordot(null, light, axes=1)[chosen] / spread
+    axes.hist(np.clip(departure, -10, 10), bins=100, color=BLUE)
+    for threshold in (-3, 3):
+        axes.axvline(threshold, color="#d1495b", linewidth=1)
+    axes.set(
+        title="linear dependence of the light where all LEDs reach",
+        xlabel="a.I / its standard deviation",
+        ylabel="pixels",
+    )

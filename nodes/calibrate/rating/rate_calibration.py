@@ -1,0 +1,228 @@
+"""Rate a calibration by a few figures."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import (
+    F4,
+    Albedo,
+    Light,
+    LightPositions,
+    LutSlope,
+    Metrics,
+    Noise,
+    PixelSize,
+    Spread,
+)
+from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
+from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate.rating.verdict import of_heldout_error, verdict_of
+from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
+
+POOR_RESIDUAL = 0.05
+NARROW = 0.5
+POOR_LIGHTS = 0.03
+NOISY = 1.3
+"""Multiple of the camera's noise up to which noise explains a departure."""
+APART_DEG = 5.0
+"""Angle between two LEDs below which they count as the same LED."""
+FAR = 100.0
+"""Widths of the image; no LED of a sensor is farther from its film."""
+BRIGHTEST = 0.94
+"""Albedo next to the largest that `fit_film` allows."""
+
+
+class Rating(NamedTuple):
+    """Figures, what speaks against the calibration (a sentence each), and the verdict."""
+
+    quality: Metrics
+    doubts: list[str]
+    verdict: str
+
+
+@node
+def rate_calibration(
+    residual: Annotated[F4, Port("K", "1")],
+    spread: Spread,
+    lut_slope: LutSlope,
+    mask: SheetMask,
+    lit: SheetLabels,
+    lights: LightPositions,
+    mismatch: Annotated[F4, Port("K", "1")],
+    goodness: Annotated[F4, Port("B", "1")] | None = None,
+    flat: Light | None = None,
+    noise: Noise | None = None,
+    pixel: PixelSize | None = None,
+    albedo: Albedo | None = None,
+    refraction: Annotated[float, Port(unit="1")] | None = None,
+    fitted: Metrics | None = None,
+    of_radius: list[str] | None = None,
+    *,
+    force: bool = False,
+) -> Rating:
+    """Return the figures that distinguish a good calibration from a bad one; doubt a bad one.
+
+    Parameters
+    ----------
+    residual
+        Root mean square of the reflectance fit per LED; the film at rest is 1.
+    spread
+        Standard deviation of a.I on lit pixels.
+    lut_slope
+        N x 2, the slopes in the tables.
+    mask, lit
+        The pixels of known slope, and the LEDs that reach them.
+    lights, mismatch
+        K x 3 in mm, and the root mean square residual of their fit, K.
+    goodness
+        Of each ball, 0 to 1; 0 where none was found.
+    flat, noise
+        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
+        Residuals that noise explains raise no warning of a poor fit.
+    pixel
+        mm per px.
+    albedo, refraction
+        Of the film, as `fit_film` returns them.  Under a coat the light is no smooth function of
+        the slope, and then that raises no warning.
+    fitted, of_radius
+        The figures of `fit_film`, and the doubts of `judge_radius`.
+    force
+        Whether a ball's radius and a pixel size that contradict each other are accepted, with a
+        doubt.
+
+    Returns
+    -------
+    Rating
+        The doubts, each of them also a warning; the verdict, one sentence for people; and the
+        figures: ``entries``; ``steepest_slope`` that the tables cover in every direction;
+        ``residual_percent``, the largest of all LEDs; ``spread_percent``;
+        ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
+        largest of all LEDs; the lowest ``ball_goodness``; and for comparison with the sensor,
+        for each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x
+        (right) towards y (down), ``distance_mm/led1`` from the middle of the image.
+
+    Raises
+    ------
+    InputError
+        If the ball's radius and the pixel size contradict each other: LEDs at infinity, or a film
+        that returns all light; unless `force` is set.
+    """
+    count = len(residual)
+    error = (fitted or {}).get("film_heldout_deg")
+    doubts = of_heldout_error(error) + (of_radius or [])
+    steepest = _covered_everywhere(lut_slope)
+    worst = int(np.argmax(residual))
+    grain = _grain(flat, noise, count)
+    noisiest = int(np.argmax(grain))
+    if NOISY * grain[noisiest] > POOR_LIGHTS:
+        warn(
+            f"LED {noisiest + 1}'s images are noisy, by {grain[noisiest]:.1%} of the film's light: "
+            "expose longer"
+        )
+    is_coated = refraction is not None and refraction != 1
+    if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]) and not is_coated:
+        is_missing = flat is None or is_uniform(flat)
+        doubts.append(
+            f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
+            "of the slope: check the ball's radius and the pixel size"
+            + (", or give flat=DIR" if is_missing else "")
+        )
+    if steepest < NARROW:
+        warn(
+            f"the tables cover slopes up to {steepest:.2f} only; press deeper, or use a "
+            "smaller ball"
+        )
+    poorest = int(np.argmax(mismatch))
+    if mismatch[poorest] > max(POOR_LIGHTS, NOISY * grain[poorest]):
+        doubts.append(
+            f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
+            "above a matt film: check the order of the images, the ball's radius, its contact and "
+            "the pixel size; a film that is glossy departs, too"
+        )
+    doubts += _of_twins(lights)
+    if pixel is not None and albedo is not None:
+        contradiction = _of_scale(lights, pixel * mask.shape[1], albedo)
+        if contradiction and not force:
+            raise InputError(contradiction[0] + HOW_TO_FORCE)
+        doubts += contradiction
+    for doubt in doubts:
+        warn(doubt)
+    known = mask > 0
+    rated = {
+        "entries": float(len(lut_slope)),
+        "steepest_slope": steepest,
+        "residual_percent": float(100 * residual[worst]),
+        "spread_percent": 100 * spread,
+        "fully_lit_percent": float(100 * (lit[known] == (1 << count) - 1).mean()),
+        "near_light_residual_percent": float(100 * mismatch[poorest]),
+    }
+    if goodness is not None:
+        rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
+    return Rating(
+        rated | _directions(lights), doubts, verdict_of(doubts, "film_heldout_deg", error)
+    )
+
+
+def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
+    """Standard deviation of a pixel's light on the film at rest, per LED; 0 if not known."""
+    if flat is None or noise is None:
+        return np.zeros(count, np.float32)
+    level = np.maximum(np.median(flat.reshape(count, -1), axis=1), np.float32(1e-3))
+    return light_noise(level[:, None, None], level[:, None, None], noise, floor=1e-3)[:, 0, 0]
+
+
+def _of_twins(lights: LightPositions) -> list[str]:
+    """A doubt if two LEDs light the film from the same direction."""
+    away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    alike = np.triu(away @ away.T > np.cos(np.radians(APART_DEG)), 1)
+    return [
+        f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
+        f"copy of led{one + 1}, or does the same LED flash twice?"
+        for one, other in np.argwhere(alike)[:1]
+    ]
+
+
+def _of_scale(lights: LightPositions, width_mm: float, albedo: float) -> list[str]:
+    """A doubt if only a wrong radius of the ball, or pixel size, explains the film.
+
+    Slopes that are too steep or too flat are made up for by LEDs at infinity, or by a film that
+    lights itself.
+    """
+    distance = np.linalg.norm(lights, axis=1)
+    farthest = int(np.argmax(distance))
+    if distance[farthest] > FAR * width_mm:
+        return [
+            f"LED {farthest + 1} is found {distance[farthest] / 1000:,.1f} m from the film, more "
+            f"than {FAR:.0f} widths of the image: check the ball's radius, the pixel size and the "
+            "order of the images"
+        ]
+    if albedo > BRIGHTEST:
+        return [
+            f"the film's albedo is found as {albedo:.2f}, the largest possible: check the "
+            "ball's radius and the pixel size"
+        ]
+    return []
+
+
+def _directions(lights: LightPositions) -> Metrics:
+    """Slant, azimuth and distance of each LED, which can be checked against the sensor."""
+    rated: Metrics = {}
+    for k, (x, y, z) in enumerate(lights.astype(np.float64), start=1):
+        rated[f"slant_deg/led{k}"] = float(np.degrees(np.arctan2(np.hypot(x, y), z)))
+        rated[f"azimuth_deg/led{k}"] = float(np.degrees(np.arctan2(y, x)))
+        rated[f"distance_mm/led{k}"] = float(np.sqrt(x * x + y * y + z * z))
+    return rated
+
+
+def _covered_everywhere(lut_slope: LutSlope, sectors: int = 16) -> float:
+    """The slope up to which each of `sectors` directions has entries."""
+    azimuth = np.arctan2(lut_slope[:, 1], lut_slope[:, 0])
+    sector = ((azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+    steep = np.zeros(sectors)
+    np.maximum.at(steep, sector, np.hypot(lut_slope[:, 0], lut_slope[:, 1]))
+    return float(steep.min())

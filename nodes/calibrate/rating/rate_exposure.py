@@ -1,0 +1,91 @@
+"""Tell presses that were taken under other light than the flat frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node, warn
+from tactograph.nodes import F4, Light, Metrics
+from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
+from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+SKIRT = 1.5
+"""Film within so many contact radii of a ball is lifted, and shaded by its slope."""
+FEWEST = 0.05
+"""Share of the frame that has to lie outside the skirts; else the whole frame counts."""
+ALIKE = 0.1
+"""Departure of an LED's light that pressed film and flickering LEDs explain."""
+_TAKEN = "the flat frame", "take both with the same exposure, gain and LED currents"
+_MODELLED = (
+    "a plain film under the LEDs that were found, as no flat frame was given",
+    "give one, flat=DIR",
+)
+"""What the film is compared with, and what to do."""
+
+
+@node
+def rate_exposure(
+    light: SheetLight,
+    flat: Light,
+    taken: Light,
+    circle: BallCircles,
+    of: BallPress,
+    names: list[str],
+) -> Metrics:
+    """Return by how much the untouched film of the presses differs from the flat frame; warn of it.
+
+    Heights follow from light relative to the flat frame, so exposure, gain and LED currents have
+    to be the same in both.  The median over the film beyond the balls' skirts shows whether they
+    were.
+
+    Parameters
+    ----------
+    light
+        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
+    flat
+        K x H x W, the film at rest.
+    taken
+        K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken.
+    circle, of
+        The balls: x, y and contact radius in px of their press, B x 3, and the number of that
+        press, B.
+    names
+        The presses' names.
+
+    Returns
+    -------
+    dict
+        ``rest_departure_percent``, the largest of all presses and LEDs, with its sign.
+    """
+    presses = cut(light, flat.shape[1])
+    compared, cure = _TAKEN if not is_uniform(taken) else _MODELLED
+    found = [
+        _departure(press, circle[of == number], names[number], compared, cure)
+        for number, press in enumerate(presses)
+    ]
+    worst = max(found, key=abs, default=0.0)
+    return {"rest_departure_percent": 100 * worst}
+
+
+def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> float:
+    """Light of the film at rest less 1, of the LED that departs most."""
+    rows, columns = press.shape[1:]
+    y, x = np.mgrid[:rows, :columns]
+    free = np.ones((rows, columns), bool)
+    for at_x, at_y, radius in circles:
+        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT * radius) ** 2
+    if free.mean() < FEWEST:
+        free[:] = True
+    levels = np.median(press[:, free], axis=1) - 1
+    led = int(np.argmax(np.abs(levels)))
+    level = float(levels[led])
+    if abs(level) > ALIKE:
+        more = "brighter" if level > 0 else "darker"
+        # A single press has no name.
+        where = f"{name}: under" if name else "under"
+        warn(
+            f"{where} LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than "
+            f"{compared}: {cure}"
+        )
+    return level

@@ -1,0 +1,1 @@
+"""Compare the film with that of the calibration, and carry a calibration over to another film."""

@@ -1,0 +1,77 @@
+"""Plot what a new film has changed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, Height, Light, Metrics
+from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
+from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
+from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+ORANGE = "#ffb000"
+TOGETHER = 5
+"""Figures per line of the title."""
+
+
+@node
+def plot_recalibration(
+    then: Light,
+    now: Light,
+    albedo: Annotated[F4, Port("H W", "1")],
+    dent: Height,
+    image: SheetLight,
+    circle: BallCircles,
+    of: BallPress,
+    quality: Metrics,
+    advice: str,
+    *,
+    file: BesidePicture,
+) -> None:
+    """Draw both films at rest, the check press, and maps of albedo and dents.
+
+    Parameters
+    ----------
+    then, now
+        K x H x W, the old and the new film at rest.
+    albedo, dent
+        As `film_change` returns them.
+    image, circle, of
+        The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
+        there is no ball.
+    quality, advice
+        For the title.
+    file
+        The picture goes beside it: ``new.npz`` gives ``new.png``.
+    """
+    films = {"old film at rest": then, "new film at rest": now}
+    words = "new against old"
+    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=15)
+    _draw_press(upper, cut(image, now.shape[1])[0], circle[of == 0])
+    light = [v for name, v in quality.items() if name.startswith("light_percent/")]
+    draw_light(lower, np.asarray(light, np.float32), words)
+    figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))
+
+
+def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
+    axes.imshow(press.mean(axis=0), cmap="gray")
+    for x, y, radius in circles[circles[:, 2] > 0]:
+        axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
+    found = (circles[:, 2] > 0).any()
+    axes.set_title("check press" if found else "no check press")
+
+
+def _title(quality: Metrics) -> str:
+    figures = [
+        f"{name} {value:.4g}"
+        for name, value in quality.items()
+        if not name.startswith("light_percent")
+    ]
+    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))

@@ -1,0 +1,1 @@
+"""The film at rest and the camera's noise."""

@@ -1,0 +1,51 @@
+"""Measure the camera's noise on any capture of a smooth scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from tactograph.graph import node
+from tactograph.nodes import Light, Noise
+from tactograph.nodes.calibrate.rest._immerkaer import responses, variances
+
+LEVELS = np.linspace(0.04, 0.96, 24)
+"""Levels of light between which noise is measured: neither black nor saturated."""
+FEWEST = 400
+LEAST = 1e-8
+"""Smallest read variance, however clean the images are."""
+
+
+@node
+def estimate_noise(image: Light) -> Noise:
+    """Return (shot, read): the variance of a captured light I is shot I + read.
+
+    Immerkaer's fast noise variance estimation (1996), separately for each level of light: the
+    mean magnitude of the response of a mask that is blind to smooth light, without edges.
+    Non-negative least squares over the levels separates shot noise from read noise.
+
+    Parameters
+    ----------
+    image
+        K x H x W, as captured.
+
+    Returns
+    -------
+    ndarray
+        Length 2.
+    """
+    left = np.stack([responses(plane) for plane in image])
+    number = np.digitize(image, LEVELS)
+    rows, squares, weights = [], [], []
+    for level in range(1, len(LEVELS)):
+        chosen = number == level
+        count = int(chosen.sum())
+        if count >= FEWEST:
+            rows.append([image[chosen].mean(), 1.0])
+            squares.append(float(variances(left[chosen])))
+            weights.append(np.sqrt(count) / max(squares[-1], LEAST))
+    if not rows:
+        return np.array([0, max(float(variances(left.ravel())), LEAST)], np.float32)
+    scale = np.array(weights) / max(weights)
+    found, _ = nnls(np.array(rows) * scale[:, None], np.array(squares) * scale)
+    return np.array([found[0], max(found[1], LEAST)], np.float32)

@@ -1,0 +1,57 @@
+"""Provide the film at rest at the camera's resolution after a calibration on binned images."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import CoarseDark, CoarseLight, Dark, Light
+from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+
+
+class Rest(NamedTuple):
+    """The film at rest, and the image with all LEDs off."""
+
+    flat: Light
+    dark: Dark
+
+
+@node
+def full_rest(
+    flat: Light,
+    dark: Dark,
+    binned: CoarseLight,
+    binned_dark: CoarseDark,
+    *,
+    as_taken: bool = False,
+) -> Rest:
+    """Return the flat frame and the dark image at the camera's resolution.
+
+    Parameters
+    ----------
+    flat, dark
+        K x H x W and H x W, as taken.
+    binned, binned_dark
+        K x h x w and h x w, from the calibration: with ambient light subtracted, or a model
+        if no flat frame was taken.  If the sizes are equal, these are the result.
+    as_taken
+        Whether the flat frame is kept as taken, minus ambient light, whatever its size.  Then
+        it keeps details that `binned` lacks, such as markers that were filled in.
+
+    Returns
+    -------
+    Rest
+        K x H x W and H x W.
+    """
+    if binned.shape == flat.shape and not as_taken:
+        return Rest(binned, binned_dark)
+    rows, columns = dark.shape
+    ambient = np.float32(np.median(binned_dark) - np.median(dark))
+    if is_uniform(flat):
+        size = (columns, rows)
+        model = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in binned]
+        return Rest(np.stack(model), dark + ambient)
+    return Rest(np.maximum(flat - ambient, np.float32(0)), dark + ambient)

@@ -1,0 +1,96 @@
+"""Measure how strongly the camera's noise is correlated between neighbouring pixels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import F4, Grain, Light, Noise, NoiseCorrelation
+from tactograph.nodes.calibrate.rest._immerkaer import responses, variances
+from tactograph.nodes.calibrate.rest.estimate_noise import LEVELS
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+TILE = 32
+"""Pixels along the side of a tile of film."""
+MOST_TILES, FEWEST_TILES = 400, 24
+"""About how many tiles are used per press and LED, and the fewest in all for a result."""
+CALM, AS_CALM = 0.1, 0.65
+"""Share of the tiles in which at least only noise differs from cell to cell; and the value of this
+quantile for white noise of variance 1."""
+CELL, APART = 4, 2
+"""Side of a cell in px, and distance of the compared cells in cells."""
+MOST = 4.0
+"""Largest result: that of a mosaic with a colour in every fourth pixel.  Beyond it, the film
+itself differs."""
+LEAST = 1e-12
+"""Smallest variance to divide by."""
+
+
+@node
+def noise_correlation(
+    image: SheetLight, flat: Light, noise: Noise, grain: Grain
+) -> NoiseCorrelation:
+    """Return the variance of a mean over pixels, relative to that with independent noise.
+
+    A camera that interpolates colours or compresses correlates the noise of neighbours.  A mean
+    over them then removes less noise, and a mask that compares neighbours hardly sees it
+    (`estimate_noise`).  The result is the square of the noise correlation ratio of Fruchter and
+    Hook ("Drizzle: a method for the linear reconstruction of undersampled images", 2002), from
+    means of 4 x 4 pixels on calm film.  The texture of a film that settles differently after
+    every touch counts as noise, as far as `grain` does not include it.
+
+    Parameters
+    ----------
+    image
+        K x S x W, as captured: one capture, or presses on a sheet (`sheet`).
+    flat
+        K x H x W, the film at rest.
+    noise
+        (shot, read), as `estimate_noise` returns it.
+    grain
+        Of the film; together with the noise it is the expected standard deviation of a pixel.
+
+    Returns
+    -------
+    float
+        1 if the pixels' noise is independent.
+    """
+    if min(flat.shape[1:]) < TILE:
+        return 1.0
+    black = np.zeros(flat.shape[1:], np.float32)
+    ratios = []
+    for press in cut(image, flat.shape[1]):
+        light, sigma = flat_field(press, flat, black), light_noise(press, flat, noise)
+        for seen, relative, camera in zip(press, light, sigma, strict=True):
+            lit = _in_tiles((seen > LEVELS[0]) & (seen < LEVELS[-1]), TILE).all(axis=1)
+            asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MOST_TILES]
+            alone = camera**2 + (grain * relative) ** 2
+            expected = _in_tiles(alone, TILE)[asked].mean(axis=1)
+            ratios.append(_of_cells(relative)[asked] / np.maximum(expected, LEAST))
+    found = np.concatenate(ratios)
+    if found.size < FEWEST_TILES:
+        return 1.0
+    return float(np.clip(np.quantile(found, CALM) / AS_CALM, 1, MOST))
+
+
+def _of_cells(light: F4) -> NDArray[Any]:
+    """For each tile, the pixel variance that would explain the noise of its cells.
+
+    The mask's taps are spaced apart, since neighbouring cells share noise, too.
+    """
+    rows, columns = (size // TILE * TILE for size in light.shape)
+    cells = coarsen(light[None, :rows, :columns], factor=CELL)[0]
+    return variances(_in_tiles(responses(cells, APART), TILE // CELL)) * CELL**2
+
+
+def _in_tiles(plane: NDArray[Any], side: int) -> NDArray[Any]:
+    """N x side^2, by tile; incomplete tiles at the right and bottom are left out."""
+    rows, columns = (size // side for size in plane.shape)
+    whole = plane[: rows * side, : columns * side].reshape(rows, side, columns, side)
+    return whole.swapaxes(1, 2).reshape(rows * columns, side * side)

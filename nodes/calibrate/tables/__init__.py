@@ -1,0 +1,1 @@
+"""Fit the paper's tables: light to slope, null vector, reflectance."""

@@ -1,0 +1,78 @@
+"""The random errors that `height_error` sends through the solver: their signs, waves and draws.
+
+``kernels/error/height_error.cl`` holds the same.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactograph.nodes import F4
+
+ERRORS = 8
+"""Number of random errors, each with other LED positions.  The kernel's ERRORS."""
+SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
+LEANING = 1, -1, 1, -1, 1, -1, 1, -1
+"""Signs of the errors that every random error holds in full, so that they hardly interfere."""
+WAVES = 4.0, 12.0
+"""Lengths of the waves, relative to the width of the model's errors: at that width the correlation
+of the first has fallen to a half."""
+
+
+class Wave(NamedTuple):
+    """A wave of the model's errors: direction, phase, and length relative to their width."""
+
+    across: np.float32
+    down: np.float32
+    phase: np.float32
+    length: np.float32
+
+
+def wave(number: int) -> Wave:
+    """The wave of an error; each odd one is a quarter of a wave ahead of the even one before."""
+    angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
+    numbers = math.cos(angle), math.sin(angle), phase, WAVES[number // 2 % 2]
+    return Wave(*map(np.float32, numbers))
+
+
+def kinds() -> F4:
+    """Return the parameters of each error for the device (`Kind` of the kernel)."""
+    waves = np.array([wave(number) for number in range(ERRORS)], np.float32)
+    waves[:, 2] /= np.float32(2 * math.pi)
+    return np.column_stack([SIGNS, SETTLING, LEANING, waves]).astype(np.float32)
+
+
+class Keys(NamedTuple):
+    """The keys from which the random signs of one error are drawn."""
+
+    light: int
+    right: int
+    down: int
+    rises: int
+
+
+def keys_of(seed: int, number: int) -> Keys:
+    """The keys of an error."""
+    start = 4 * (ERRORS * seed + number)
+    return Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
+
+
+def drawn(key: int, shape: tuple[int, ...], first: int = 0) -> F4:
+    """+1 or -1 for each element, by a hash, so that every device draws the same.
+
+    Elements are counted from `first`.  Their variance is 1, like that of a standard normal
+    distribution; only the variance matters.
+    """
+    numbers = np.arange(first, first + math.prod(shape), dtype=np.uint32) ^ np.uint32(key)
+    return np.where(_hashed(numbers) >> np.uint32(31), np.float32(1), np.float32(-1)).reshape(shape)
+
+
+def _hashed(x: Any) -> Any:
+    """Every bit of a 32-bit number depends on all bits of `x` (after Wellons, lowbias32)."""
+    with np.errstate(over="ignore"):
+        x = (x ^ x >> np.uint32(16)) * np.uint32(0x7FEB352D)
+        x = (x ^ x >> np.uint32(15)) * np.uint32(0x846CA68B)
+    return x ^ x >> np.uint32(16)

@@ -1,0 +1,188 @@
+"""The random errors of the slopes: each cause, and its part of the slopes to first order.
+
+``kernels/error/height_error.cl`` holds the same (err_slopes).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, U1, Film, LightPositions, Misfit
+from tactograph.nodes.error._random_errors import (
+    ERRORS,
+    LEANING,
+    SETTLING,
+    SIGNS,
+    drawn,
+    keys_of,
+    wave,
+)
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.near_light import (
+    brightness_share,
+    expected_light,
+    light_by_place,
+    vectors_at,
+)
+
+ONE = np.float32(1)
+SINGULAR = np.float32(1e-4)
+LEAST_VARIANCE = np.float32(1e-10)
+LEAST_NOISE = np.float32(1e-12)
+STEEPEST = np.float32(3)
+TILTED = np.float32(0.1)
+"""Slope from which on the model's error is that of the presses."""
+FLAT = np.float32(0.3)
+"""Share of that error on level film around a touch.  There the flat frame cancels it, except for
+the light that the touch throws on the film."""
+NARROWEST = np.float32(1e-3)
+"""Smallest width in mm from which waves are made."""
+
+
+class Unperturbed(NamedTuple):
+    """What the errors start from, inside the window."""
+
+    light: F4
+    """K x h x w."""
+    sigma: F4
+    slope: F4
+    """2 x h x w."""
+    height: F4
+    x: F4
+    """1 x w, in mm from the middle of the image."""
+    y: F4
+    """h x 1."""
+    used: U1
+    """The LEDs that the slope was found with."""
+    free: NDArray[np.bool_]
+    """What is not at rest."""
+    bounced: F4
+    """K x h x w, the light that the film throws on itself; zero if none is known."""
+    changed: F4
+    """By how much that changed in the last pass, likewise."""
+
+    def rows(self, part: slice) -> Unperturbed:
+        """The same for some rows."""
+        inside = {name: plane[..., part, :] for name, plane in self._asdict().items()}
+        return Unperturbed(**{**inside, "x": self.x})
+
+
+class Causes(NamedTuple):
+    """What is not known for certain."""
+
+    film: Film
+    """Where the LEDs are, and may be instead; how uneven the film's brightness is."""
+    misfit: Misfit | None
+    flat_noise: np.float32
+    """Noise of the flat frame, relative to a touch's."""
+    shared: np.float32
+    """Factor on the noise of pixels that accounts for correlated neighbours."""
+
+
+def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
+    """Return all errors of the slopes inside the window, ERRORS x 2 x h x w."""
+    rows, columns = seen.height.shape
+    errors = np.empty((ERRORS, 2, rows, columns), np.float32)
+
+    def enter(part: slice) -> None:
+        here = seen.rows(part)
+        by_light = slope_by_light(here, causes)
+        by_place = light_by_place(causes.film.lights, here.x, here.y, here.height, here.slope)
+        root = _root_of_noise(here, by_light, causes)
+        first = part.start * columns
+        for number, other in enumerate(causes.film.others):
+            change = _moved_leds(by_place, other - causes.film.lights)
+            change += _wrong_bounce(here, causes.misfit, number)
+            error = (by_light * change).sum(axis=1)
+            error += _noise(root, keys_of(seed, number).light, first, rows * columns)
+            error = _bounded(error)
+            if causes.misfit is not None:
+                error = _bounded(error + _leaning(here, causes.misfit, number))
+            errors[number, :, part] = error
+
+    in_blocks(enter, rows, columns)
+    return errors
+
+
+def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
+    """Return the derivative of p and q by each LED's light, 2 x K x h x w; 0 on film at rest.
+
+    The derivative of the weighted least-squares normal by the lights, transformed to p and q, in
+    the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y).  For three LEDs or more the film's
+    brightness is free; see `label_lights`.
+    """
+    p, q = seen.slope
+    nz = ONE / np.sqrt(ONE + p * p + q * q)
+    vectors = vectors_at(causes.film.lights, seen.x, seen.y, seen.height)
+    shown = expected_light(vectors, seen.slope)
+    tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
+    counts = seen.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
+    weight = counts / np.maximum(seen.sigma * seen.sigma, LEAST_VARIANCE)
+    weighted = weight * shown
+    share = brightness_share((weighted * shown).sum(axis=0), ONE, np.float32(causes.film.uneven))
+    share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
+    (a, b), (of_a, of_b) = (
+        tangents,
+        (weight * (along - share * (weighted * along).sum(axis=0) * shown) for along in tangents),
+    )
+    aa, ab, bb = (of_a * a).sum(axis=0), (of_a * b).sum(axis=0), (of_b * b).sum(axis=0)
+    determinant = aa * bb - ab * ab
+    known = (determinant > SINGULAR * aa * bb) & seen.free
+    inverse = np.where(known, ONE / np.where(known, determinant, ONE), np.float32(0))
+    by_a, by_b = (bb * of_a - ab * of_b) * inverse, (aa * of_b - ab * of_a) * inverse
+    by_p, by_q = (ONE + p * p) * by_a + p * q * by_b, p * q * by_a + (ONE + q * q) * by_b
+    return np.asarray([-by_p, -by_q], np.float32)
+
+
+def _moved_leds(by_place: F4, moved: LightPositions) -> F4:
+    """The change of the light by LEDs elsewhere, K x h x w."""
+    return np.asarray((by_place * moved[:, :, None, None]).sum(axis=1))
+
+
+def _wrong_bounce(seen: Unperturbed, misfit: Misfit | None, number: int) -> F4:
+    """What is wrong of the light that the film throws on itself: a share, and its last change."""
+    wrong = np.float32(0) if misfit is None else SIGNS[number] * misfit[3]
+    return np.asarray(wrong * seen.bounced + np.float32(SETTLING[number]) * seen.changed)
+
+
+def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
+    """A root of the covariance of p and q by the noise of the lights and of the flat frame.
+
+    The noise of p, the noise of q that is correlated with it, and that which is independent.
+    """
+    flat = causes.flat_noise * seen.light
+    noise = by_light * (causes.shared * seen.sigma * np.sqrt(ONE + flat * flat))
+    alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
+    along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, LEAST_NOISE)
+    rest = (noise[1] * noise[1]).sum(axis=0) - along * along
+    return alone, along, np.sqrt(np.maximum(rest, np.float32(0)))
+
+
+def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
+    """The noise of p and q, of which pixels from number `first` on, of `pixels`, are drawn."""
+    alone, along, across = root
+    of_both = drawn(key, alone.shape, first)
+    of_q = drawn(key, alone.shape, pixels + first)
+    return np.asarray([alone * of_both, along * of_both + across * of_q])
+
+
+def _leaning(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
+    """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
+    (p, q), of = seen.slope, wave(number)
+    per_mm = np.float32(2 * math.pi) / (of.length * np.maximum(misfit[1], NARROWEST))
+    turned = per_mm * (of.across * seen.x + of.down * seen.y) + of.phase
+    square = p * p + q * q
+    slant = np.sqrt(square)
+    tilted = np.clip(slant / TILTED, FLAT, ONE)
+    lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turned)
+    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
+    uphill = lean * (of.across * p + of.down * q) + steeper * (ONE + square)
+    return np.asarray([lean * of.across + uphill * p, lean * of.down + uphill * q])
+
+
+def _bounded(slope: F4) -> F4:
+    return np.clip(slope, -STEEPEST, STEEPEST)

@@ -1,0 +1,71 @@
+"""The errors of the steps from pixel to pixel, and of edges that no pixel resolves.
+
+``kernels/error/height_error.cl`` holds the same (err_steps, err_kinks, bends).
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tactograph.nodes import F4, Height
+from tactograph.nodes.error._random_errors import Keys, drawn
+
+HALF = np.float32(0.5)
+SHARPEST = np.float32(2)
+"""A sharper kink counts as this sharp: its step has little weight."""
+SHARP = np.float32(0.5)
+"""Difference of slopes from pixel to pixel up to which an edge is resolved."""
+
+Steps = tuple[F4, F4]
+"""To the right and down in mm, h x w-1 and h-1 x w."""
+
+
+def turns(steps: Steps) -> Steps:
+    """Return by how much steps differ from their neighbours."""
+    right, down = steps
+    return _turn(right, axis=1), _turn(down, axis=0)
+
+
+def _turn(step: F4, axis: int) -> F4:
+    if step.shape[axis] < 2:
+        return np.zeros_like(step)
+    return np.abs(np.gradient(step, axis=axis))
+
+
+def random_steps(slopes: F4, turn: Steps, keys: Keys, pixel: float, aperture: float) -> Steps:
+    """Return an error of steps: that of the slopes at their ends, and of their computation.
+
+    The latter is random, `aperture` times as large as steps differ.
+    """
+    p, q = slopes
+    size, times = HALF * np.float32(pixel), np.float32(aperture)
+    of_right, of_down = drawn(keys.right, p.shape), drawn(keys.down, p.shape)
+    return (
+        (p[:, 1:] + p[:, :-1]) * size + times * turn[0] * of_right[:, :-1],
+        (q[1:] + q[:-1]) * size + times * turn[1] * of_down[:-1],
+    )
+
+
+def kinks(steps: Steps, turn: Steps, kink: float, pixel: float) -> Steps:
+    """Return by how much steps are too small where slopes change within a pixel, all uphill."""
+    right, down = (_lacking(*each, kink, pixel) for each in zip(steps, turn, strict=True))
+    return right, down
+
+
+def _lacking(step: F4, turn: F4, kink: float, pixel: float) -> F4:
+    bend = np.minimum(turn / np.float32(pixel), SHARPEST)
+    return np.asarray(np.float32(kink * pixel) * (bend * bend * bend) * np.sign(step), np.float32)
+
+
+def unresolved(height: Height, pixel: float) -> F4:
+    """Return half of the height's second difference beyond `SHARP`, the largest of 3 x 3 pixels.
+
+    An edge that a pixel does not resolve may equally lie in the next pixel.
+    """
+    around = np.pad(height, 1, mode="edge")
+    across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
+    along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
+    bend = np.sqrt(across * across + along * along) - SHARP * np.float32(pixel)
+    beyond = np.maximum(bend, np.float32(0)) * HALF
+    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)

@@ -1,0 +1,396 @@
+"""The standard deviation of every height.
+
+Slopes at all rims understate the rise alike.  So the error that all rims share goes through the
+solver as one load, not as noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Annotated, Any
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Interval
+
+from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.run.cores import cores
+from tactograph.nodes import (
+    F4,
+    Film,
+    Height,
+    HeightError,
+    Labels,
+    Light,
+    Misfit,
+    NoiseCorrelation,
+    Slope,
+)
+from tactograph.nodes.error._random_errors import ERRORS, Keys, drawn, keys_of, kinds
+from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
+from tactograph.nodes.error._step_errors import kinks, random_steps, turns, unresolved
+from tactograph.nodes.height.height_equations import FREE, HeightSystem
+from tactograph.nodes.height.height_solver import HeightSolver
+from tactograph.nodes.height.height_system import example_system
+from tactograph.nodes.height.spring_cells import coarsened, on_pixels
+from tactograph.nodes.height.springs import Springs, conjugate_gradients, hierarchy
+from tactograph.nodes.optics.near_light import places
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import DeviceArray, Launch
+
+DEEPEST = 2
+"""Number of coarsenings by 2 x 2: random errors are integrated on cells of 4 x 4 pixels."""
+FINE = 2
+"""Number of errors that are also integrated on the pixels.  Their excess over the result on cells
+estimates what cells do not resolve of any error (multilevel Monte Carlo; Giles, "Multilevel Monte
+Carlo path simulation", 2008)."""
+AGAIN = 4
+"""Conjugate-gradient steps for such an error, starting from the result on cells."""
+FEW = 4
+"""Work-items per group on a CPU, where each keeps much data."""
+SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
+"""The Gaussian by which the variance is averaged over neighbours."""
+ENOUGH = 1e-6
+"""Stop when less than this share of the steps' energy is left to gain."""
+Wants = tuple[F4, F4, F4]
+"""The steps to the right and down and the rises that the springs aim at, in mm."""
+BESIDE = 0.1
+"""Share of a random error's energy: kinks of less energy are solved only as exactly as that."""
+
+
+@node(
+    tolerance=Close(1e-6, 2e-3, why="conjugate gradients add up in another order"),
+    sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
+)
+def height_error(
+    height: Height,
+    slope: Slope,
+    system: HeightSystem,
+    light: Light,
+    sigma: Light,
+    used: Labels,
+    film: Film,
+    misfit: Misfit | None = None,
+    bounced: Light | None = None,
+    earlier: Light | None = None,
+    correlation: NoiseCorrelation | None = None,
+    *,
+    flat_noise: Annotated[float, Ge(0)] = 0.6,
+    aperture: Annotated[float, Ge(0)] = 0.1,
+    kink: Annotated[float, Ge(0)] = 0.45,
+    steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
+    seed: Annotated[int, Ge(0)] = 1,
+) -> HeightError:
+    """Return the standard deviation of the height, by sending errors through the solver.
+
+    For given weights the height is linear in the slopes and rises (H2).  A few random errors of the
+    right size are integrated like slopes.  The mean square of the results, averaged over
+    neighbours, is the variance.  All are integrated on cells of 4 x 4 pixels (`spring_cells`), and
+    two of them also on pixels, to estimate what the cells do not resolve.  The errors are
+
+    - the noise of each LED's light, and of the flat frame that it was divided by, independent
+      from pixel to pixel.  Where neighbours share noise, it is increased by the same factor as
+      the noise of a mean over pixels, because a height is a sum of slopes;
+    - an error of the calibration, common to all pixels: the first-order change of the film's
+      light if the LEDs were at other positions that the calibration allows (on the film at rest
+      the flat frame cancels it);
+    - an error of the film's model: normals that lean by the residual on presses held out, and on
+      this touch.  The errors are waves of two lengths in four directions, each in two phases a
+      quarter of a wave apart, so that their squares have a constant sum.  Only the part of such
+      a field that leans along its wave changes a height, which is half of it.  In a second error
+      all normals lean too much, or too little;
+    - two errors of the light that the film throws on itself: the share of it by which the
+      calibration's presses disagree, and its change in the last pass;
+    - the error of a step computed from two or four slopes, in proportion to their difference;
+    - errors of the shadows' rises, independent of one another;
+    - where the slope differs by more than a half from pixel to pixel: the edge may lie in the
+      next pixel;
+    - an error that all steep steps share: where the slope changes within a pixel, at rims and
+      ridges, the slopes understate the rise, and the whole cap behind the rim comes out too
+      low.  It grows with the cube of the change of slope, up to a change of two.
+
+    The eight positions of the LEDs are chosen so that the squares of the calibration's errors
+    add up exactly.  The last error is integrated alone, with its own sign.  On the film at rest
+    the error is zero, because the height is held at zero; `doubt_rest` says how far that may be
+    off.
+
+    Parameters
+    ----------
+    height
+        H x W in mm, as integrated.
+    slope
+        2 x H x W, as given to `height_system`.
+    system
+        The equations from which the height was integrated.
+    light, sigma
+        K x H x W, and its standard deviation.
+    used
+        H x W, the LEDs the slope was found with.
+    film
+        Where the LEDs are and may be instead, and how uneven the film's brightness is.
+    misfit
+        Errors of the film's model; without it the model counts as exact.
+    bounced, earlier
+        K x H x W, the light that the film throws on itself, already subtracted from `light`; and
+        the same in the previous pass.
+    correlation
+        Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
+        noise is independent.
+    flat_noise
+        Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
+        calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
+    aperture
+        Error of a step, in px, per difference of the slopes at its ends.
+    kink
+        Common error of all steps, in px, where that difference is 1.
+    steps
+        Conjugate-gradient steps per error.
+    seed
+        Seed of the random errors.
+
+    Returns
+    -------
+    ndarray
+        H x W, one standard deviation in mm.
+    """
+    seen = _inside(system, light, sigma, slope, height, used, bounced, earlier)
+    shared = np.float32(math.sqrt(correlation or 1.0))
+    causes = Causes(film, misfit, np.float32(flat_noise), shared)
+    slopes, turn = slope_errors(seen, causes, seed), turns(system.steps)
+    _, rise_error, robust, pixel = (float(number) for number in system.scales)
+
+    def random_load(number: int) -> Wants:
+        keys = keys_of(seed, number)
+        wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
+        return *wrong, np.float32(rise_error) * drawn(keys.rises, system.rise.shape)
+
+    common = *kinks(system.steps, turn, kink, pixel), np.zeros_like(system.rise)
+    springs = system.springs(system.cut(height), robust)
+    total = _variance(springs, random_load, common, steps)
+    deviation = _smooth_deviation(total, seen.free.astype(np.float32))
+    edge = system.window.of(unresolved(height, pixel))
+    out = np.zeros_like(height)
+    out[system.window] = np.sqrt(deviation * deviation + edge * edge) * seen.free
+    return out
+
+
+def _inside(
+    system: HeightSystem,
+    light: Light,
+    sigma: Light,
+    slope: Slope,
+    height: Height,
+    used: Labels,
+    bounced: Light | None,
+    earlier: Light | None,
+) -> Unperturbed:
+    """What the errors start from, inside the window."""
+    window, (rows, columns) = system.window, height.shape
+    inside, pixel = window.of(light), np.float32(system.scales[3])
+    thrown = changed = np.broadcast_to(np.float32(0), inside.shape)
+    if bounced is not None:
+        thrown = window.of(bounced)
+        changed = thrown - window.of(earlier) if earlier is not None else changed
+    return Unperturbed(
+        inside,
+        window.of(sigma),
+        window.of(slope),
+        window.of(height),
+        places(columns, pixel)[None, window.columns],
+        places(rows, pixel)[window.rows, None],
+        window.of(used),
+        system.state == FREE,
+        thrown,
+        changed,
+    )
+
+
+def _variance(
+    springs: Springs, random_load: Callable[[int], Wants], common: Wants, steps: int
+) -> F4:
+    """The variance of the height by the random loads and by the common one, in mm^2."""
+    levels = hierarchy(springs)
+    cells = coarsened(springs, min(DEEPEST, len(levels) - 1))
+    coarse = hierarchy(cells[-1].springs) if cells else levels
+
+    def send(number: int) -> tuple[F4, F4 | None]:
+        """The change of height by a load, on cells and, if it is integrated there, on pixels."""
+        wants = wants_there = random_load(number)
+        for network in cells:
+            wants_there = network.wants(*wants_there)
+        there = np.zeros(coarse[0].shape, np.float32)
+        change = _moved(coarse, wants_there, there, steps)
+        if not cells or number >= FINE:
+            return change, None
+        return change, _moved(levels, wants, on_pixels(cells, change), AGAIN)
+
+    beside = BESIDE * springs.energy(*random_load(0)[:2])
+    total, of_cells = (np.zeros(network.shape, np.float32) for network in (springs, coarse[0]))
+    with ThreadPoolExecutor(cores()) as threads:
+        by_kinks = threads.submit(_moved, levels, common, np.zeros_like(total), steps, beside)
+        changes = enumerate(threads.map(send, range(ERRORS)))
+        for number, (change, fine) in changes:
+            of_cells += _share(number, len(cells)) * change * change
+            if fine is not None:
+                total += fine * fine / np.float32(FINE)
+    total += on_pixels(cells, of_cells)
+    total += by_kinks.result() * by_kinks.result()
+    return total
+
+
+def _moved(
+    levels: Sequence[Springs], wants: Wants, start: F4, steps: int, beside: float = 0.0
+) -> F4:
+    """The change of height by a load, in mm, found from a first one."""
+    enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
+    return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
+
+
+def _share(number: int, deepest: int) -> np.float32:
+    """The weight of the square of a random error on cells in the variance.
+
+    An error that is also integrated on pixels counts there instead: its result on cells is
+    subtracted with the same weight.
+    """
+    return np.float32(1 / ERRORS - (1 / FINE if deepest and number < FINE else 0))
+
+
+def _smooth_deviation(variance: F4, free: F4) -> F4:
+    """The square root of the variance, averaged over the neighbours that are free."""
+    total = cv2.GaussianBlur(variance * free, SPREAD_TAPS, SPREAD_PX)
+    weight = np.maximum(cv2.GaussianBlur(free, SPREAD_TAPS, SPREAD_PX), np.float32(1e-3))
+    return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
+
+
+@height_error.opencl()
+def _launch(run: Launch) -> None:
+    """Send the same errors through the same networks; no pixel comes to the host."""
+    of, settings = run.inputs, run.settings
+    solver = HeightSolver(run, DEEPEST)
+    pixel = solver.pixel
+    solver.weigh(solver.cut(of["height"]), solver.robust)
+    shape, ties, cells = solver.shape, solver.rises, solver.cells
+    coarse = solver.pixels if cells is None else cells
+    wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
+    wanted = wants if cells is None else solver.room(cells, ERRORS)
+    moved, total = (run.scratch((1, *shape)) for _ in range(2))
+
+    def clear(plane: DeviceArray) -> None:
+        run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
+
+    def err_rises(to: int, error: float, key: int) -> None:
+        if ties:
+            run.kernel("err_rises", (ties,), wants.rise, ties, to, error, np.uint32(key))
+
+    def add_squares(moved: DeviceArray, total: DeviceArray, shares: list[np.float32]) -> None:
+        size = math.prod(total.shape)
+        told = run.put(np.array(shares, np.float32))
+        run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
+
+    drawn = [keys_of(settings["seed"], number) for number in range(ERRORS)]
+    # Not earlier, although the host must build networks first: the slopes stay in the cache.
+    slopes = _launch_slopes(run, solver, drawn)
+    # In reverse order: the first errors' steps between pixels must remain afterwards.
+    for number in reversed(range(ERRORS)):
+        to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
+        run.kernel(
+            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes,
+            wants.right, wants.down, *shape, number, to, 0.5 * pixel,
+            settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
+        )  # fmt: skip
+        err_rises(to, solver.rise_error, keys.rises)
+        if cells is not None:
+            solver.wants_of_cells(wants, to, wanted, number)
+    beside = solver.energies(solver.pixels, wants)
+    enough = solver.enough(ENOUGH, solver.energies(coarse, wanted, ERRORS))
+    there, of_cells = run.scratch((ERRORS, *coarse.shape)), run.scratch(coarse.shape)
+    solver.solve_all(coarse, wanted, there, settings["steps"], enough)
+    clear(of_cells)
+    deepest = 0 if cells is None else DEEPEST
+    add_squares(there, of_cells, [_share(number, deepest) for number in range(ERRORS)])
+    if cells is None:
+        total = of_cells
+    else:
+        solver.on_pixels(of_cells, 0, total)
+        enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants, FINE))
+        for number in range(FINE):
+            solver.on_pixels(there, number, moved)
+            solver.solve(solver.pixels, wants, moved, AGAIN, enough, number)
+            add_squares(moved, total, [np.float32(1 / FINE)])
+    kink = settings["kink"] * pixel
+    by_rows = run.in_row_lanes(*shape)
+    run.kernel(
+        "err_kinks", by_rows, *solver.wants[:2], wants.right, wants.down, *shape, pixel, kink
+    )
+    err_rises(0, 0.0, 0)
+    clear(moved)
+    enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants), beside, BESIDE)
+    solver.solve(solver.pixels, wants, moved, settings["steps"], enough)
+    add_squares(moved, total, [np.float32(1)])
+    _deviate(run, solver, total)
+
+
+def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[Keys]) -> DeviceArray:
+    """All errors of the slopes inside the window: ERRORS x 2 x rows x columns."""
+    of, settings = run.inputs, run.settings
+    frame = tuple(run.sizes[symbol] for symbol in "KHW")
+    slopes = run.scratch((ERRORS, 2, *solver.shape))
+    told = run.keep("kinds", lambda: run.upload(kinds()))
+    keys = run.put(np.array([each.light for each in drawn], np.uint32))
+    run.kernel(
+        "err_slopes", run.in_row_lanes(*solver.shape), of["light"], of["sigma"], of["height"],
+        of["slope"], solver.state, of["used"], of["film.lights"], of["film.others"], slopes,
+        *frame, *solver.place, solver.pixel, settings["flat_noise"],
+        math.sqrt(of.get("correlation") or 1.0), of["film.uneven"],
+        told, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
+        # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
+        local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
+    )  # fmt: skip
+    return slopes
+
+
+def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
+    """Write what `_smooth_deviation` computes to the output."""
+    shape, frame = solver.shape, (run.sizes["H"], run.sizes["W"])
+    kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
+    taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
+    free, half, weight = (run.scratch(shape) for _ in range(3))
+    run.kernel(
+        "free_part", shape, solver.state, total, free, *shape
+    )  # fmt: skip
+    by_rows = run.in_row_lanes(*shape)
+    for source, target in ((free, weight), (total, total)):
+        run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
+        run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+    out, bent = run.outputs["height_error"], run.scratch(frame)
+    height = run.inputs["height"]
+    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, solver.pixel)
+    run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
+    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
+
+
+@height_error.example
+def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """A touch with some film at rest around it, and shadows with both ends in the frame."""
+    rows, columns, lights = sizes["H"], sizes["W"], sizes["K"]
+    around = rng.uniform(0, 2 * np.pi, lights)
+    places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    shape = rows, columns
+    # Level film at the left; an edge that no pixel resolves in the middle.
+    rising = np.linspace(0, 1, columns)
+    height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
+    slope = (rising * rng.uniform(-1, 1, (2, *shape))).astype(np.float32)
+    return {
+        **example_system(rng, slope, **sizes),
+        "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
+        "slope": slope,
+        "height": np.asarray(height, np.float32),
+        "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
+        "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
+        "film.lights": places.astype(np.float32),
+        "film.others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
+        "correlation": float(rng.uniform(1, 4)),
+    }

@@ -1,0 +1,109 @@
+"""A network of springs on cells of 2 x 2 pixels, for loads whose effect is smooth.
+
+Blocks of rigidly joined pixels (`springs`) are too stiff: they only serve to precondition.  Here
+the springs from the middle of one cell to that of the next are in series in each row of pixels,
+and both rows are in parallel, so that cells move as their pixels do on average.
+``kernels/headers/spring_cells.clh`` holds the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.height.springs import Springs, Ties, block_sums, join_ends, pair_sums
+
+WEAKEST = np.float32(1e-12)
+"""Smallest stiffness that is divided by."""
+
+
+class Cells(NamedTuple):
+    """Cells of 2 x 2 pixels of a network of `shape`, and what their stiffness is made of."""
+
+    springs: Springs
+    shape: tuple[int, ...]
+    in_rows: F4
+    """H x w-1, the stiffness in each row of pixels."""
+    in_columns: F4
+    """h-1 x W, the stiffness in each column."""
+    which: NDArray[np.int64]
+    """The tie that each tie between pixels joins; -1 within a cell."""
+    ties: F4
+    """The stiffness of the ties between pixels."""
+
+    def wants(self, right: F4, down: F4, rise: F4) -> tuple[F4, F4, F4]:
+        """The target steps and rises between cells, from those between pixels."""
+        stretch = pair_sums(self.in_rows * _one_by_one(right))
+        stretch_down = pair_sums((self.in_columns * _one_by_one(down.T).T).T).T
+        apart, springs = self.which >= 0, self.springs
+        joined = np.bincount(
+            self.which[apart], (self.ties * rise)[apart], springs.ties.stiffness.size
+        ).astype(np.float32)
+        return (
+            stretch / springs.right,
+            stretch_down / springs.down,
+            joined / springs.ties.stiffness,
+        )
+
+    def on_pixels(self, plane: F4) -> F4:
+        """Values of the cells at pixels, interpolated linearly between the cells' middles."""
+        rows, columns = plane.shape
+        size = 2 * columns, 2 * rows
+        fine = cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR)
+        return np.ascontiguousarray(fine[: self.shape[0], : self.shape[1]])
+
+
+def cells_of(springs: Springs) -> Cells:
+    """Return the network of the cells of 2 x 2 pixels of a network."""
+    rows, columns = springs.shape
+    half = (rows + 1) // 2, (columns + 1) // 2
+    in_rows = _in_series(springs.right)
+    in_columns = np.ascontiguousarray(_in_series(springs.down.T).T)
+    ties = springs.ties
+    top, foot, which = join_ends(ties.top, ties.foot, columns, half)
+    apart = which >= 0
+    stiffness = np.bincount(which[apart], ties.stiffness[apart], len(top)).astype(np.float32)
+    network = Springs(
+        pair_sums(in_rows),
+        np.ascontiguousarray(pair_sums(in_columns.T).T),
+        block_sums(springs.ground),
+        Ties(top, foot, stiffness),
+    )
+    return Cells(network, springs.shape, in_rows, in_columns, which, ties.stiffness)
+
+
+def coarsened(springs: Springs, times: int) -> list[Cells]:
+    """Return the cells of pixels, the cells of those, and so on."""
+    cells: list[Cells] = []
+    for _ in range(times):
+        cells.append(cells_of(cells[-1].springs if cells else springs))
+    return cells
+
+
+def on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
+    """Values of the coarsest of such cells, interpolated at the pixels."""
+    for network in reversed(cells):
+        plane = network.on_pixels(plane)
+    return plane
+
+
+def _in_series(stiffness: F4) -> F4:
+    """The springs of a row in series: half of one, a whole one and half of the next.
+
+    In a row of odd length, the spring beyond the last pixel is rigid.
+    """
+    gives = np.asarray(np.float32(1) / np.maximum(stiffness, WEAKEST), np.float32)
+    return np.asarray(np.float32(1) / _one_by_one(gives), np.float32)
+
+
+def _one_by_one(steps: F4) -> F4:
+    """The sums of half a step, a whole one and half of the next, between the cells of a row."""
+    if steps.shape[1] % 2 == 0:
+        steps = np.pad(steps, ((0, 0), (0, 1)))
+    first, middle, last = steps[:, 0:-1:2], steps[:, 1::2], steps[:, 2::2]
+    return np.asarray(np.float32(0.5) * first + middle + np.float32(0.5) * last, np.float32)

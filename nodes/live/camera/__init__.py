@@ -1,0 +1,1 @@
+"""Cameras: find, open, set and read them.  A new camera goes here."""

@@ -1,0 +1,1 @@
+"""Guide a person through a calibration."""

@@ -1,0 +1,195 @@
+"""Guide a person through the calibration of a one-shot sensor: the film, then ball after ball."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from scipy.ndimage import gaussian_filter
+
+from tactograph.graph import InputError, node
+from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.nodes import F4, Light
+from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tactograph.nodes.calibrate.colour.find_presses import FEWEST, Circles
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for
+from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.colour.rate_presses import advise, presses_per_cell, rim_slope
+from tactograph.nodes.capture.pixel_size import pixel_size
+from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.sensor_preset import read_preset
+from tactograph.nodes.live.camera.open_camera import CameraSettings, Library, Plane
+from tactograph.nodes.live.guide._watch_film import Guide, colours_at_rest, new_folder, tell
+from tactograph.nodes.live.touches.colour_stream import ColourStream, open_colour_sensor
+from tactograph.nodes.stream.colour_planes import planes_of
+from tactograph.nodes.stream.frames import Touch
+from tactograph.nodes.stream.led_in_frame import make_film
+
+SMOOTH_PX = 2.0
+"""Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
+FINEST = 10
+"""The map is fitted again after at most this many further presses."""
+
+
+class GuidedColourPresses(NamedTuple):
+    """The P presses so far as from `read_presses`, and their circles as from `find_presses`."""
+
+    image: PressImages
+    flat: Light
+    names: list[str]
+    circle: Circles
+
+
+@node(endless=True)
+def guide_colour_presses(
+    *,
+    camera: int | str = 0,
+    library: Library = "opencv",
+    sensor: str | None = None,
+    ball_radius_mm: Annotated[float, Gt(0)],
+    pixel_size_mm: Annotated[float, Gt(0)] | None = None,
+    file: Path,
+    lights: Literal["bgr", "rgb"] = "bgr",
+    width_px: Annotated[int, Ge(1)] | None = None,
+    height_px: Annotated[int, Ge(1)] | None = None,
+    rate: Annotated[float, Gt(0)] = 30.0,
+    exposure: float | None = None,
+    gain: float | None = None,
+    white_balance: float | None = None,
+    bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
+    warm_up_s: Annotated[float, Ge(0)] | None = None,
+    presses_at_most: Annotated[int, Ge(FEWEST)] = 40,
+    still_s: Annotated[float, Gt(0)] = 0.4,
+    patience_s: Annotated[float, Gt(0)] = 120.0,
+    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
+) -> Iterator[GuidedColourPresses]:
+    """Ask for one press after another; yield all so far whenever they allow a finer map.
+
+    A press is captured automatically, once the light differs from that of the untouched film
+    and is still; no key is needed.  A press that shows no ball is reported and left out.
+    Instructions, and where to press next, appear on the terminal at once.
+
+    All images are kept beside `file`, where `calibrate_presses` can read them: for ``mini.npz``
+    ``mini_presses/untouched/film.png``, ``mini_presses/pressed/01/frame.png`` and so on.
+
+    Parameters
+    ----------
+    camera, library, sensor, rate, exposure, gain, white_balance, bits, timeout_s
+        As for `read_camera`.
+    ball_radius_mm
+        The ball's radius.
+    pixel_size_mm
+        mm per px on the film.  None: the sensor's.
+    file
+        The calibration to write.
+    lights
+        The colours in the calibration's order.
+    width_px, height_px
+        Image size to request from the camera; None keeps the driver's.
+    warm_up_s
+        How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
+        none for simulated LEDs.
+    presses_at_most
+        Number of presses after which no more are asked for.
+    still_s
+        How long a press must be held still.
+    patience_s
+        How long to wait for the next press.
+
+    Returns
+    -------
+    GuidedColourPresses
+        After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then
+        after every 10, and at the end.
+
+    Raises
+    ------
+    InputError
+        If the camera cannot be opened; if the pixel size is not known; if a colour stays dark;
+        if the film does not come to rest, or is not pressed 4 times; if the folder already holds
+        presses.
+    """
+    folder = new_folder(file)
+    preset = None if sensor is None else read_preset(sensor)
+    pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
+    wanted = CameraSettings(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
+    source = open_colour_sensor(camera, wanted, preset=preset, library=library, timeout=timeout_s)
+    try:
+        if warm_up_s is None:
+            warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0
+        if warm_up_s:
+            tell(f"The LEDs warm up for {warm_up_s:g} s.")
+            time.sleep(warm_up_s)
+        tell("Take everything off the film, and leave it alone.")
+        film = colours_at_rest(source.camera, bits, patience_s)
+        _save(folder / "untouched" / "film.png", np.rint(film * 65535).astype(np.uint16))
+        flat = np.stack(
+            [gaussian_filter(p, SMOOTH_PX, mode="nearest") for p in planes_of(film, lights)]
+        )
+        full = float(2**bits - 1) if bits else 0.0
+        seen = make_film(flat)
+        guide = Guide(seen, ColourStream(source, seen, lights, full), still_s, patience_s)
+        images: list[F4] = []
+        circles: list[F4] = []
+        fitted = 0
+        ball_in = partial(_circle, flat=flat, pixel=pixel, radius_mm=ball_radius_mm)
+        for press, circle in islice(guide.presses(ball_in), presses_at_most):
+            images.append(press.image)
+            circles.append(circle)
+            _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
+            advice = _advice(np.array(circles), flat.shape[1:], ball_radius_mm / pixel)
+            tell(f"Press {len(images)} is taken: let go. {advice}")
+            if _is_finer(len(images), fitted):
+                fitted = len(images)
+                yield _all(images, flat, circles)
+        if len(images) < FEWEST:
+            raise InputError(
+                f"the film was pressed {len(images)} times within {patience_s:g} s, and {FEWEST} "
+                "presses are needed; hold the ball still in it, or wait longer with "
+                "--set presses.patience_s=600"
+            )
+        if fitted < len(images):
+            yield _all(images, flat, circles)
+    finally:
+        source.close()
+
+
+def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
+    """x, y and contact radius in px; raises an error if there is no ball."""
+    (level,) = level_presses(press.image[None], flat)
+    share = level / np.maximum(flat, np.float32(0.02))
+    try:
+        ball = find_ball(share, pixel, radius_mm=radius_mm)
+    except InputError:
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+    return np.array([*ball.center, ball.contact], np.float32)
+
+
+def _is_finer(presses: int, before: int) -> bool:
+    """Whether `presses` allow a finer map than `before`, or are at least `FINEST` more."""
+    if presses < FEWEST:
+        return False
+    return degree_for(presses) > degree_for(before) or presses >= before + FINEST or not before
+
+
+def _advice(circles: F4, shape: tuple[int, ...], radius: float) -> str:
+    size = shape[0], shape[1]
+    sentence = advise(presses_per_cell(circles, size), size, rim_slope(circles, radius))
+    return f"Next: {sentence}."
+
+
+def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresses:
+    names = [f"{i:02}" for i in range(1, len(images) + 1)]
+    return GuidedColourPresses(np.stack(images), flat, names, np.stack(circles))
+
+
+def _save(file: Path, picture: Plane) -> None:
+    with atomic_file(file) as target:
+        write_image(target, picture)

@@ -1,0 +1,180 @@
+"""Guide a person through a calibration: the untouched film, then ball after ball."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, node
+from tactograph.graph.files.atomic_files import atomic_file, atomic_files
+from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
+from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
+from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
+from tactograph.nodes.capture.read_flat import Flat, read_flat
+from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.live.camera.open_camera import CameraSettings, Library, Plane
+from tactograph.nodes.live.guide._watch_film import Guide, film_at_rest, new_folder, tell
+from tactograph.nodes.live.touches.sensor import open_rig
+from tactograph.nodes.live.touches.touch_stream import Stream
+from tactograph.nodes.optics.sheet import SheetLight
+from tactograph.nodes.stream.frames import Touch
+
+FULL, MOST_FULL = 0.998, 0.01
+"""Light that counts as saturated, and the largest share of saturated pixels."""
+SMALLEST_PX = 10.0
+"""Smallest radius of a contact with enough pixels to fit an LED's light."""
+
+
+class GuidedPresses(NamedTuple):
+    """The P presses so far as from `read_balls`, and the film as from `read_flat`."""
+
+    image: SheetLight
+    first: Light
+    radius: Radii
+    known: KnownCircles
+    names: list[str]
+    flat: Light
+    dark: Dark
+
+
+@node(endless=True)
+def guide_presses(
+    *,
+    camera: int | str = 0,
+    library: Library = "opencv",
+    port: str | None = None,
+    ball_radius_mm: Annotated[float, Gt(0)],
+    pixel_size_mm: Annotated[float, Gt(0)],
+    file: Path,
+    leds: Annotated[int, Interval(ge=3, le=MOST_LEDS)] = 4,
+    width_px: Annotated[int, Ge(1)] | None = None,
+    height_px: Annotated[int, Ge(1)] | None = None,
+    rate: Annotated[float, Gt(0)] = 30.0,
+    exposure: float | None = None,
+    gain: float | None = None,
+    white_balance: float | None = None,
+    bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
+    still_s: Annotated[float, Gt(0)] = 0.4,
+    patience_s: Annotated[float, Gt(0)] = 120.0,
+    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
+) -> Iterator[GuidedPresses]:
+    """Ask for one press after another, and yield all presses so far after each.
+
+    The untouched film is captured under one LED after the other, and with all LEDs off.  A press
+    is captured automatically, once the light differs from that of the untouched film and is
+    still; no key is needed.  A press that shows no ball is reported and left out.  Instructions
+    appear on the terminal at once.
+
+    All images are kept beside `file`, where `calibrate` can read them: for ``cal.npz``
+    ``cal_presses/untouched``, ``cal_presses/dark.png``, ``cal_presses/pressed/01`` and so on.
+
+    Parameters
+    ----------
+    camera, library, port, rate, exposure, gain, white_balance, bits, timeout_s
+        As for `read_camera`; here the LEDs need their controller.
+    ball_radius_mm
+        The ball's radius.
+    pixel_size_mm
+        mm per px on the film.
+    file
+        The calibration to write.
+    leds
+        Number of LEDs.
+    width_px, height_px
+        Image size to request from the camera; None keeps the driver's.
+    still_s
+        How long a press must be held still.
+    patience_s
+        How long to wait for the next press.
+
+    Returns
+    -------
+    GuidedPresses
+        As `read_balls` and `read_flat` return them.
+
+    Raises
+    ------
+    InputError
+        If the camera or the controller cannot be opened; if an LED stays dark; if the film
+        does not come to rest, or is never pressed; if the folder already holds presses.
+    """
+    folder = new_folder(file)
+    wanted = CameraSettings(width_px, height_px, rate, exposure, gain, white_balance)
+    rig = open_rig(camera, port, wanted, leds=leds, library=library, timeout=timeout_s)
+    try:
+        tell("Take everything off the film, and leave it alone.")
+        image, black = film_at_rest(rig, bits, patience_s)
+        _save_film(folder, image, black)
+        film = read_flat(image, black=black, folder=folder / "untouched")
+        rig.lamps.resume()
+        full = float(2**bits - 1) if bits else 0.0
+        sensor = rig.with_film(*film)
+        guide = Guide(sensor.film, Stream(sensor, "cycle", full), still_s, patience_s)
+        taken = 0
+        ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=ball_radius_mm)
+        for taken, (press, ball) in enumerate(guide.presses(ball_in), start=1):
+            frames = {frame.led: frame.data for frame in press.new}
+            about = _about(ball_radius_mm, ball, bits)
+            _save_press(folder / "pressed" / f"{taken:02}", frames, about)
+            tell(f"Press {taken} is taken: let go.")
+            yield GuidedPresses(*read_balls(folder=folder / "pressed"), *film)
+        if not taken:
+            raise InputError(
+                f"the film was not pressed within {patience_s:g} s; press the ball into it and "
+                "hold it still, or wait longer with --set frames.patience_s=600"
+            )
+        tell(f"No press for {patience_s:g} s: that was all.")
+    finally:
+        rig.close()
+
+
+def _ball(press: Touch, film: Flat, pixel: float, radius_mm: float) -> Ball:
+    """The ball's contact; raises an error if the press cannot be used."""
+    full = float((press.image >= FULL).mean())
+    if full > MOST_FULL:
+        raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
+    try:
+        ball = find_ball(flat_field(press.image, film.flat, film.dark), pixel, radius_mm=radius_mm)
+    except InputError:
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+    if ball.contact < SMALLEST_PX:
+        raise InputError(f"the contact is only {2 * ball.contact:.0f} px wide, press deeper")
+    return ball
+
+
+def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
+    """The known properties of a press, so that its ball is searched for only once."""
+    x, y = ball.center.tolist()
+    return CaptureFile(
+        ball_radius_mm=radius_mm, ball_center_px=[x, y], ball_contact_px=ball.contact, bits=bits
+    )
+
+
+def _save_film(folder: Path, image: Light, dark: Dark) -> None:
+    """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
+    with atomic_files(folder / "untouched") as target:
+        for k, plane in enumerate(image, start=1):
+            write_image(target / f"led{k}.png", _levels(plane))
+    with atomic_file(folder / "dark.png") as file:
+        write_image(file, _levels(dark))
+
+
+def _levels(plane: F4) -> NDArray[np.uint16]:
+    return np.rint(plane * 65535).astype(np.uint16)
+
+
+def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:
+    """Save a capture for `read_balls`: the raw frames, and the properties of the ball."""
+    with atomic_files(folder) as target:
+        for led, data in frames.items():
+            write_image(target / f"led{led}.png", data)
+        # JSON is YAML, too.
+        (target / "capture.yaml").write_text(about.model_dump_json(exclude_none=True) + "\n")

@@ -1,0 +1,1 @@
+"""Simulated cameras, sensors and LED controllers."""

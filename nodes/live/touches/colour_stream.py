@@ -1,0 +1,252 @@
+"""A live one-shot sensor: its camera, and its stream of touches, one per colour frame."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from tactograph.graph import InputError
+from tactograph.nodes import Height
+from tactograph.nodes.files.sensor_preset import SensorPreset
+from tactograph.nodes.live.camera.camera import Camera, Shot
+from tactograph.nodes.live.camera.open_camera import (
+    CameraSettings,
+    Capture,
+    Library,
+    Plane,
+    View,
+    check_camera,
+    open_capture,
+)
+from tactograph.nodes.live.simulated.simulated_camera import SimulatedCamera
+from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.nodes.live.simulated.simulated_sensor import read_scene
+from tactograph.nodes.live.touches.fault_log import FaultLog
+from tactograph.nodes.live.touches.sensor import SIMULATED, START_S
+from tactograph.nodes.live.touches.touch_stream import MOST_DIMMED, REOPEN_S, each_touch
+from tactograph.nodes.stream.colour_planes import Order, planes_of
+from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame, Touch
+from tactograph.nodes.stream.led_in_frame import MOST_SATURATED, OFF, RestFilm, cells, top_of
+
+NAMES = {"b": "blue", "g": "green", "r": "red"}
+SAYS = {
+    "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
+    "covered": "a frame is dark: discarded; is the lens covered, or are the LEDs off?",
+    "doubled": "the camera delivered a frame twice: discarded",
+    "brightness": "{led} is not as bright as calibrated: followed, but look at the LEDs and the "
+    "camera's exposure",
+    "wrong size": "the camera delivers another size than the calibration's: opening it again",
+    "lost": "frames are missing",
+    "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
+    "camera lost": "the camera is gone: looking for it until it is back",
+}
+"""One line of explanation for every fault."""
+
+
+@dataclass
+class ColourSensor:
+    """A camera that sees a film under three colours; `table` is the film of a simulated one."""
+
+    camera: Camera
+    table: SimulatedColourSensor | None
+
+    def truth(self, end: float) -> Height | None:
+        """The true height for a frame whose exposure ended at `end`, if known."""
+        return None if self.table is None else self.table.truth(end)
+
+    def close(self) -> None:
+        """Release the camera."""
+        self.camera.close()
+
+
+def open_colour_sensor(
+    camera: int | str,
+    wanted: CameraSettings,
+    *,
+    preset: SensorPreset | None = None,
+    library: Library = "opencv",
+    queue: int = 8,
+    timeout: float = 0.5,
+) -> ColourSensor:
+    """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
+
+    The preset completes `wanted`.  Its view is applied to a real camera's pictures; a simulated
+    camera delivers frames to which the view is already applied.
+
+    Raises
+    ------
+    InputError
+        If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
+        the preset's frames have another size.
+    """
+    table: SimulatedColourSensor | None = None
+    once = False
+    if str(camera).partition("?")[0] == SIMULATED:
+        table = SimulatedColourSensor(read_scene(str(camera), ColourScene, _film_of(preset)))
+        wanted = replace(wanted, format=None, view=None)
+        connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
+    else:
+        once = check_camera(camera, library)
+        wanted = wanted if preset is None else _with_preset(wanted, preset)
+        connect = partial(open_capture, camera, library, colour=True)
+    source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
+    try:
+        source.check(START_S, camera)
+    except BaseException:
+        source.close()
+        raise
+    return ColourSensor(source, table)
+
+
+def _film_of(preset: SensorPreset | None) -> dict[str, float]:
+    """Image and pixel size of a simulated sensor of this kind."""
+    if preset is None:
+        return {}
+    width, height = preset.size
+    return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
+
+
+def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
+    """The settings to request from the driver, and the view of its pictures.
+
+    Raises
+    ------
+    InputError
+        If the requested size differs from the preset's.
+    """
+    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
+    if size != preset.size:
+        raise InputError(
+            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
+            f"{size[0]} x {size[1]}; calibrate with this sensor= or change its file"
+        )
+    asked = preset.camera
+    return replace(
+        wanted,
+        width=asked.width,
+        height=asked.height,
+        rate=asked.rate or wanted.rate,
+        format=asked.format,
+        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
+        gain=asked.gain if wanted.gain is None else wanted.gain,
+        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
+        view=View(preset.turn_deg, preset.crop, size),
+    )
+
+
+@dataclass
+class ColourStream:
+    """Turns a camera's colour frames into touches.
+
+    Parameters
+    ----------
+    sensor
+        Not closed here.
+    film
+        The film at rest; each colour counts as an LED.
+    order
+        The channels that are the lights, in the calibration's order.
+    full
+        The camera's largest value; 0: that of the frame's type.
+    state
+        The counters.
+    """
+
+    sensor: ColourSensor
+    film: RestFilm
+    order: Order = "bgr"
+    full: float = 0.0
+    state: LiveState = field(default_factory=LiveState)
+
+    def __post_init__(self) -> None:
+        self._log = FaultLog(self.state, None, SAYS)
+        self._connected = self.sensor.camera.connections
+        self._before: Plane | None = None
+        self._reopened = 0.0
+
+    def touches(
+        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
+    ) -> Iterator[Touch]:
+        """Yield touches until the time, their number or a video file ends."""
+        camera = self.sensor.camera
+        return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
+
+    def _touch_with(self, shots: list[Shot]) -> Touch | None:
+        self._supervise(len(shots) - 1)
+        usable = [shot for shot in shots if self._is_usable(shot)]
+        return self._touch(usable) if usable else None
+
+    def _supervise(self, passed_over: int) -> None:
+        """Count the camera's faults, and the frames that newer ones replace."""
+        camera = self.sensor.camera
+        camera.faults["dropped"] += max(passed_over, 0)
+        self._log.take(Counter(camera.faults))
+        self.state.dropped = camera.faults["dropped"]
+        for line in camera.refused:
+            self._log.add(line)
+        camera.refused = []
+        if camera.connections != self._connected:
+            self._connected = camera.connections
+            self._log.restart()
+
+    def _is_usable(self, shot: Shot) -> bool:
+        """Whether a frame shows the film; otherwise count its fault."""
+        self._log.count(shot)
+        fault = self._fault(shot.data)
+        if fault:
+            self._log.note(fault)
+        if fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
+            self._reopened = time.monotonic()
+            self.sensor.camera.reopen()
+        return not fault
+
+    def _fault(self, data: Plane) -> str:
+        if data.shape != (*self.film.size, len(self.film.patterns)):
+            return "wrong size"
+        # A few rows detect saturation as well as all rows.
+        sample = data[::5].copy()
+        if (
+            np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
+            > MOST_SATURATED * sample.size
+        ):
+            return "saturated"
+        before, self._before = self._before, sample
+        if before is not None and np.array_equal(sample, before):
+            return "doubled"
+        return self._judge_brightness(data)
+
+    def _judge_brightness(self, data: Plane) -> str:
+        """Discard a dark frame; report a changed colour, but keep its frame."""
+        light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(top_of(data, self.full))
+        share = light / self.film.scale
+        gains = np.median(share.reshape(len(share), -1), axis=1)
+        if gains.max() < OFF:
+            return "covered"
+        for letter, gain in zip(self.order, gains, strict=True):
+            if abs(gain - 1) > MOST_DIMMED:
+                self._log.note("brightness", NAMES[letter])
+        return ""
+
+    def _touch(self, shots: list[Shot]) -> Touch:
+        """The touch of the newest frame; it carries all frames, for a recording."""
+        newest = shots[-1]
+        self.state.touches += 1
+        return Touch(
+            planes_of(newest.data, self.order, top_of(newest.data, self.full)),
+            f"{self.state.touches:06}",
+            newest.time,
+            [RawFrame(shot.number, ALL_LIT, shot.time, shot.data) for shot in shots],
+            replace(self.state, faults=Counter(self.state.faults)),
+            self.sensor.truth(newest.time),
+        )
+
+    def _ordered(self, data: Plane) -> Plane:
+        return data if self.order == "bgr" else data[..., ::-1]

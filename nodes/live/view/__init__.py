@@ -1,0 +1,1 @@
+"""Show a stream of touches, and its statistics."""

@@ -1,0 +1,180 @@
+"""The calibration ball is found where it is, and nothing else is taken for one."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactograph.graph import InputError
+from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tests.conftest import Raytraced, real_data
+
+PIXEL = 0.1
+SIZE = (120, 160)
+SLANT = np.deg2rad(30)
+
+
+def lambert(p, q, lights=4):
+    """Distant LEDs over slopes p, q; 1 on the flat film."""
+    azimuths = 0.7 + 2 * np.pi * np.arange(lights) / lights
+    cosines = [1 - np.tan(SLANT) * (p * np.cos(a) + q * np.sin(a)) for a in azimuths]
+    return np.float32(np.maximum(cosines, 0) / np.sqrt(1 + p * p + q * q))
+
+
+def pressed(center, contact, radius, lights=4, noise=0.005, fold=0.25):
+    """A ball in a soft film: its slope up to the contact, then falling to 0 over the fold."""
+    y, x = np.indices(SIZE, float)
+    dx, dy = x - center[0], y - center[1]
+    r = np.hypot(dx, dy)
+    sine = np.minimum(r, contact) / radius
+    fall = np.clip(1 - (r - contact) / (fold * contact), 0, 1)
+    steepness = sine / np.sqrt(1 - sine**2) * fall / np.maximum(r, 1e-9)
+    light = lambert(-dx * steepness, -dy * steepness, lights)
+    return light + np.random.default_rng(1).normal(0, noise, light.shape).astype(np.float32)
+
+
+def uneven(light):
+    """The same as captured without a film to divide by."""
+    y, x = np.indices(SIZE)
+    falls = [
+        0.6 + sx * 0.001 * (x - 80) + sy * 0.001 * (y - 60) for sx in (-1, 1) for sy in (-1, 1)
+    ]
+    return np.float32(light * falls[: len(light)])
+
+
+def capture(rig, thing):
+    folder = Raytraced() / rig / thing
+    images = [cv2.imread(str(folder / f"led{k}.png"), cv2.IMREAD_UNCHANGED) for k in range(1, 5)]
+    return np.stack([i / np.float32(np.iinfo(i.dtype).max) for i in images])
+
+
+def normalized(rig, thing):
+    return capture(rig, thing) / np.maximum(capture(rig, "flat"), np.float32(0.02))
+
+
+@settings(deadline=None, max_examples=3)
+@given(
+    x=st.floats(45, 115),
+    y=st.floats(45, 75),
+    contact=st.floats(22, 32),
+    lights=st.integers(3, 6),
+)
+def test_ball_in_soft_film_is_found_to_a_fraction_of_a_pixel(x, y, contact, lights):
+    found = find_ball(pressed((x, y), contact, 40, lights), PIXEL, radius_mm=4.0)
+    np.testing.assert_allclose(found.center, (x, y), atol=0.3)
+    assert found.contact == pytest.approx(contact, abs=2)
+    assert found.goodness > 0.9
+
+
+@pytest.mark.parametrize("center", [(5.3, 60.2), (90.4, -4.0), (155.0, 112.0)])
+def test_ball_partly_outside_the_image_is_found(center):
+    found = find_ball(pressed(center, 28, 40), PIXEL, radius_mm=4.0)
+    np.testing.assert_allclose(found.center, center, atol=1)
+
+
+def test_uneven_light_without_untouched_film_is_no_hindrance():
+    found = find_ball(uneven(pressed((70.3, 55.8), 27, 40)), PIXEL, radius_mm=4.0)
+    np.testing.assert_allclose(found.center, (70.3, 55.8), atol=0.5)
+
+
+def test_given_centre_and_contact_are_used_as_they_are():
+    light = pressed((70, 55), 27, 40)
+    right = find_ball(light, PIXEL, radius_mm=4.0, center_px=(70.0, 55.0), contact_px=27.0)
+    wrong = find_ball(light, PIXEL, radius_mm=4.0, center_px=(110.0, 70.0), contact_px=20.0)
+    np.testing.assert_array_equal(wrong.center, [110, 70])
+    assert wrong.contact == 20
+    assert right.goodness > 0.9 > 0.45 > wrong.goodness
+
+
+def test_the_other_half_is_searched_when_one_half_is_given():
+    light = pressed((70.3, 55.8), 27, 40)
+    by_center = find_ball(light, PIXEL, radius_mm=4.0, center_px=(70.3, 55.8))
+    assert by_center.contact == pytest.approx(27, abs=2)
+    by_contact = find_ball(light, PIXEL, radius_mm=4.0, contact_px=27.0)
+    assert by_contact.contact == pytest.approx(27)
+    np.testing.assert_allclose(by_contact.center, (70.3, 55.8), atol=0.3)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_empty_film_is_refused_and_the_way_out_is_named(level):
+    noise = np.random.default_rng(2).normal(0, 0.004, (4, *SIZE))
+    with pytest.raises(InputError, match=r"no ball .*ball_center_px=x,y") as error:
+        find_ball(np.float32(level + noise), PIXEL, radius_mm=4.0)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("center", "contact", "why"),
+    [
+        ((1e9, -1e9), 10.0, "ball_center_px=1e.09,-1e.09: .* beside the image of"),
+        ((-12.0, 5.0), 10.0, "beside the image"),
+        ((70.0, 55.0), 1e-9, "ball_contact_px=1e-09: a contact of less than 1 px"),
+        (None, 0.5, "less than 1 px"),
+    ],
+)
+def test_a_circle_that_shows_no_ball_is_refused(center, contact, why):
+    light = pressed((70, 55), 27, 40)
+    with pytest.raises(InputError, match=why):
+        find_ball(light, PIXEL, radius_mm=4.0, center_px=center, contact_px=contact)
+
+
+def test_a_contact_that_a_large_image_hardly_shows_has_no_goodness():
+    light = np.ones((4, 60, 4000), np.float32)
+    found = find_ball(light, PIXEL, radius_mm=4.0, center_px=(2000.0, 30.0), contact_px=1.0)
+    assert found.goodness == 0
+
+
+def test_a_ball_smaller_than_a_pixel_is_refused():
+    with pytest.raises(InputError, match=r"radius_mm=1e-05: .* check ball_radius_mm"):
+        find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=1e-5)
+
+
+def test_contact_larger_than_the_ball_is_refused():
+    with pytest.raises(InputError, match=r"contact_px=41 is larger than the ball.*40\.0 px"):
+        find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=4.0, contact_px=41.0)
+
+
+@pytest.mark.parametrize(
+    ("rig", "scale", "divided"),
+    [("far28", 1, True), ("near33", 1, True), ("near33", 1, False), ("far28_vga16", 2, True)],
+)
+def test_ray_traced_hemisphere_is_found_through_its_shadows(rig, scale, divided):
+    light = normalized(rig, "calibration") if divided else capture(rig, "calibration")
+    height = np.load(Raytraced() / rig / "calibration" / "truth_height_mm.npy")
+    y, x = np.nonzero(height > 0.99 * height.max())
+    found = find_ball(light, 1 / (14 * scale), radius_mm=7.0)
+    np.testing.assert_allclose(found.center, (x.mean(), y.mean()), atol=0.2 * scale)
+    assert found.contact == pytest.approx(98 * scale, abs=0.5)
+    assert found.goodness > 0.9
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_ray_traced_soft_press_is_found(rig):
+    found = find_ball(normalized(rig, "sphere_film"), 1 / 14, radius_mm=6.0)
+    np.testing.assert_allclose(found.center, (149.6, 125.5), atol=0.2)
+    # The truth keeps the ball's slope up to 66 px; a smaller contact does no harm.
+    assert 60 < found.contact < 68
+
+
+@pytest.mark.parametrize("thing", ["cat", "cat_film"])
+def test_other_objects_are_refused(thing):
+    with pytest.raises(InputError, match="no ball"):
+        find_ball(normalized("near33", thing), 1 / 14, radius_mm=7.0)
+
+
+def test_real_presses_agree_with_their_labels():
+    folder = real_data("gelsight_mini_balls")
+    flat = cv2.imread(str(folder / "background.png")) / np.float32(255)
+    labels = np.genfromtxt(folder / "labels.csv", delimiter=",", skip_header=1, usecols=(2, 3, 4))
+    # The left half: on the right, where the light is weak, the labels are off themselves.
+    presses = (18, 24, 29, 41)
+    errors = []
+    for press in presses:
+        image = cv2.imread(str(folder / f"6.310mm/{press}/gelsight.png")) / np.float32(255)
+        light = np.ascontiguousarray((image / flat).transpose(2, 0, 1))
+        found = find_ball(light, 0.0634, radius_mm=6.31 / 2)
+        errors.append(np.subtract([*found.center, found.contact], labels[press]))
+    off = np.median(np.abs(errors), axis=0)
+    assert np.hypot(off[0], off[1]) < 1.5
+    assert off[2] < 1.5

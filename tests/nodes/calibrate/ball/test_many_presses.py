@@ -1,0 +1,205 @@
+"""Many presses calibrate a sensor: bad ones are told and left out, the others rate it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.result import Result
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
+from tactograph.nodes.calibrate.rating.advise_press import advise_press
+from tactograph.nodes.capture.read_balls import read_balls
+from tactograph.nodes.capture.read_flat import read_flat
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.render import render
+
+PIXEL = 0.1
+SIZE = (120, 160)
+LIGHTS = light_ring(slant_deg=33.0, distance_mm=55.0)
+FILM = np.zeros(SIZE, np.float32)
+BLANK = np.zeros((4, *SIZE), np.float32)
+GOOD = {"a": (52, 42, 5.0), "b": (106, 40, 4.0), "c": (60, 80, 4.0), "d": (108, 82, 5.0)}
+"""x and y in px, the ball's radius in mm."""
+CONTACT = 33.0
+
+
+def pressed(x: float, y: float, radius: float) -> F4:
+    center = np.array([x, y], np.float32)
+    height = ball_slopes(BLANK, center, CONTACT, PIXEL, radius_mm=radius, margin_px=0.0).height
+    return render(height, PIXEL, LIGHTS, samples=2).light
+
+
+def write(folder: Path, light: F4, about: str = "", seed: int = 0) -> None:
+    folder.mkdir(parents=True)
+    noisy = 0.6 * light + np.random.default_rng(seed).normal(0, 0.002, light.shape)
+    for k, plane in enumerate(np.clip(noisy, 0, 1), start=1):
+        cv2.imwrite(str(folder / f"led{k}.png"), np.rint(65535 * plane).astype(np.uint16))
+    if about:
+        (folder / "capture.yaml").write_text(about)
+
+
+def ball(x: float, y: float, radius: float) -> str:
+    place = f"ball_center_px: [{x}, {y}]\nball_contact_px: {CONTACT}\n"
+    return f"ball_radius_mm: {radius}\n{place}"
+
+
+@pytest.fixture(scope="module")
+def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four good presses, of two balls, and one of each kind of bad ones."""
+    folder = tmp_path_factory.mktemp("sensor")
+    rest = render(FILM, PIXEL, LIGHTS).light
+    write(folder / "flat" / "1", rest, seed=1)
+    write(folder / "flat" / "2", rest, seed=2)
+    made = {name: pressed(*place) for name, place in GOOD.items()}
+    for seed, (name, place) in enumerate(GOOD.items()):
+        write(folder / "presses" / name, made[name], ball(*place), seed)
+    write(folder / "presses" / "e_empty", rest, "ball_radius_mm: 5\n")
+    moved = made["a"].copy()
+    moved[2] = np.roll(moved[2], 3, axis=1)
+    write(folder / "presses" / "f_moved", moved, ball(*GOOD["a"]))
+    write(folder / "presses" / "g_bright", 4 * made["b"], ball(*GOOD["b"]))
+    write(folder / "presses" / "h_other", made["b"], ball(*GOOD["b"][:2], 6.0))
+    return folder
+
+
+def calibrate(presses: Path, out: Path, flat: Path) -> Result:
+    given = {"capture": str(presses), "flat": str(flat), "pixel_size_mm": PIXEL, "out": str(out)}
+    (result,) = open_pipeline(read_graph("calibrate"), given).items()
+    return result
+
+
+@pytest.fixture(scope="module")
+def calibrated(sensor: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    out = tmp_path_factory.mktemp("cal") / "cal.npz"
+    return calibrate(sensor / "presses", out, sensor / "flat"), out
+
+
+def off(lights: F4) -> float:
+    """How far the LEDs found are off, as a share of their distance."""
+    away = np.linalg.norm(lights - LIGHTS, axis=1) / np.linalg.norm(LIGHTS, axis=1)
+    return float(away.max())
+
+
+def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
+    result, _ = calibrated
+    told = [note for note in result.warnings if "left out" in note]
+    assert len(told) == 4
+    for name, reason in {
+        "e_empty": "no ball of radius 5 mm",
+        "f_moved": "the ball moved by",
+        "g_bright": "is saturated; expose shorter",
+        "h_other": "is its ball_radius_mm right",
+    }.items():
+        assert any(f"press {name} is left out" in n and reason in n for n in told), name
+
+
+def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
+    _, out = calibrated
+    assert off(read_calibration(file=out).film.lights) < 0.005
+
+
+def test_errors_are_of_presses_held_out(calibrated) -> None:
+    quality = calibrated[0]["quality"]
+    assert quality["presses"] == 4
+    assert 0.05 < quality["heldout_normal_deg"] < 1
+    assert 0.1 < quality["heldout_height_um"] < 10
+
+
+def test_the_tables_hold_pixels_of_all_good_presses_and_of_no_bad_one(calibrated) -> None:
+    result, out = calibrated
+    used = [part.any() for part in np.split(result["mask"], 8)]
+    assert used == [True] * 4 + [False] * 4
+    entries = len(read_calibration(file=out).lut_slope)
+    assert entries == pytest.approx(4 * np.pi * CONTACT**2, rel=0.1)
+
+
+def test_a_picture_lies_beside_the_calibration(calibrated) -> None:
+    _, out = calibrated
+    picture = cv2.imread(str(out.with_suffix(".png")))
+    assert picture.shape == (800, 1600, 3)
+
+
+def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None:
+    result = calibrate(sensor / "presses" / "a", tmp_path / "cal.npz", sensor / "flat" / "1")
+    assert result["quality"]["presses"] == 1
+    assert "heldout_normal_deg" not in result["quality"]
+    assert "press at the upper right" in result["advice"]
+    assert off(read_calibration(file=tmp_path / "cal.npz").film.lights) < 0.01
+
+
+def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:
+    found = read_balls(folder=sensor / "presses", radius_mm=7.0)
+    assert found.image.shape == (4, 8 * SIZE[0], SIZE[1])
+    assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6]
+    assert found.known[1].tolist() == [106, 40, CONTACT]
+    assert np.isnan(found.known[4]).all()
+
+
+def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:
+    for name in ("two", "one"):
+        write(tmp_path / name, np.ones((3, 4, 5), np.float32))
+    assert read_balls(folder=tmp_path, radius_mm=(7.0, 5.0)).names == ["one", "two"]
+    assert read_balls(folder=tmp_path, radius_mm=(7.0, 5.0)).radius.tolist() == [7, 5]
+    assert read_balls(folder=tmp_path, radius_mm=7.0).radius.tolist() == [7, 7]
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({}, r"one: the ball's radius is not known; give ball_radius_mm"),
+        ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but ball_radius_mm names 3 radii"),
+        ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "ball_center_px and ball_contact_px are for"),
+    ],
+)
+def test_balls_that_do_not_fit_the_presses_are_refused(tmp_path: Path, given, why: str) -> None:
+    for name in ("one", "two"):
+        write(tmp_path / name, np.ones((3, 4, 5), np.float32))
+    with pytest.raises(InputError, match=why):
+        read_balls(folder=tmp_path, **given)
+
+
+def test_presses_of_different_sizes_are_refused(tmp_path: Path) -> None:
+    write(tmp_path / "one", np.ones((3, 4, 5), np.float32))
+    write(tmp_path / "two", np.ones((3, 4, 6), np.float32))
+    with pytest.raises(InputError, match="two: is 3 lights of 6 x 4 pixels, but one is"):
+        read_balls(folder=tmp_path, radius_mm=7.0)
+
+
+def test_several_captures_of_the_untouched_film_are_averaged(tmp_path: Path) -> None:
+    for seed in range(4):
+        write(tmp_path / str(seed), np.ones((3, 60, 80), np.float32), seed=seed)
+    image = np.ones((3, 60, 80), np.float32)
+    one = read_flat(image, folder=tmp_path / "0", smooth_px=0.0).flat
+    mean = read_flat(image, folder=tmp_path, smooth_px=0.0).flat
+    assert mean.std() == pytest.approx(one.std() / 2, rel=0.1)
+
+
+def covered(*places: tuple[float, float], contact: float = 40.0) -> str:
+    known = [
+        ball_slopes(BLANK, np.array(c, np.float32), contact, PIXEL, radius_mm=5.0) for c in places
+    ]
+    slope = np.concatenate([k.slope for k in known], axis=1)
+    mask = np.concatenate([k.mask for k in known])
+    return advise_press(BLANK, slope, mask, np.full(mask.shape, 15, np.uint8)).advice
+
+
+@pytest.mark.parametrize(
+    ("places", "contact", "advice"),
+    [
+        ([(40, 40), (120, 40), (120, 80)], 40, "press at the lower left: no contact reaches"),
+        ([(40, 40), (120, 40), (120, 80)], 30, "press at the lower left, deeper, or with a sma"),
+        ([(40, 40), (120, 40), (120, 80), (40, 80)], 40, "nothing more is needed"),
+        ([(40, 40)], 49, "and one press has no other to be checked by"),
+    ],
+)
+def test_what_to_press_next(places, contact: float, advice: str) -> None:
+    said = covered(*places, contact=contact)
+    assert advice in said

@@ -1,0 +1,68 @@
+"""A calibration and its picture replace earlier ones of their kind, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tactograph.graph import InputError, Provenance
+from tactograph.graph.declare.check_settings import check_settings
+from tactograph.graph.declare.find_node import find_node
+from tactograph.nodes.calibrate.file.write_camera import write_camera
+from tactograph.nodes.drawing.new_picture import write_picture
+
+MADE = Provenance({}, None, [], {}, {}, [], [])
+WRITERS = ("write_calibration", "write_camera", "write_press_calibration")
+BESIDE = ("plot_calibration", "plot_camera", "plot_recalibration")
+
+
+def check(node: str, file: Path) -> None:
+    check_settings(find_node(node), {"file": str(file)}, lambda name: f"{node}: {name}")
+
+
+def camera(file: Path) -> None:
+    lens = np.zeros(8, np.float32)
+    write_camera(np.ones((4, 5), np.float32), lens, 0.1, 0.1, {}, file=file, provenance=MADE)
+
+
+@pytest.mark.parametrize("node", WRITERS)
+def test_arrays_of_others_stay(node: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.npz"
+    check(node, file)
+    np.savez(file, mine=np.ones(3))
+    with pytest.raises(InputError, match=r"a name that is free, or of an earlier .*, is needed"):
+        check(node, file)
+    file.write_text("not even an archive")
+    with pytest.raises(InputError, match=r"a name that is free, or of an earlier .*, is needed"):
+        check(node, file)
+
+
+def test_a_calibration_is_replaced_by_one_of_its_kind_alone(tmp_path: Path) -> None:
+    file = tmp_path / "camera.npz"
+    camera(file)
+    check("write_camera", file)
+    with pytest.raises(InputError, match="a name that is free, or of an earlier calibration, is"):
+        check("write_calibration", file)
+
+
+@pytest.mark.parametrize("node", [*BESIDE, "plot_check"])
+@pytest.mark.parametrize("content", ["photo", "text", "folder"])
+def test_a_photo_stays(node: str, content: str, tmp_path: Path) -> None:
+    picture = tmp_path / "photo.png"
+    file = picture if node == "plot_check" else picture.with_suffix(".npz")
+    check(node, file)
+    write_picture(Figure(), picture)
+    check(node, file)
+    picture.unlink()
+    if content == "folder":
+        picture.mkdir()
+    elif content == "text":
+        picture.write_text("my notes")
+    else:
+        cv2.imwrite(str(picture), np.full((4, 5, 3), 99, np.uint8))
+    with pytest.raises(InputError, match=r"(earlier|no) picture of a calibration.* is needed"):
+        check(node, file)

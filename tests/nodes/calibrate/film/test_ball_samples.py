@@ -1,0 +1,84 @@
+"""Samples of balls: where they lie, and what light is thrown on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.level_touches import level_touches
+from tactograph.nodes.calibrate.film._ball_samples import sample_balls, thinned
+from tactograph.nodes.calibrate.film.film_fit import Balls
+from tests.nodes.calibrate.film.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE, press
+from tests.nodes.films import LEDS, MATT
+
+MIDDLE = 63.5, 47.5
+OUTSIDE = -20.0
+"""px from the left border."""
+BOUNCING = MATT._replace(albedo=0.7, rim=2.0)
+FLAT = np.full((len(LEDS), *SIZE), 0.6, np.float32)
+
+
+def sampled(
+    light: F4,
+    albedo: float = 0.7,
+    *,
+    presses: int = 1,
+    column: float = MIDDLE[0],
+    **options: object,
+) -> Balls:
+    """All pixels of a ball in the middle of each press, or at another column; or some."""
+    circle = np.repeat(np.float32([[column, MIDDLE[1], RIM / PIXEL]]), presses, axis=0)
+    radius, of = np.full(presses, RADIUS, np.float32), np.arange(presses, dtype=np.int32)
+    film = BOUNCING._replace(albedo=albedo)
+    return sample_balls(light, FLAT, circle, radius, of, film, NOISE, PIXEL, 3.0, **options)
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.5, 0.7])
+def test_what_balls_throw_on_the_film_at_rest_is_no_drift(albedo: float) -> None:
+    """Whatever the albedo is thought to be when a press is levelled, the LEDs' light stays."""
+    raw = press(BOUNCING, (0.0, 0.0), seed=1)
+    levelled = level_touches(raw, FLAT, NOISE)
+    alone = press(MATT, (0.0, 0.0), seed=1)
+    at_rest = np.zeros((1, 3))
+    balls = sampled(levelled, albedo, most=None)
+    columns, rows = (
+        np.rint(w / PIXEL + m).astype(int) for w, m in zip((balls.u, balls.v), MIDDLE, strict=True)
+    )
+    inner = np.hypot(balls.u, balls.v) < 0.85 * RIM
+    left = balls.light - balls.thrown(at_rest, BOUNCING) - alone[:, rows, columns]
+    taken = (raw - levelled)[:, rows, columns]
+    assert np.abs(left[:, inner].mean()) < 0.002 < taken[:, inner].mean()
+
+
+def test_a_ball_whose_middle_lies_outside_the_image_throws_light_from_there() -> None:
+    raw, alone = (
+        press(film, ((OUTSIDE - MIDDLE[0]) * PIXEL, 0.0), seed=1) for film in (BOUNCING, MATT)
+    )
+    balls = sampled(raw, 0.0, column=OUTSIDE, most=None)
+    columns, rows = (
+        np.rint(w / PIXEL + m).astype(int) for w, m in zip((balls.u, balls.v), MIDDLE, strict=True)
+    )
+    true = (raw - alone)[:, rows, columns]
+    found = balls.thrown(np.zeros((1, 3)), BOUNCING)
+    assert found.mean() == pytest.approx(true.mean(), rel=0.01)
+
+
+def test_film_that_throws_nothing_is_not_asked_what_it_throws() -> None:
+    balls = sampled(press(MATT, (0.0, 0.0), seed=1), 0.0, fine=True)
+    for nothing in (balls.bounced, balls.by_lift, balls.by_rim):
+        assert nothing.shape == balls.light.shape
+        assert not nothing.any()
+
+
+def test_some_of_many_samples_lie_evenly_over_each_ball() -> None:
+    one = press(MATT, (0.0, 0.0), seed=1)
+    sheet = np.concatenate([one, one], axis=1)
+    every = sampled(sheet, 0.0, presses=2, most=None, fine=True)
+    some = thinned(every, most=200)
+    for ball in (0, 1):
+        of, whole = some.ball == ball, every.ball == ball
+        assert 50 < of.sum() <= 100 < whole.sum()
+        for part, all_of_it in ((some.u, every.u), (some.v, every.v)):
+            assert part[of].mean() == pytest.approx(all_of_it[whole].mean(), abs=0.2)
+            assert part[of].std() == pytest.approx(all_of_it[whole].std(), rel=0.1)

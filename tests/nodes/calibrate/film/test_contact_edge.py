@@ -1,0 +1,48 @@
+"""Where film leaves a ball, told by a film that is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes.calibrate.film._contact_edge import contact_edge
+from tactograph.nodes.optics.film import matt_film, predict
+
+RADIUS, RIM, PIXEL = 6.0, 5.0, 0.07
+LIGHTS = np.array([(21, 21, 36), (-21, 21, 36), (-21, -21, 36), (21, -21, 36)], np.float32)
+MATT = matt_film(LIGHTS)
+COATED = MATT._replace(base=0.7, roughness=0.2, refraction=1.5)
+
+
+def press(film, thrown):
+    """A ball in a film: places, light and what film throws on film, brightest around the foot."""
+    u, v = (a.ravel() for a in np.meshgrid(*[np.arange(-110, 111) * PIXEL] * 2))
+    away, sunk = np.hypot(u, v), np.sqrt(RADIUS**2 - RIM**2)
+    inside = away < RIM
+    z = np.where(inside, np.sqrt(np.maximum(RADIUS**2 - away**2, 0)) - sunk, 0)
+    n = np.where(inside, np.stack([u, v, z + sunk]) / RADIUS, np.array([[0], [0], [1]]))
+    bounce = np.tile(thrown * np.exp(-np.abs(away - RIM)), (4, 1))
+    return u, v, predict(film, n, u, v, z) + bounce, np.zeros_like(bounce), (0.0, 0.0, -sunk)
+
+
+@pytest.mark.parametrize("film", [MATT, COATED], ids=["matt", "coated"])
+@pytest.mark.parametrize("known", [0.88, 1.0, 1.12])
+@pytest.mark.parametrize("thrown", [0.0, 0.15])
+def test_a_contact_that_is_known_badly_is_found(film, known, thrown):
+    """Light that the film throws on its foot and that the model lacks does not mislead it."""
+    *seen, centre = press(film, thrown)
+    found = contact_edge(*seen, centre, RADIUS, known * RIM, film)
+    assert found == pytest.approx(RIM, abs=PIXEL)
+
+
+def test_noise_moves_it_by_less_than_a_pixel():
+    u, v, light, thrown, centre = press(COATED, 0.1)
+    noisy = light + np.random.default_rng(0).normal(0, 0.02, light.shape)
+    found = contact_edge(u, v, noisy, thrown, centre, RADIUS, 0.92 * RIM, COATED)
+    assert found == pytest.approx(RIM, abs=PIXEL)
+
+
+def test_a_ball_beyond_the_image_keeps_its_contact():
+    u, v, light, thrown, _ = press(MATT, 0.0)
+    found = contact_edge(u, v, light, thrown, (90.0, 0.0, -3.0), RADIUS, RIM, MATT)
+    assert found == RIM

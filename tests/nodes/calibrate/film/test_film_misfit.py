@@ -1,0 +1,112 @@
+"""What a film's model leaves on a ball that it was not fitted to."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.film._film_misfit import (
+    LEAST_DOUBT,
+    Held,
+    _half_way,
+    misfit,
+    unevenness,
+)
+from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, predicted, start_at
+from tests.nodes.scenes import LIGHTS
+
+PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
+LEDS = 60 * LIGHTS
+"""In mm."""
+NOWHERE_ELSE = np.zeros((8, len(LIGHTS), 3))
+
+
+def held(noise: float = 0.0, **changed: Any) -> Held:
+    """A ball in a film of certain properties, held against a matt film under the same LEDs."""
+    v, u = np.mgrid[-50:51, -50:51] * PIXEL
+    inside = np.hypot(u, v) < 0.9 * RIM
+    u, v = u[inside], v[inside]
+    none = np.zeros((len(LIGHTS), u.size))
+    balls = Balls(
+        u, v, none, np.zeros(u.size, int), np.zeros((1, 2)), np.array([RIM]), np.array([RADIUS]),
+        none, none, none, np.zeros(u.size, int),
+    )  # fmt: skip
+    fitted = start_at(cast(F4, LEDS), np.ones(len(LIGHTS), np.float32), 1)
+    true = fitted._replace(film=fitted.film._replace(**changed))
+    rng = np.random.default_rng(3)
+    light = (
+        predicted(balls, true) + rng.normal(0, noise, none.shape)
+        if noise
+        else predicted(balls, true)
+    )
+    return Held(Balls(**{**balls.__dict__, "light": light}), cast(Fitted, fitted))
+
+
+def test_noise_is_no_more_of_a_misfit_than_chance_may_hide() -> None:
+    level, _, light, bounce, tilt = misfit([held(0.01)], NOWHERE_ELSE, PIXEL, 0.0)
+    assert level < 2e-3
+    assert light < 1e-3
+    assert tilt < 1e-3
+    assert bounce == 0
+
+
+def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small() -> None:
+    diffuse = np.full(len(LIGHTS), 0.05)
+    *_, tilt = misfit([held(0.01, diffuse=diffuse)], NOWHERE_ELSE, PIXEL, 0.0)
+    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], NOWHERE_ELSE, PIXEL, 0.0)
+    assert tilt > 0.01
+    assert twice == pytest.approx(2 * tilt, rel=0.2)
+
+
+def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
+    parts = []
+    for albedo in (0.6, 0.66):
+        part = held(0.01)
+        film = part.fitted.film._replace(albedo=albedo)
+        parts.append(part._replace(fitted=part.fitted._replace(film=film)))
+    # Of two values, the mean's standard deviation and Student's quantile over the normal one.
+    doubt = 0.03 / 0.63 * 6.3138 / 1.6449
+    doubt = np.hypot(doubt, LEAST_DOUBT)
+    assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
+
+
+def test_presses_that_agree_on_the_albedo_leave_it_open_all_the_same() -> None:
+    part = held(0.01)
+    film = part.fitted.film._replace(albedo=0.6)
+    parts = [part._replace(fitted=part.fitted._replace(film=film))] * 2
+    assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(LEAST_DOUBT, rel=1e-3)
+
+
+def test_another_place_of_an_led_stays_above_the_film() -> None:
+    down, none = NOWHERE_ELSE.copy(), np.zeros(len(LIGHTS))
+    down[:, 0, 2] = -2 * LEDS[0, 2]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = misfit([held(0.01, diffuse=none)], down, PIXEL, 0.0)
+    assert np.isfinite(found).all()
+
+
+def test_where_chance_hides_how_wide_errors_are_they_may_be_as_wide_as_any() -> None:
+    lags = np.array([2, 5, 11])
+    assert _half_way(lags, np.array([1.0, 0.7, 0.2])) == pytest.approx(5 + 6 * 0.2 / 0.5)
+    assert _half_way(lags, np.array([-1e-9, 2e-9, -3e-9])) == 11
+
+
+def test_few_presses_state_more_than_many() -> None:
+    """What a model leaves on one press tells little of what it will leave on the next."""
+    part = held(0.01, diffuse=np.full(len(LIGHTS), 0.05))
+    *_, one = misfit([part], NOWHERE_ELSE, PIXEL, 0.0)
+    *_, many = misfit([part] * 12, NOWHERE_ELSE, PIXEL, 0.0)
+    assert one > 3 * many
+
+
+@pytest.mark.parametrize("brighter", [0.02, 0.04])
+def test_brightness_that_the_model_does_not_know_makes_a_film_uneven(brighter: float) -> None:
+    """All LEDs alike; noise of single pixels is none of it."""
+    part = held(0.01, gain=1 + brighter)
+    assert unevenness([part], PIXEL) == pytest.approx(2.5 * brighter, rel=0.1)
+    assert unevenness([held(0.01)], PIXEL) < 2.5e-3

@@ -1,0 +1,260 @@
+"""What a film is made of is found on balls pressed into it, and no more than is there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.graph import GraphError
+from tactograph.graph.declare.check_settings import check_settings
+from tactograph.nodes import F4, Film
+from tactograph.nodes.calibrate.film.film_fit import (
+    ALIKE,
+    _albedos,
+    _Equations,
+    _solve,
+    _stepped,
+    start_at,
+)
+from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
+from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.optics.film import predict, rest_light
+from tests.nodes.films import LEDS, MATT, ball_seen, harmonics, normals
+
+SIZE = 96, 128
+PIXEL = 20 / SIZE[1]
+RADIUS, RIM = 5.0, 3.6
+NOISE = np.array([2e-5, 1e-6], np.float32)
+FOUR = [(-4.0, -2.5), (4.0, -2.0), (-3.5, 2.5), (4.5, 2.5)]
+Y, X = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([47.5, 63.5])[:, None, None]) * PIXEL
+
+
+def press(film: Film, centre: tuple[float, float], seed: int) -> F4:
+    """A ball's light relative to the film at rest, with the camera's noise."""
+    seen, slope, _ = ball_seen(RADIUS, RIM, centre, film.camera, SIZE)
+    z = (seen / (1 + film.camera * seen)).ravel()
+    nearer = 1 - film.camera * z
+    n = normals(slope).reshape(3, -1)
+    direct = predict(film, n, X.ravel() * nearer, Y.ravel() * nearer, z)
+    direct = direct.reshape(-1, *SIZE).astype(np.float32)
+    light = direct
+    for _ in range(6 if film.albedo else 0):
+        light = direct + film_bounce(light, seen, film, PIXEL, cells=X.size)
+    rng = np.random.default_rng(seed)
+    return (light + rng.normal(0, 0.004, light.shape)).astype(np.float32)
+
+
+def fitted(
+    film: Film,
+    centres: list[tuple[float, float]],
+    *,
+    rim: float = RIM,
+    emission: float = 0,
+    **more: object,
+) -> FilmFit:
+    """Fit to balls that are a third of a pixel off, from LEDs that are 3 % off.
+
+    `rim` is the contacts' radius as it was found, `emission` that of LEDs that face the middle.
+    """
+    light = np.concatenate([press(film, c, seed) for seed, c in enumerate(centres)], axis=1)
+    flat = rest_light(film, X, Y)
+    for plane, led in zip(flat, film.lights, strict=True):
+        away = led[:, None, None] - np.stack([X, Y, np.zeros_like(X)])
+        cosine = np.einsum("c,cyx->yx", led, away) / np.linalg.norm(away, axis=0)
+        plane *= (cosine / np.linalg.norm(led)) ** emission
+    flat = (0.6 * flat / flat.mean(axis=(1, 2), keepdims=True)).astype(np.float32)
+    places = np.array(centres) / PIXEL + [63.5, 47.5] + [0.2, -0.25]
+    circle = np.column_stack([places, np.full(len(centres), rim / PIXEL)]).astype(np.float32)
+    lights = LEDS * np.float32(1.03)
+    return fit_film(
+        light,
+        flat,
+        circle,
+        np.full(len(centres), RADIUS, np.float32),
+        np.arange(len(centres), dtype=np.int32),
+        np.ones(len(centres), np.uint8),
+        lights,
+        np.ones(len(LEDS), np.float32),
+        np.repeat(lights[None], 8, axis=0),
+        NOISE,
+        PIXEL,
+        **more,
+    )
+
+
+@pytest.fixture(scope="module")
+def bouncing() -> FilmFit:
+    """The fit to two balls in a matt film that lights itself."""
+    return fitted(MATT._replace(albedo=0.7), FOUR[:2])
+
+
+def tried(found: FilmFit) -> set[str]:
+    """The models that were tried."""
+    return {name.partition("/")[2] for name in found.quality} - {""}
+
+
+def test_a_matt_film_stays_matt() -> None:
+    found = fitted(MATT, FOUR)
+    for name in ("diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
+        assert np.array_equal(getattr(found.film, name), getattr(MATT, name)), name
+    assert np.array_equal(found.film.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
+
+
+def test_the_share_that_the_gel_diffuses_is_found() -> None:
+    shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
+    found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR)
+    assert found.film.diffuse == pytest.approx(shares, abs=0.02)
+    assert found.film.gain == pytest.approx(1.06, abs=0.01)
+    assert found.film.lights == pytest.approx(LEDS, abs=2)
+    assert (found.film.refraction, found.film.albedo, found.film.camera) == (1, 0, 0)
+    assert found.quality["diffuse_percent"] == pytest.approx(100 * shares.mean(), abs=2)
+    errors = found.quality
+    assert errors["film_heldout_deg/diffuse"] < 0.3 * errors["film_heldout_deg/matt"]
+
+
+def test_a_single_ball_tells_diffuse_light() -> None:
+    shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
+    found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR[:1])
+    assert found.film.diffuse == pytest.approx(shares, abs=0.05)
+    assert not found.film.harmonics.any(), "harmonics take two balls"
+    assert found.film.camera == 0, "one ball does not tell how high the pupil is"
+
+
+def test_a_glossy_coat_is_found() -> None:
+    coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
+    found = fitted(coat, FOUR)
+    assert found.film.roughness == pytest.approx(0.25, abs=0.03)
+    assert found.film.refraction > 1
+    assert found.quality["film_heldout_deg"] < 0.3
+    # The LEDs lie where the fit says that they may lie, which is less far than a matt film's would.
+    spread = np.sqrt(np.square(found.film.others - found.film.lights).mean(axis=0))
+    assert (np.abs(found.film.lights - LEDS) < 4 * spread).all()
+    assert spread.max() < 0.3
+
+
+def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> None:
+    names = ["base", "roughness", "refraction", "albedo", "rim"]
+    start = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
+    now = start._replace(film=start.film._replace(base=0.8, albedo=0.7))
+    ((away, by),) = _albedos(now, names)
+    assert away == pytest.approx(0.1 / ALIKE)
+    for number, found in enumerate(by):
+        changed, step = _stepped(now, names, number)
+        ((moved, _),) = _albedos(changed, names)
+        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALIKE)
+    assert not list(_albedos(now, names[:3]))
+    assert not list(_albedos(now, names[3:]))
+
+
+def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
+    """Of so many samples that the camera's noise leaves less than a per cent of the albedo open."""
+    assert bouncing.film.albedo == pytest.approx(0.7, abs=0.008)
+    assert bouncing.film.refraction == 1
+    assert bouncing.quality["film_heldout_deg"] < 0.3
+
+
+def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
+    # The ball stands higher than its circle says, and throws more: the fit lifts it.
+    found = fitted(MATT._replace(albedo=0.7), FOUR[:2], rim=RIM - 0.15)
+    assert found.film.albedo == pytest.approx(0.7, abs=0.05)
+    assert found.quality["film_heldout_deg"] < 0.3
+
+
+def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on(bouncing: FilmFit) -> None:
+    narrow = fitted(MATT._replace(albedo=0.7, rim=0.5), FOUR[:2])
+    assert narrow.film.albedo == pytest.approx(0.7, abs=0.02)
+    assert narrow.film.rim == pytest.approx(0.5, abs=0.15)
+    assert bouncing.film.rim == pytest.approx(MATT.rim, abs=0.15)
+
+
+def test_bounced_light_is_not_asked_of_balls_smaller_than_the_cells() -> None:
+    found = fitted(MATT._replace(albedo=0.7), FOUR, rim=RIM / 3)
+    assert not any("bounce" in model for model in tried(found))
+
+
+def test_leds_that_shine_by_the_cosine_lie_where_they_are(bouncing: FilmFit) -> None:
+    by_the_cosine = fitted(MATT._replace(albedo=0.7), FOUR[:2], emission=1.0)
+    for found, emission in ((bouncing, 0.0), (by_the_cosine, 1.0)):
+        distance = np.linalg.norm(found.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
+        assert distance == pytest.approx(1, abs=0.006)
+        assert found.quality["led_emission"] == pytest.approx(emission, abs=0.1)
+
+
+def test_the_pupils_height_is_found() -> None:
+    found = fitted(MATT._replace(camera=1 / 65), FOUR)
+    assert 1 / found.film.camera == pytest.approx(65, rel=0.15)
+    assert found.quality["camera_mm"] == pytest.approx(1 / found.film.camera)
+
+
+def test_a_pupil_that_is_known_stays_where_it_is() -> None:
+    found = fitted(MATT._replace(camera=1 / 65), FOUR, camera_mm=65.0)
+    assert found.film.camera == pytest.approx(1 / 65)
+    assert not any("camera" in model for model in tried(found))
+
+
+def test_harmonics_are_found_where_physics_is_not_enough() -> None:
+    bent = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
+    physics = ("diffuse", "lobe", "bounce", "camera")
+    found = fitted(bent, FOUR, without=physics)
+    assert found.film.harmonics.any()
+    assert found.film.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
+    assert found.film.reach == pytest.approx(10)
+    without = fitted(bent, FOUR, without=(*physics, "harmonics"))
+    assert not without.film.harmonics.any()
+    assert found.quality["film_heldout_deg"] < 0.7 * without.quality["film_heldout_deg"]
+
+
+def test_parts_that_are_left_out_are_not_tried() -> None:
+    film = MATT._replace(diffuse=np.full(4, 0.3, np.float32))
+    found = fitted(film, FOUR, without=("diffuse", "harmonics", "lobe", "bounce"))
+    assert not any("diffuse" in m or "harmonics" in m for m in tried(found))
+    assert not found.film.diffuse.any()
+
+
+@pytest.mark.parametrize("typed", ["[lobe,bounce]", "[lobe, bounce]", "lobe,bounce"])
+def test_parts_to_leave_out_may_be_typed_as_a_list_or_with_commas(typed: object) -> None:
+    settings = check_settings(fit_film, {"without": typed}, lambda name: name)
+    assert settings["without"] == ("lobe", "bounce")
+
+
+@pytest.mark.parametrize("typed", ["lobes", "[lobe, bonce]", "lobe;bounce"])
+def test_a_part_that_the_model_has_not_is_refused(typed: str) -> None:
+    with pytest.raises(GraphError, match=r"input should be 'diffuse', 'lobe', .* or 'camera'"):
+        check_settings(fit_film, {"without": typed}, lambda name: name)
+
+
+def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:
+    quiet = fitted(MATT, FOUR[:2]).film.grain
+    assert quiet < 0.005
+    rough = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
+    fit = fitted(rough, FOUR[:2], without=("diffuse", "lobe", "bounce", "harmonics"))
+    assert fit.film.grain > 0.01
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-2])
+def test_balls_taken_out_one_by_one_leave_the_whole_solution(damping: float) -> None:
+    """Schur's complement against one system of all unknowns."""
+    rng = np.random.default_rng(1)
+    shared, count = 6, 5
+    size = shared + 3 * count
+    by = rng.normal(size=(60, size))
+    # Balls meet in what they share alone.
+    for ball in range(count):
+        rows = np.arange(60) % count != ball
+        by[np.ix_(rows, shared + 3 * ball + np.arange(3))] = 0
+    normal, right = by.T @ by, rng.normal(size=size)
+    own = [slice(shared + 3 * i, shared + 3 * i + 3) for i in range(count)]
+    equations = _Equations(
+        normal[:shared, :shared],
+        np.stack([normal[:shared, s] for s in own]),
+        np.stack([normal[s, s] for s in own]),
+        right[:shared],
+        np.stack([right[s] for s in own]),
+    )
+    damped = normal + damping * np.eye(size)
+    damped[:shared, :shared] += damping * (np.diag(np.diag(normal)[:shared]) - np.eye(shared))
+    for s in own:
+        damped[s, s] = normal[s, s] * (1 + damping * np.eye(3))
+    whole = np.linalg.solve(damped, right)
+    found, moved = _solve(equations, damping)
+    assert np.concatenate([found, moved.ravel()]) == pytest.approx(whole, rel=1e-6)

@@ -1,0 +1,114 @@
+"""A wrong radius of the ball is told from the right one by the light."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.film._ball_samples import sample_balls
+from tactograph.nodes.calibrate.film.judge_press_radius import judge_press_radius
+from tactograph.nodes.calibrate.film.judge_radius import (
+    MAX_SAMPLES,
+    Doubt,
+    Tried,
+    doubt_of_radius,
+    try_radii,
+)
+from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.capture.read_presses import read_presses
+from tactograph.nodes.optics.film import matt_film
+from tests.conftest import RIG_PIXEL_MM, Raytraced, real_data
+
+BALL = 7.0
+"""Radius of the rigs' balls in mm."""
+NOISE = np.array([1e-4, 1e-6], np.float32)
+DISTANT = np.array([[1, 1, 2], [-1, 1, 2], [-1, -1, 2], [1, -1, 2]], np.float32) * 100
+
+
+def image_of(folder: Path) -> np.ndarray:
+    (capture,) = read_capture(folder=folder)
+    return capture.image
+
+
+def tried(rig: Path, factor: float) -> list[Tried]:
+    """What the light of a rig's ball says of radii, with one given that is wrong by a factor."""
+    flat, pixel, radius = image_of(rig / "flat"), RIG_PIXEL_MM[rig.name], BALL * factor
+    light = image_of(rig / "calibration") / flat
+    centre = json.loads((rig / "calibration" / "scene.json").read_text())["sphere_center_px"]
+    circle = np.array([[*centre, 0.95 * min(radius, BALL) / pixel]], np.float32)
+    one = np.array([radius], np.float32)
+    balls = sample_balls(
+        light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel, 3.0,
+        most=MAX_SAMPLES, fine=True,
+    )  # fmt: skip
+    return try_radii(balls, flat, pixel, DISTANT, np.ones(4, np.float32), 0.5)
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+def test_a_right_radius_raises_no_doubt(raytraced: Raytraced, rig: str) -> None:
+    assert doubt_of_radius(tried(raytraced / rig, 1.0), BALL) == Doubt("", False)
+
+
+@pytest.mark.parametrize(
+    ("rig", "factor"), [("near33", 0.9), ("near33", 1.03), ("near33", 2), ("far28", 1.1)]
+)
+def test_a_wrong_radius_is_refused_and_the_right_one_named(
+    raytraced: Raytraced, rig: str, factor: float
+) -> None:
+    found = tried(raytraced / rig, factor)
+    doubt = doubt_of_radius(found, BALL * factor)
+    best = min(found, key=lambda each: each.departure)
+    assert doubt.is_clear
+    assert BALL * factor * best.factor == pytest.approx(BALL, rel=0.02)
+    assert f"a ball of {BALL * factor * best.factor:.3g} mm radius" in doubt.said
+
+
+def plain(factor: float, departure: float, diffuse: float = 0.0) -> Tried:
+    return Tried(factor, departure, departure, 50.0, diffuse)
+
+
+def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
+    doubt = doubt_of_radius([plain(1.0, 0.03), plain(1.07, 0.027)], 6.0, left=0.26)
+    assert "the film found leaves 26.0%" in doubt.said
+    assert not doubt.is_clear
+
+
+def test_a_film_chosen_that_explains_more_than_any_plain_one_is_not() -> None:
+    assert not doubt_of_radius([plain(1.0, 0.06), plain(0.97, 0.03)], 6.0, left=0.011).said
+
+
+def test_light_that_fits_two_radii_alike_doubts_the_one_without_diffuse_light() -> None:
+    alike = [plain(0.5, 0.066, 0.44), plain(1.0, 0.072, 0.0)]
+    assert "the gel would diffuse no light" in doubt_of_radius(alike, 6.31).said
+    apart = [plain(0.5, 0.2, 0.44), plain(1.0, 0.072, 0.0)]
+    assert not doubt_of_radius(apart, 6.31).said
+
+
+@cache
+def mini() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Some presses of the GelSight Mini, its film at rest, and their circles."""
+    data = real_data("gelsight_mini_balls")
+    film = read_presses(folder=data / "6.310mm", flat=data / "background.png")
+    labels = np.genfromtxt(data / "labels.csv", delimiter=",", skip_header=1, usecols=(2, 3, 4))
+    numbers = np.array([int(name) for name in film.names])
+    inside = (np.abs(labels[:, 0] - 160) < 130) & (np.abs(labels[:, 1] - 120) < 90)
+    some = np.flatnonzero(inside[numbers])[::2]
+    return level_presses(film.image[some], film.flat), film.flat, labels[numbers[some]]
+
+
+@pytest.mark.parametrize(("radius", "doubtful"), [(3.155, False), (6.31, True)])
+def test_a_diameter_typed_as_radius_is_told_on_a_real_one_shot_sensor(
+    radius: float, doubtful: bool
+) -> None:
+    image, flat, circle = mini()
+    kept = np.ones(len(image), np.uint8)
+    verdict = judge_press_radius(
+        image, flat, circle.astype(np.float32), kept, 0.0634, radius_mm=radius
+    )
+    assert bool(verdict.doubts) == doubtful
+    assert all("is ball_radius_mm its diameter" in doubt for doubt in verdict.doubts)

@@ -1,0 +1,94 @@
+"""What is wrong with a calibration is told, and blamed on what causes it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rating.rate_calibration import rate_calibration
+from tactograph.nodes.simulate.light_ring import light_ring
+
+LIGHTS = light_ring(distance_mm=80.0)
+GOOD, POOR = np.full(4, 0.01, np.float32), np.full(4, 0.06, np.float32)
+SLOPES = np.stack([np.cos(np.arange(64)), np.sin(np.arange(64))], axis=1).astype(np.float32)
+MASK = np.ones((4, 6), np.uint8)
+FLAT = np.full((4, 4, 6), 0.5, np.float32)
+
+
+def told(
+    left: F4, lights: F4 = LIGHTS, noise: float = 0.0, flat: F4 = FLAT, **film: Any
+) -> list[str]:
+    notes: list[str] = []
+    variance = np.array([0, noise**2], np.float32)
+    with collect_warnings(notes):
+        rated = rate_calibration(
+            left, 0.01, SLOPES, MASK, 15 * MASK, lights, left, None, flat, variance, **film
+        )  # fmt: skip
+    assert set(rated.doubts) <= set(notes)
+    assert rated.verdict.startswith("doubtful" if rated.doubts else "nothing speaks against it")
+    return notes
+
+
+def test_a_good_calibration_has_no_warning() -> None:
+    assert not told(GOOD)
+
+
+def test_what_no_noise_explains_is_blamed_on_the_ball() -> None:
+    notes = told(POOR, noise=0.001)
+    assert len(notes) == 2
+    assert all("ball's radius" in note for note in notes)
+
+
+def test_noise_is_blamed_on_the_exposure() -> None:
+    (note,) = told(POOR, noise=0.03)
+    assert "expose longer" in note
+
+
+def test_two_leds_in_one_place_are_named() -> None:
+    lights = LIGHTS.copy()
+    lights[3] = lights[1]
+    (note,) = told(GOOD, lights)
+    assert "LEDs 2 and 4" in note
+
+
+def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
+    assert not told(GOOD, pixel=3.0, albedo=0.7)
+
+
+FAR_AWAY = LIGHTS * np.float32(1e4)
+
+
+def test_leds_at_infinity_are_blamed_on_the_radius_and_refused() -> None:
+    with pytest.raises(InputError, match=r"LED 1 is found 800\.0 m from the film.*ball's radius"):
+        told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0)
+
+
+def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> None:
+    with pytest.raises(InputError, match=r"albedo is found as 0\.95.*force=true"):
+        told(GOOD, pixel=3.0, albedo=0.95)
+
+
+def test_what_is_forced_is_doubtful() -> None:
+    (note,) = told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True)
+    assert "LED 1 is found 800.0 m from the film" in note
+
+
+def test_a_large_held_out_error_leads() -> None:
+    notes = told(POOR, noise=0.001, fitted={"film_heldout_deg": 25.0})
+    assert "25.0 degrees off" in notes[0]
+
+
+def test_a_coat_may_reflect_as_no_smooth_function_does() -> None:
+    notes = told(POOR, noise=0.001, refraction=1.5)
+    assert not any("smooth function" in note for note in notes)
+
+
+def test_a_flat_frame_is_asked_for_only_where_there_is_none() -> None:
+    taken = FLAT + np.linspace(0, 0.1, 6, dtype=np.float32)
+    assert "flat=DIR" in told(POOR, noise=0.001)[0]
+    assert "flat=DIR" not in told(POOR, noise=0.001, flat=taken)[0]

@@ -1,0 +1,62 @@
+"""A flat frame under other light than the presses is told before it bends every height."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rating.rate_exposure import rate_exposure
+
+FLAT = np.full((4, 40, 60), 0.5, np.float32)
+TAKEN = FLAT + np.linspace(0, 0.1, 60, dtype=np.float32)
+CIRCLE, OF = np.array([[30, 20, 8]], np.float32), np.zeros(1, np.int32)
+
+
+def press(level: float, dark: float = 1.0) -> F4:
+    """Film at rest of some light, and a ball in its middle whose skirt is shaded."""
+    light = np.full(FLAT.shape, level, np.float32)
+    light[:, 10:31, 20:41] = dark * level
+    return light
+
+
+def rated(
+    light: F4, circle: F4 = CIRCLE, names: tuple[str, ...] = ("ball",), taken: F4 = TAKEN
+) -> tuple[float, str]:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        found = rate_exposure(light, FLAT, taken, circle, OF, [*names])
+    return found["rest_departure_percent"], "; ".join(notes)
+
+
+def test_the_ball_and_its_skirt_do_not_count() -> None:
+    departure, said = rated(press(1.01, dark=0.2))
+    assert departure == pytest.approx(1, abs=1e-3)
+    assert not said
+
+
+@pytest.mark.parametrize(("level", "word"), [(1.25, "25% brighter"), (0.8, "20% darker")])
+def test_another_exposure_is_told(level: float, word: str) -> None:
+    departure, said = rated(press(level))
+    assert departure == pytest.approx(100 * (level - 1), rel=1e-3)
+    assert word in said
+    assert "same exposure" in said
+
+
+def test_where_no_flat_frame_was_given_none_is_blamed() -> None:
+    _, said = rated(press(1.25), taken=np.ones_like(FLAT))
+    assert "brighter than a plain film under the LEDs that were found" in said
+    assert said.endswith("as no flat frame was given: give one, flat=DIR")
+
+
+def test_one_led_of_one_press_is_named() -> None:
+    sheet = np.concatenate([press(1.0), press(1.0)], axis=1)
+    sheet[2, 40:] *= 1.3
+    _, said = rated(sheet, names=("first", "second"))
+    assert said.startswith("second: under LED 3 ")
+
+
+def test_where_a_ball_covers_everything_the_whole_frame_counts() -> None:
+    departure, _ = rated(press(1.02), np.array([[30, 20, 50]], np.float32))
+    assert departure == pytest.approx(2, abs=1e-2)

@@ -1,0 +1,71 @@
+"""What neighbouring pixels share of the noise, on images whose noise is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rest.noise_correlation import noise_correlation
+
+SIGMA = 0.004
+SHAPE = (4, 240, 320)
+FLAT = np.full(SHAPE, 0.6, np.float32)
+OWN = np.array([0, SIGMA**2], np.float32)
+"""The noise of pixels that have noise of their own."""
+
+
+def white() -> F4:
+    return np.random.default_rng(5).normal(0, SIGMA, SHAPE).astype(np.float32)
+
+
+def shared_by_two(noise: F4) -> F4:
+    """Two pixels with the noise of one."""
+    return np.asarray(np.repeat(noise[..., ::2], 2, axis=-1), np.float32)
+
+
+def test_pixels_that_have_noise_of_their_own_share_none() -> None:
+    assert noise_correlation(FLAT + white(), FLAT, OWN, 0.0) == pytest.approx(1, abs=0.1)
+
+
+def test_noise_shared_by_two_leaves_twice_the_variance_to_a_mean() -> None:
+    image = FLAT + shared_by_two(white())
+    assert noise_correlation(image, FLAT, OWN, 0.0) == pytest.approx(2, rel=0.15)
+
+
+def test_grain_is_noise_of_a_pixel_too() -> None:
+    image, grain = FLAT + shared_by_two(white()), SIGMA * np.sqrt(0.75) / 0.6
+    assert noise_correlation(image, FLAT, OWN / 4, grain) == pytest.approx(2, rel=0.15)
+
+
+def test_no_camera_shares_more_than_a_mosaic() -> None:
+    image = FLAT + shared_by_two(white())
+    assert noise_correlation(image, FLAT, OWN / 1000, 0.0) == 4
+
+
+def test_a_touch_and_the_texture_of_the_film_are_no_noise() -> None:
+    y, x = np.mgrid[: SHAPE[1], : SHAPE[2]]
+    texture = 1 + 0.05 * np.sin(x / 2.3) * np.sin(y / 1.9)
+    touch = 1 + 0.5 * np.exp(-((x - 160) ** 2 + (y - 120) ** 2) / 40**2)
+    flat = (FLAT * texture).astype(np.float32)
+    image = (flat * touch).astype(np.float32) + white()
+    assert noise_correlation(image, flat, OWN, 0.0) == pytest.approx(1, abs=0.15)
+
+
+def test_presses_on_a_sheet_are_divided_by_the_flat_frame_each() -> None:
+    image = FLAT + shared_by_two(white())
+    sheet = np.concatenate([image, image], axis=1)
+    one, two = (noise_correlation(light, FLAT, OWN, 0.0) for light in (image, sheet))
+    assert two == pytest.approx(one, rel=0.02)
+
+
+@pytest.mark.parametrize("light", [0.0, 1.0])
+def test_black_and_saturated_film_says_nothing(light: float) -> None:
+    image = np.full(SHAPE, light, np.float32)
+    assert noise_correlation(image, FLAT, OWN, 0.0) == 1
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(60, 60), (31, 320), (240, 31), (5, 7)])
+def test_an_image_of_few_tiles_says_nothing(rows: int, columns: int) -> None:
+    image = (FLAT + shared_by_two(white()))[:, :rows, :columns]
+    assert noise_correlation(image, FLAT[:, :rows, :columns], OWN, 0.0) == 1
