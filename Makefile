@@ -21,15 +21,11 @@ $(VENV)/.installed: pyproject.toml
 	@$(BIN)/tactograph schema > pipelines/pipeline.schema.json
 	@touch $@
 
-# Type checkers cannot follow the folder mapping of an editable install: show them a tree of
-# links, on the path.  Python itself still asks the mapping first (second line of the .pth file).
+# Type checkers cannot follow an editable install: show them a folder that holds the package alone.
 TYPING := $(CURDIR)/.typing
 types:
-	@mkdir -p $(TYPING)/tactograph
-	@for part in firmware graph nodes kernels pipelines; do ln -sfn ../../$$part $(TYPING)/tactograph/$$part; done
-	@ln -sfn $(addprefix ../../,$(wildcard tactograph/*.py)) ../../tactograph/py.typed $(TYPING)/tactograph/
-	@printf '%s\nimport sys; sys.meta_path.sort(key=lambda f: "tactograph" not in getattr(f, "__module__", ""))\n' '$(TYPING)' \
-	  > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tactograph-types.pth"
+	@test -L $(TYPING)/tactograph || { rm -rf $(TYPING); mkdir $(TYPING); ln -s ../tactograph $(TYPING); }
+	@echo '$(TYPING)' > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tactograph-types.pth"
 
 demo: $(VENV)/.installed
 	@$(BIN)/tactograph demo --out $(DEMO)
