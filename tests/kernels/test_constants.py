@@ -19,12 +19,11 @@ KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
 
 
 def modules_of(node: Node) -> Iterator[ModuleType]:
-    """A node's module, and those of its room or of the optics that it takes names from."""
+    """A node's module, and those of other nodes and functions that it takes names from."""
     own = sys.modules[node.function.__module__]
     yield own
-    shared = own.__name__.rpartition(".")[0] + "._", "tactograph.nodes.optics."
     taken = {getattr(value, "__module__", None) or "" for value in vars(own).values()}
-    yield from (sys.modules[name] for name in sorted(taken) if name.startswith(shared))
+    yield from (sys.modules[name] for name in sorted(taken) if name.startswith("tactograph.nodes."))
 
 
 def shared_constants(node: Node) -> dict[str, tuple[float, float]]:

@@ -37,7 +37,7 @@ def show(session: Session, name: str = "000001", **settings: Any) -> list[str]:
 def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr("tactograph.nodes.live.preview.sys.platform", "linux")
+    monkeypatch.setattr("tactograph.nodes.live.view.preview.sys.platform", "linux")
 
 
 def test_without_a_screen_the_picture_is_a_file_and_that_is_said_once(tmp_path: Path) -> None:

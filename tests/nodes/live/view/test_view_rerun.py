@@ -171,7 +171,7 @@ def test_a_viewer_that_is_closed_costs_one_line_and_the_file_goes_on(
 def test_without_a_screen_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr("tactograph.nodes.live.view_rerun.sys.platform", "linux")
+    monkeypatch.setattr("tactograph.nodes.live.view.view_rerun.sys.platform", "linux")
     with pytest.raises(InputError, match=r"no screen for a viewer.*viewer=none"):
         view(Session())
 
