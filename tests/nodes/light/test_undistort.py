@@ -11,8 +11,8 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.nodes import F4
+from tactograph.nodes.error.error_as_seen import error_as_seen
 from tactograph.nodes.height.as_seen import as_seen
-from tactograph.nodes.height.error_as_seen import error_as_seen
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.light.undistort_dark import undistort_dark
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, ideal_places, seen_offset
