@@ -61,6 +61,8 @@ Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model beyond camera noise, as a share of the light."""
 Uneven = Annotated[float, Port(unit="1", high=0.05)]
 """Standard deviation of the brightness of touched film from its model, the same for all LEDs."""
+ZeroError = Annotated[float, Port(unit="mm", high=1)]
+"""Standard deviation of a height's zero, the same for all pixels."""
 Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
 """(level, width, light, bounce, tilt): errors of the film's model, apart from noise.
 

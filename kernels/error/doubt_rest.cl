@@ -8,6 +8,7 @@ LANED __kernel void doubt_rest(
     __global const float *restrict free,
     __global const float *restrict variance,
     const float pixel,
+    const float zero,
     __global float *restrict out,
     const int H, const int W,
     const float level,
@@ -20,6 +21,6 @@ LANED __kernel void doubt_rest(
     const float widest = level * pixel;
     const floats hidden = widest * widest / 6.0f * LESS_OF(both, most);
     const floats held = sqrt(z * z + hidden);
-    store_floats(load_bytes(rest + at, count) != 0 ? held : load_floats(error + at, count),
-                 out + at, count);
+    const floats known = load_bytes(rest + at, count) != 0 ? held : load_floats(error + at, count);
+    store_floats(sqrt(known * known + zero * zero), out + at, count);
 }

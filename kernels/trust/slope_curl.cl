@@ -4,6 +4,7 @@
 #define MIN_LEDS 3
 #define MIN_SLOPE 0.05f
 #define MAX_CURVATURE 0.5f
+#define NOISE_WEIGHT 2.0f
 #define UNTESTED (-1.0f)
 
 // The mean of a cell of side x side pixels; beyond the border the border pixels repeat.  Rows are
@@ -67,6 +68,6 @@ __kernel void slope_curl(
     const float noise = (spread[0] + spread[1] + (spread[2] + spread[3])) * 0.25f / pixels;
     const float curl = p_down - q_right;
     const float expected =
-        least * least + misfit[0] * misfit[0] + share * share * bent + noise;
+        least * least + misfit[0] * misfit[0] + share * share * bent + NOISE_WEIGHT * noise;
     out[at] = tests ? curl * curl / expected : UNTESTED;
 }

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Height, HeightError, Mask, PixelSize, SlopeVariance
+from tactograph.nodes import Height, HeightError, Mask, PixelSize, SlopeVariance, ZeroError
 
 
 @node(neutral="error", tolerance=Close(1e-7, 1e-5, why="square roots"))
@@ -18,6 +18,7 @@ def doubt_rest(
     free: Height,
     variance: SlopeVariance,
     pixel: PixelSize,
+    zero: ZeroError = 0.0,
     *,
     level: Annotated[float, Gt(0)] = 4.5,
     steepest: Annotated[float, Gt(0)] = 1.0,
@@ -33,7 +34,8 @@ def doubt_rest(
     touch whose top reaches the border of the frame and looks calm there.  What is narrow hides
     below the noise of a slope, over a pixel, times the `level` up to which light counts as
     noise; any height up to there is equally likely, whose variance is a third of the square.
-    A film that is tilted as a whole is in neither: it looks like LEDs that have faded.
+    The error of the height's zero is added everywhere.  A film that is tilted as a whole is in
+    none of them: it looks like LEDs that have faded.
 
     Parameters
     ----------
@@ -47,6 +49,8 @@ def doubt_rest(
         2 x H x W, the variance of p and q.
     pixel
         mm per px.
+    zero
+        As `zero_error` gives it.
     level
         Standard deviations of the light that `calm_film` counts as noise.
     steepest
@@ -59,7 +63,8 @@ def doubt_rest(
     """
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
-    return np.asarray(np.where(rest != 0, np.sqrt(free * free + hidden), error), np.float32)
+    held = np.where(rest != 0, np.sqrt(free * free + hidden), error)
+    return np.asarray(np.hypot(held, np.float32(zero)), np.float32)
 
 
 doubt_rest.opencl(grid="H W", lanes="grid")

@@ -12,6 +12,8 @@ UNTESTED = np.float32(-1)
 """Where a map tests nothing."""
 MIN_CELLS = 20
 """Fewer cells tell nothing of a touch."""
+MIN_LEDS = 3
+"""Two LEDs fit any light, so that their slope may be any."""
 
 
 class Check(NamedTuple):

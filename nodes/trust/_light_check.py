@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.nodes import F4, U1
-from tactograph.nodes.trust._check import MIN_CELLS, Check, spread_of
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS, Check, spread_of
 
 MIN_SLOPE = np.float32(0.1)
 """Film less steep than this is taken to be at rest."""
@@ -21,6 +21,11 @@ RIM_SHARE = 0.1
 """Share of the touched film in shadow from which on it has rims."""
 MAX_SHADOW_LIGHT, MIN_SHADOWS = 0.015, 50
 """Light of a matt film in shadow, by the lower quartile of at least so many cells."""
+CHANGED = np.float32(0.12)
+"""Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
+MAX_BRIGHTER, LEAST_BRIGHTER = 1.1, 0.002
+"""Median brightness of touched film over its expected error, and the least of that error: cells
+that curve are darker than a point."""
 
 CURE = (
     "check the order of the images, that all are of this touch and this sensor, and that the "
@@ -41,13 +46,17 @@ class Touched(NamedTuple):
     """K x H x W, as of a matt film."""
     shadow: U1 | None
     """H x W, the LEDs that do not light a pixel."""
+    shown: F4 | None = None
+    """K x H x W, the light of matt film under the slopes that were found."""
 
 
-def check_light(touched: Touched, count: int, rim_error: float) -> Check:
-    """Return how far the light of K LEDs is from that of the slopes that were found (T1).
+def check_light(
+    touched: Touched, count: int, rim_error: float, brightness_error: float = 0.0
+) -> Check:
+    """Return how far the light of K LEDs is from that of the slopes that were found (T1, T4).
 
     `rim_error` is the error of the light where rims in shadow leave the height uncertain, over
-    the model's error.
+    the model's error; `brightness_error` the standard deviation of the film's brightness.
     """
     steep = (touched.slope * touched.slope).sum(axis=0) > MIN_SLOPE * MIN_SLOPE
     tested, cells = touched.departure >= 0, int(np.count_nonzero(steep))
@@ -70,6 +79,7 @@ def check_light(touched: Touched, count: int, rim_error: float) -> Check:
             "calibration)",
         ),
         _shadows(touched, count),
+        _brightness(touched, brightness_error, wider),
     ]
     if cells >= MIN_CELLS:
         share = int(np.count_nonzero(steep & tested)) / cells
@@ -96,4 +106,30 @@ def _shadows(touched: Touched, count: int) -> Check:
         lower / MAX_SHADOW_LIGHT,
         "shadows are not dark (keep other light out, or take the calibration and a dark image "
         "under it)",
+    )
+
+
+def _brightness(touched: Touched, error: float, wider: float) -> Check:
+    """Whether the touched film is as bright as its slopes say.
+
+    The unit normal that light of two surfaces adds up to is too short: film that is dark under all
+    LEDs.  So is that of gamma, of other light, and of images that are alike.
+    """
+    light, shown, used = touched.light, touched.shown, touched.used
+    if light is None or shown is None or used is None:
+        return Check(0.0)
+    bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
+    lit = (used >> bits & 1).astype(bool)
+    tested = (lit.sum(axis=0) >= MIN_LEDS) & (np.abs(light - 1).max(axis=0) > CHANGED)
+    if np.count_nonzero(tested) < MIN_CELLS:
+        return Check(0.0)
+    weight = shown[:, tested] * lit[:, tested]
+    brighter = (light[:, tested] * weight).sum(axis=0) / (shown[:, tested] * weight).sum(axis=0) - 1
+    middle = float(np.median(brighter))
+    sense = "brighter" if middle > 0 else "darker"
+    return Check(
+        abs(middle) / (MAX_BRIGHTER * float(np.hypot(error, LEAST_BRIGHTER)) * wider),
+        f"the touched film is {sense} by {abs(middle):.1%} than its slopes make it (check that the "
+        "images show one touch and that nothing moved, that they are neither blurred nor averaged "
+        "with others, that gamma and contrast are off, and that other light is kept out)",
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tactograph.nodes import F4
@@ -18,9 +20,31 @@ MAX_LEVEL, MAX_SPREAD, MAX_SHAPE = 0.1, 0.08, 0.045
 """Change of an LED's light, half the range of the LEDs' changes, and change across the image."""
 MAX_DEPTH, MIN_HEIGHT_MM = 0.6, 0.15
 """Depth below the film at rest, over the greatest height or this height if that is less."""
-MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.037, 0.9, 0.05
+MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.9, 0.05
 """Half the range of changes that a tilt of the film would explain to this share, where nothing
 stands out by this height."""
+
+
+class Rest(NamedTuple):
+    """The light without what the LEDs have drifted by, and how much of it is at rest."""
+
+    level: F4
+    """K, each LED's light on the film at rest."""
+    shape: float
+    """Greatest change of the light across the image."""
+    calm: float
+    """Share of the image at rest."""
+
+
+def find_rest(light: F4, drift: Drift | None) -> Rest:
+    """Return what is at rest in light of the touch, K x h x w relative to the flat frame."""
+    if drift is not None and (drift[:, 0] != 1).any():
+        level, shape = drift[:, 0], float(np.abs(drift[:, 1:]).max())
+        light = light / drift_gain(drift, (light.shape[1], light.shape[2]))
+    else:
+        level, shape = border_level(light), 0.0
+        light = np.asarray(light / np.maximum(level, DARK)[:, None, None], np.float32)
+    return Rest(level, shape, float((np.abs(light - 1) < CALM).all(axis=0).mean()))
 
 
 def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = None) -> Check:
@@ -38,13 +62,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
         K x 3 in mm; None: a tilt of the film is not looked for.
     """
     dark = float((light < DARK).all(axis=0).mean())
-    if drift is not None and (drift[:, 0] != 1).any():
-        level, shape = drift[:, 0], float(np.abs(drift[:, 1:]).max())
-        light = light / drift_gain(drift, (light.shape[1], light.shape[2]))
-    else:
-        level, shape = border_level(light), 0.0
-        light = np.asarray(light / np.maximum(level, DARK)[:, None, None], np.float32)
-    calm = float((np.abs(light - 1) < CALM).all(axis=0).mean())
+    level, shape, calm = find_rest(light, drift)
     change = level - 1
     worst = int(np.abs(change).argmax())
     sense = "brighter" if change[worst] > 0 else "darker"

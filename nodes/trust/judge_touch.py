@@ -16,10 +16,12 @@ from tactograph.nodes import (
     LightPositions,
     Metrics,
     Misfit,
+    PixelSize,
     Slope,
     Uneven,
 )
 from tactograph.nodes.light.film_drift import Drift
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust._light_check import Touched, check_light
@@ -46,6 +48,7 @@ def judge_touch(
     lights: LightPositions | None = None,
     misfit: Misfit | None = None,
     uneven: Uneven | None = None,
+    pixel: PixelSize | None = None,
     *,
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
     rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
@@ -79,6 +82,9 @@ def judge_touch(
         The calibration's misfit.
     uneven
         Standard deviation of the film's brightness; None: it is known.
+    pixel
+        mm per pixel of `slope`; with it, and with `matt`, `used`, `lights` and a height of the
+        slope's size, the brightness of the touched film is checked.
     least
         Trust below which there is a warning.
     rim_height
@@ -105,7 +111,11 @@ def judge_touch(
         rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
         labels = (None if plane is None else _thinned(plane) for plane in (used, matt, shadow))
         touched = Touched(_thinned(departure), _thinned(slope), *labels)
-        checks["light"] = check_light(touched, len(light), rim_error)
+        if lights is not None and pixel is not None and height.shape == slope.shape[1:]:
+            vectors = light_vectors(lights, _thinned(height), pixel * _step(height))
+            touched = touched._replace(shown=expected_light(vectors, touched.slope))
+        brightness_error = float(np.hypot(light_error(misfit, 0.0), uneven or 0.0))
+        checks["light"] = check_light(touched, len(light), rim_error, brightness_error)
     trust = 1 / (1 + max(check.figure for check in checks.values()) ** STEEPNESS)
     if all(check.figure > 1 for check in checks.values()) and not force:
         raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
@@ -126,7 +136,11 @@ def _nearest(lights: LightPositions) -> float:
     return float(np.sqrt((lights * lights).sum(axis=1)).min())
 
 
+def _step(planes: Any) -> int:
+    """The n of every n-th row and column of images that have more than `MAX_CELLS` pixels."""
+    return max(1, round(float(np.sqrt(planes.shape[-2] * planes.shape[-1] / MAX_CELLS))))
+
+
 def _thinned(planes: Any) -> Any:
-    """Every n-th row and column of images that have more than `MAX_CELLS` pixels."""
-    step = max(1, round(float(np.sqrt(planes.shape[-2] * planes.shape[-1] / MAX_CELLS))))
+    step = _step(planes)
     return planes[..., ::step, ::step]

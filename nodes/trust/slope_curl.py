@@ -11,14 +11,14 @@ from tactograph.graph import Flips, Port, node
 from tactograph.nodes import F4, Labels, Misfit, Slope, SlopeVariance
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
-from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust._check import MIN_LEDS, UNTESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 """Curl over what is expected of a surface, squared; -1 where it tests nothing."""
-MIN_LEDS = 3
-"""Two LEDs fit any light, so that their slope may be any."""
 MIN_SLOPE = np.float32(0.05)
 """Film less steep is as good as at rest."""
+NOISE_WEIGHT = np.float32(2)
+"""Weight of the slopes' variances among what may curl."""
 MAX_CURVATURE = np.float32(0.5)
 """Change of the slope per cell beyond which a cell holds an edge."""
 
@@ -45,9 +45,10 @@ def slope_curl(
     with differences of the cells' mean slopes::
 
         c = dp/dy - dq/dx,    D^2 = |grad p|^2 + |grad q|^2
-        c^2 / (var p + var q + level^2 + (share D)^2 + least^2)                              (T2)
+        c^2 / (2 (var p + var q) + level^2 + (share D)^2 + least^2)                          (T2)
 
-    The variances are those of the four cells' means, and level is the calibration's misfit.
+    The variances are those of the four cells' means, twice, so that noise alone stays well below a
+    limit that is meant for curvature; level is the calibration's misfit.
 
     Parameters
     ----------
@@ -85,11 +86,12 @@ def slope_curl(
     tests = (_least(p * p + q * q) > MIN_SLOPE * MIN_SLOPE) & (bent < MAX_CURVATURE**2)
     if used is not None:
         tests &= _least(np.bitwise_count(used[::side, ::side])) >= MIN_LEDS
-    noise = np.float32(least * least + float(misfit[0]) ** 2)
-    expected = noise + np.float32(share * share) * bent
+    floor = np.float32(least * least + float(misfit[0]) ** 2)
+    expected = floor + np.float32(share * share) * bent
     if variance is not None:
         pixels = np.float32((side * cell_px) ** 2)
-        expected = expected + _mean(coarsen(variance, factor=side).sum(axis=0)) / pixels
+        noise = _mean(coarsen(variance, factor=side).sum(axis=0)) / pixels
+        expected = expected + NOISE_WEIGHT * noise
     out[:-1, :-1] = np.where(tests, curl * curl / expected, UNTESTED)
     return out
 

@@ -534,6 +534,7 @@ MUTANTS = {
         "nothing hidden": ("widest / 6.0f", "widest * 0.0f"),
         "one slope": ("load_floats(variance + size + at", "0.0f * load_floats(variance + at"),
         "slopes without a limit": ("LESS_OF(both, most)", "both"),
+        "zero known": (" + zero * zero", ""),
     },
     "error_as_seen": {
         "the pixel to the left alone": ("east = LESS_OF(west + 1, last_column)", "east = west"),
@@ -674,6 +675,7 @@ MUTANTS = {
         "curvature forgotten": ("share * share * bent", "0.0f * bent"),
         "the calibration's misfit forgotten": ("+ misfit[0] * misfit[0]", ""),
         "noise of a pixel": ("* 0.25f / pixels", "* 0.25f"),
+        "noise taken once": ("NOISE_WEIGHT * noise", "noise"),
         "noise of a coarse pixel": ("(float)(side * cell_px)", "(float)side"),
         "variance of p alone": ("mean_of_cell(variance + size, y, x, H, W, side)", "0.0f"),
         "pairs are tested": ("fewest >= MIN_LEDS", "fewest >= 0"),

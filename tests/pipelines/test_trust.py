@@ -47,7 +47,23 @@ def other_light(touch: Images, _: Images) -> Images:
     return np.asarray(np.clip(touch + 0.08 * 255, 0, 255), np.uint8)
 
 
+def mixed(share: float) -> Wrong:
+    """The mean with another touch."""
+    return lambda touch, another: np.asarray(
+        np.rint((1 - share) * touch + share * another), np.uint8
+    )
+
+
+def interlaced(touch: Images, another: Images) -> Images:
+    """Every other line of another touch."""
+    both = touch.copy()
+    both[:, ::2] = another[:, ::2]
+    return both
+
+
 WRONG: dict[str, Wrong] = {
+    "the mean of two touches": mixed(0.3),
+    "every other line of another touch": interlaced,
     "two LEDs swapped": lambda touch, _: touch[[1, 0, 2, 3]],
     "mirrored": lambda touch, _: touch[:, :, ::-1].copy(),
     "turned": lambda touch, _: touch[:, ::-1, ::-1].copy(),
@@ -109,8 +125,9 @@ def test_right_touches_are_trusted(
 
 
 SEEN = [("reconstruct", what) for what in WRONG]
-SEEN += [("paper", what) for what in WRONG if what != "other light"]
-"""The paper's flow does not check the light, so that it sees no light that comes from elsewhere."""
+OF_LIGHT = ("other light", "the mean of two touches", "every other line of another touch")
+SEEN += [("paper", what) for what in WRONG if what not in OF_LIGHT]
+"""The paper's flow does not check the light of the touch."""
 
 
 @pytest.mark.parametrize(("graph", "what"), SEEN)

@@ -487,3 +487,11 @@ def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
     fine = z.repeat(2, axis=0).repeat(2, axis=1)[:13, :17]
     energies = np.vdot(fine, springs.apply(fine)), np.vdot(z, coarser.apply(z))
     assert energies[0] == pytest.approx(energies[1], 1e-5)
+
+
+def test_an_unknown_zero_is_an_error_everywhere() -> None:
+    rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.03))
+    flat = np.zeros(SHAPE, np.float32)
+    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, zero=0.04)
+    assert found[rest == 0] == pytest.approx(0.05)
+    assert found[rest == 1] == pytest.approx(0.04, rel=1e-3)

@@ -7,7 +7,14 @@ import pytest
 
 from tactograph.nodes import F4, U1
 from tactograph.nodes.trust._check import Check
-from tactograph.nodes.trust._light_check import MAX_MEDIAN, MAX_REST, Touched, check_light
+from tactograph.nodes.trust._light_check import (
+    LEAST_BRIGHTER,
+    MAX_BRIGHTER,
+    MAX_MEDIAN,
+    MAX_REST,
+    Touched,
+    check_light,
+)
 
 SHAPE = (30, 40)
 ALL = 0b1111
@@ -30,8 +37,18 @@ def touched(
     return Touched(departure, slope, labels, light, shadow)
 
 
-def told(what: Touched, rim_error: float = 0.0) -> Check:
-    return check_light(what, 4, rim_error)
+def told(what: Touched, rim_error: float = 0.0, brightness_error: float = 0.0) -> Check:
+    return check_light(what, 4, rim_error, brightness_error)
+
+
+def darker(share: float, used: int = ALL) -> Touched:
+    """A touch whose slopes change the light by a third, and that is darker by a share."""
+    what = touched(used=used)
+    shown = np.ones((4, *SHAPE), np.float32)
+    shown[:2, 10:20, 10:30], shown[2:, 10:20, 10:30] = 4 / 3, 2 / 3
+    light = shown.copy()
+    light[:, 10:20, 10:30] *= np.float32(1 - share)
+    return what._replace(shown=shown, light=light)
 
 
 def test_light_of_a_surface_passes() -> None:
@@ -74,6 +91,37 @@ def test_shadows_with_other_light_are_told_and_dark_ones_pass() -> None:
     check = told(touched(lit=0.03, dark=200))
     assert check.figure == pytest.approx(2)
     assert "shadows are not dark" in check.cause
+
+
+@pytest.mark.parametrize(("share", "sense"), [(0.02, "darker"), (-0.02, "brighter")])
+def test_touched_film_is_as_bright_as_its_slopes_say(share: float, sense: str) -> None:
+    check = told(darker(share))
+    assert check.figure == pytest.approx(0.02 / (MAX_BRIGHTER * LEAST_BRIGHTER), rel=1e-3)
+    assert f"{sense} by 2.0%" in check.cause
+    assert told(darker(0.0)).figure < 0.9
+
+
+def test_brightness_may_vary_as_the_calibration_found_it_to() -> None:
+    assert told(darker(0.02), brightness_error=0.03).figure < 0.9
+    assert told(darker(0.02, used=0b0111), rim_error=20.0).figure < 0.9
+
+
+def test_two_leds_tell_no_brightness() -> None:
+    assert "darker" not in told(darker(0.5, used=0b0101)).cause
+
+
+def test_images_that_are_alike_are_film_that_is_dark_without_a_slope() -> None:
+    what = darker(0.0)
+    alike = np.where(what.slope[0] > 0, np.float32(0.7), np.float32(1))
+    level = Touched(
+        what.departure,
+        0 * what.slope,
+        what.used,
+        np.repeat(alike[None], 4, axis=0),
+        what.shadow,
+        np.ones((4, *SHAPE), np.float32),
+    )
+    assert told(level, brightness_error=0.05).figure > 1
 
 
 def test_a_few_pixels_of_shadow_tell_nothing() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tactograph.nodes import F4
 from tactograph.nodes.trust._check import UNTESTED
 from tactograph.nodes.trust._curl_check import check_curl
-from tactograph.nodes.trust.slope_curl import slope_curl
+from tactograph.nodes.trust.slope_curl import NOISE_WEIGHT, slope_curl
 from tests.nodes.scenes import ball
 
 SHAPE = (60, 80)
@@ -89,8 +89,8 @@ def test_noise_that_is_stated_is_not_taken_for_curl(
     variance = np.full(slope.shape, noise * noise, np.float32)
     given = {"factor": factor, "cell_px": cell_px, "least": 1e-6}
     stated = where_tested(slope_curl(slope, EXACT, variance=variance, **given)).mean()
-    assert 0.8 < stated <= 1.05
-    assert where_tested(slope_curl(slope, EXACT, **given)).mean() > 5 * stated
+    assert 0.8 < NOISE_WEIGHT * stated <= 1.05
+    assert where_tested(slope_curl(slope, EXACT, **given)).mean() > 5 * NOISE_WEIGHT * stated
 
 
 def test_the_calibrations_misfit_widens_what_is_expected() -> None:
