@@ -264,14 +264,17 @@ def write_csv(file: Path, rows: list[Row]) -> None:
 
 def print_summary(rows: list[Row]) -> None:
     """The shares that count, and what stays silent."""
-    wrong = [r for r in rows if r["kind"] in KINDS and KINDS[r["kind"]].detectable and r["harm"]]
+    harmful = [row for row in rows if row["kind"] in KINDS and row["harm"]]
+    wrong = [row for row in harmful if KINDS[row["kind"]].detectable]
     recipes = [row for row in wrong if KINDS[row["kind"]].spoils == "recipe"]
-    touches = [row for row in wrong if row not in recipes]
+    touches = [row for row in wrong if KINDS[row["kind"]].spoils != "recipe"]
+    unseen = [row for row in harmful if not KINDS[row["kind"]].detectable]
     print()
     share("right touches with a warning", [r for r in rows if r["kind"] == "right"], "told")
     share("wrong touches that do harm, warned of or refused", touches, "told")
     share("wrong calibrations that do harm, told when made", recipes, "told_at_calibration")
     share("wrong calibrations that do harm, told when used", recipes, "told")
+    share("kinds that no light can tell, which do harm", unseen, "told")
     gross = [row for row in wrong if row["rmse_um"] > GROSS_UM and not row["told"]]
     print(f"silent and more than {GROSS_UM / 1e3:g} mm off: {len(gross)}")
     for row in gross:

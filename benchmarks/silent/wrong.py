@@ -278,7 +278,7 @@ KINDS = {
     # Surfaces of which the light does not tell zero, tilt or walls.
     "wave": Kind("a wave over the whole frame, mm", (0.1, 0.3, 0.6), surface(lambda x, y: 1 + np.sin(1.1 * x + 0.4 * y) * np.cos(0.9 * y)), "surface"),
     "edge": Kind("an edge across the frame, mm", (0.3, 0.8, 1.5), surface(lambda x, y: 1 / (1 + np.exp(-(x + 0.3 * y) / 0.6))), "surface"),
-    "tilted_plate": Kind("a tilted plate to all borders, mm", (0.3, 1.0, 2.0), surface(lambda x, y: 0.5 + 0.4 * x / np.ptp(x) + 0.3 * y / np.ptp(y)), "surface"),
+    "tilted_plate": Kind("a tilted plate to all borders, mm", (0.3, 1.0, 2.0), surface(lambda x, y: 0.5 + 0.4 * x / np.ptp(x) + 0.3 * y / np.ptp(y)), "surface", detectable=False),
     "walls": Kind("vertical walls, mm", (0.3, 1.0, 2.5), walls, "surface"),
     "steps": Kind("steps on the film, mm", (0.002, 0.01, 0.05), surface(lambda x, y: np.floor(4 * (x / np.ptp(x) + 0.5)).clip(0, 3) * (np.abs(y) < 0.3 * np.ptp(y))), "surface"),
     # Calibrations.

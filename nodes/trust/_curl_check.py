@@ -5,7 +5,7 @@ from __future__ import annotations
 from tactograph.nodes import F4
 from tactograph.nodes.trust._check import Check, spread_of
 
-MAX_MEDIAN, MAX_QUARTILE = 0.72, 3.5
+MAX_MEDIAN, MAX_QUARTILE = 0.77, 3.5
 """Curl over its expected size that right touches stay below."""
 
 

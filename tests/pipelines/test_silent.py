@@ -11,9 +11,16 @@ import pytest
 
 from tests.conftest import ROOT
 
-TOLD = ("swapped_neighbours", "order_rotated", "mirrored", "led_twice", "another_sensor")
+TOLD = (
+    "swapped_neighbours",
+    "order_rotated",
+    "mirrored",
+    "led_twice",
+    "interlaced",
+    "another_sensor",
+)
 """Kinds that every touch under near LEDs tells."""
-UNTOLD = ("two_touches", "radius")
+UNTOLD = ("wave", "radius")
 Row = dict[str, str]
 
 
