@@ -16,7 +16,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def write_into_project(place: str, root: Path) -> list[Path]:
-    """Write ``nodes/ROOM/NAME.py``, its kernel and its test; `place` is ``ROOM/NAME``.
+    """Write ``nodes/ROOM/NAME.py``, its kernel, mutants and test; `place` is ``ROOM/NAME``.
 
     The parity tests find the node by themselves.
 
@@ -41,6 +41,7 @@ def write_into_project(place: str, root: Path) -> list[Path]:
         {
             root / "nodes" / room / f"{name}.py": "node.py.j2",
             root / "kernels" / room / f"{name}.cl": "node.cl.j2",
+            root / "kernels" / room / f"{name}.mutants.toml": "node.mutants.toml.j2",
             root / "tests" / "nodes" / room / f"test_{name}.py": "test_node.py.j2",
         },
         module=f"tactograph.nodes.{room.replace('/', '.')}",

@@ -96,7 +96,7 @@ def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
     names = {name for name in zipfile.ZipFile(built).namelist() if ".dist-info/" not in name}
     assert {name.partition("/")[0] for name in names} == {"tactograph"}
     for folder in ("firmware", "graph", "kernels", "nodes", "pipelines"):
-        files = [file for file in (ROOT / folder).rglob("*.*") if "__pycache__" not in file.parts]
+        files = [f for f in (ROOT / folder).rglob("*.*") if f.suffix not in (".pyc", ".toml")]
         missing = {f"tactograph/{file.relative_to(ROOT)}" for file in files} - names
         assert not missing
 

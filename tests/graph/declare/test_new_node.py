@@ -22,7 +22,7 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_in_a_clone_a_node_is_three_files(tactograph: Command, clone: Path) -> None:
+def test_in_a_clone_a_node_is_four_files(tactograph: Command, clone: Path) -> None:
     before = {*clone.rglob("*")}
     outcome = tactograph("new-node", "light/brighten")
     assert outcome.code == 0
@@ -32,6 +32,7 @@ def test_in_a_clone_a_node_is_three_files(tactograph: Command, clone: Path) -> N
     assert written == {
         "nodes/light/brighten.py",
         "kernels/light/brighten.cl",
+        "kernels/light/brighten.mutants.toml",
         "tests/nodes/light/test_brighten.py",
     }
 
