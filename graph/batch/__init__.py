@@ -7,3 +7,7 @@ starts them with what is `imported_ahead`), and `batch` puts them together.  A c
 one worker; its captures count as done only when all else is written, so a batch that was stopped
 anywhere can go on.
 """
+
+from tactograph.graph.extras import need
+
+need("batch", "a batch", "zarr", "numcodecs", "fsspec")

@@ -18,6 +18,7 @@ from typing import Any
 from tactograph.graph.batch.open_job import graph_of
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk, store_of
 from tactograph.graph.errors import InputError, message_of
+from tactograph.graph.extras import need
 from tactograph.graph.run.result_origin import find_origin
 
 DEATHS = 3
@@ -147,10 +148,9 @@ class Cluster:
                 time.sleep(1.0)
 
     def _connect(self) -> Any:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError("a cluster needs Dask: pip install 'tactograph[dask]'") from None
+        need("dask", "a cluster", "distributed")
+        from distributed import Client
+
         # One line reports an error, no traceback; importing sets a level of its own.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         address = _address_in(self._file) if self._file is not None else self._address

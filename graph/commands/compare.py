@@ -127,6 +127,9 @@ def _read_study(
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:
+    from tactograph.graph.extras import need
+
+    need("report", "the report of a comparison", "jinja2")
     from tactograph.graph.compare.comparison_record import make_record, write_record
     from tactograph.graph.compare.report import write_report
     from tactograph.graph.compare.tables import print_table, write_tables

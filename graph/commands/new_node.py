@@ -20,6 +20,9 @@ def command(name: str, package: Path | None) -> None:
 
     ROOM is the folder of nodes/ it goes to: capture, light, shadow, slope, height and others.
     """
+    from tactograph.graph.extras import need
+
+    need("report", "new-node", "jinja2")
     from tactograph.graph.declare.new_node import write_into_package, write_into_project
 
     if package is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import secrets
 import socket
 
@@ -38,13 +37,12 @@ def command(
 
     Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
     """
-    from tactograph.graph.errors import InputError
+    from tactograph.graph.extras import need
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.run.typed_values import read_words
 
     given = read_words(read_graph(graph), values)
-    if importlib.util.find_spec("nicegui") is None:
-        raise InputError("tune needs NiceGUI: pip install 'tactograph[tune]'")
+    need("tune", "tune", "nicegui")
     from tactograph.graph.tune.page import serve
     from tactograph.graph.tune.tuning import Tuning
 

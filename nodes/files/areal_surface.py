@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
+from tactograph.graph.extras import need
 from tactograph.nodes import Height
 
 UM = 1e3
@@ -23,13 +23,8 @@ def surfalize() -> Any:
     InputError
         If it is not installed.
     """
-    try:
-        return importlib.import_module("surfalize")
-    except ImportError:
-        raise InputError(
-            "surface texture and .sur files need surfalize, which is not installed; "
-            "pip install 'tactograph[metrology]'"
-        ) from None
+    need("metrology", "surface texture or a .sur file", "surfalize")
+    return importlib.import_module("surfalize")
 
 
 def areal_surface(height: Height, pixel: float, left_out: NDArray[np.bool_] | None = None) -> Any:

@@ -61,6 +61,8 @@ property list uchar int vertex_indices
 end_header
 """
 
+STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+
 
 class HeightFile(NamedTuple):
     """A height map H x W in mm; the side of a pixel in mm, or None if the file does not say it."""
@@ -190,19 +192,7 @@ def write_mesh(
 ) -> None:
     """PLY (binary), STL (binary) or OBJ by the file's suffix."""
     surface = surface_of(height, pixel, lens, camera)
-    if file.suffix == ".ply":
-        _write_ply(file, surface)
-        return
-    # Loading it takes longer than computing a touch.
-    import trimesh
-
-    mesh = trimesh.Trimesh(*surface, process=False)
-    if file.suffix == ".obj":
-        mesh.export(file, header=MESH_AXES)
-        return
-    mesh.export(file)
-    with file.open("r+b") as stream:
-        stream.write(MESH_AXES.encode())
+    MESHES[file.suffix[1:]](file, surface)
 
 
 def _write_ply(file: Path, surface: Surface) -> None:
@@ -213,7 +203,24 @@ def _write_ply(file: Path, surface: Surface) -> None:
     file.write_bytes(header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
-MESHES = ("ply", "stl", "obj")
+def _write_stl(file: Path, surface: Surface) -> None:
+    corners = surface.vertices[surface.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    facets = np.zeros(len(corners), STL_FACET)
+    facets["normal"] = normals / np.where(lengths > 0, lengths, 1)
+    facets["corners"] = corners
+    header = MESH_AXES.encode().ljust(80, b"\0") + struct.pack("<I", len(facets))
+    file.write_bytes(header + facets.tobytes())
+
+
+def _write_obj(file: Path, surface: Surface) -> None:
+    vertices = "v %.8f %.8f %.8f\n" * len(surface.vertices) % tuple(surface.vertices.flat)
+    faces = "f %d %d %d\n" * len(surface.faces) % tuple((surface.faces + 1).flat)
+    file.write_text(f"# {MESH_AXES}\n{vertices}{faces}", encoding="ascii")
+
+
+MESHES = {"ply": _write_ply, "stl": _write_stl, "obj": _write_obj}
 WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
     "npy": write_npy,
     "tiff": write_tiff,

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal, cast
 
 from tactograph.graph import InputError, warn
+from tactograph.graph.extras import need
 from tactograph.nodes.files.ros_messages import DEFINITIONS, Message
 
 if TYPE_CHECKING:
@@ -61,13 +62,7 @@ class Limits:
 
 def need_mcap() -> None:
     """Raise an `InputError` that says what to install if the libraries are missing."""
-    try:
-        import mcap.writer  # noqa: F401
-        import mcap_ros2.writer  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "MCAP files need two libraries that are not installed; pip install 'tactograph[mcap]'"
-        ) from None
+    need("mcap", "an MCAP file", "mcap", "mcap_ros2")
 
 
 def log_files(folder: Path) -> list[Path]:

@@ -14,7 +14,6 @@ from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording
 from tactograph.nodes.show._result import show_result
 from tactograph.nodes.show._shown import Shown
-from tactograph.nodes.show._store import show_store
 
 STORE = "zarr.json"
 
@@ -58,6 +57,9 @@ def _look(file: Path) -> Shown:
     if file.suffix == ".mcap" and file.is_file():
         return show_recording(file)
     if (file / STORE).is_file():
+        # Needs the packages of a batch, which not every installation has.
+        from tactograph.nodes.show._store import show_store
+
         return show_store(file)
     if file.name == RESULT or (file / RESULT).is_file():
         return show_result(file if file.is_file() else file / RESULT)

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from tactograph.graph import InputError, node
+from tactograph.graph.extras import need
 from tactograph.nodes.optics.shape import (
     F8,
     PAPER_PIXEL_MM,
@@ -84,6 +85,7 @@ def shape_mesh(
 
 
 def _read(file: Path) -> tuple[F8, np.ndarray]:
+    need("mesh", "shape_mesh", "trimesh")
     # trimesh takes long to load; only this node needs it.
     import trimesh
 

@@ -23,7 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
+<<<<<<< HEAD:nodes/live/camera/_genicam_camera.py
 from tactograph.nodes.live.camera._camera_names import NamedCamera
+=======
+from tactograph.graph.extras import need
+from tactograph.nodes.live._camera_names import NamedCamera
+>>>>>>> 976cc57 (A first install holds what a height needs):nodes/live/_genicam_camera.py
 
 GENICAM = "genicam:"
 PRODUCERS = "GENICAM_GENTL64_PATH"
@@ -347,13 +352,8 @@ def _created(harvester: Any, serial: str) -> Any:
 
 
 def _harvesters() -> Any:
-    try:
-        return importlib.import_module("harvesters.core")
-    except ImportError:
-        raise InputError(
-            "GenICam cameras need harvesters, which is not installed; "
-            "pip install 'tactograph[genicam]'"
-        ) from None
+    need("genicam", "a GenICam camera", "harvesters")
+    return importlib.import_module("harvesters.core")
 
 
 def _producers() -> list[Path]:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
+from tactograph.graph.extras import need
 
 BUFFERS = 4
 WAIT_S = 1.0
@@ -43,12 +43,8 @@ def linuxpy() -> Any:
     InputError
         If it is not installed.
     """
-    try:
-        return importlib.import_module("linuxpy.video.device")
-    except ImportError:
-        raise InputError(
-            "library=linuxpy needs linuxpy, which is not installed; pip install 'tactograph[linux]'"
-        ) from None
+    need("linux", "library=linuxpy", "linuxpy")
+    return importlib.import_module("linuxpy.video.device")
 
 
 class LinuxCapture:

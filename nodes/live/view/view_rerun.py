@@ -19,6 +19,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, Provenance, Session, node, warn
+from tactograph.graph.extras import need
 from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
 from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.live.view._live_picture import NAMES, colour_height, round_up
@@ -150,12 +151,8 @@ def rerun() -> Any:
     InputError
         If it is not installed.
     """
-    try:
-        return importlib.import_module("rerun")
-    except ImportError:
-        raise InputError(
-            "view_rerun needs the Rerun SDK; pip install 'tactograph[rerun]'"
-        ) from None
+    need("rerun", "view_rerun", "rerun")
+    return importlib.import_module("rerun")
 
 
 def _open(viewer: Viewer, url: str, file: Path | None, lights: Lights) -> Any:

@@ -1,0 +1,97 @@
+"""What needs a package of an extra says in one line which extra brings it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph.errors import InputError
+from tactograph.nodes.files.height_files import write_mesh
+from tactograph.nodes.show.show_file import show_file
+from tactograph.nodes.simulate.shape_mesh import shape_mesh
+from tests.conftest import ROOT
+from tests.graph.conftest import Command
+
+CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
+BATCH = ["batch", "paper", "calibration=cal.npz", "--over", CAPTURE, "--out", "a.zarr"]
+COMPARE = ["compare", "paper", "--over", CAPTURE, "calibration=cal.npz"]
+
+
+@pytest.fixture
+def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], None]:
+    """An empty folder to work in; a package hidden by its name is not found."""
+    monkeypatch.chdir(tmp_path)
+    for name in [name for name in sys.modules if name.startswith("tactograph.graph.batch")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "tactograph.nodes.show._store", raising=False)
+    return lambda package: monkeypatch.setitem(sys.modules, package, None)
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "words"),
+    [
+        ("zarr", "batch", BATCH),
+        ("numcodecs", "batch", BATCH),
+        ("fsspec", "batch", BATCH),
+        ("jinja2", "report", COMPARE),
+        ("jinja2", "report", ["demo"]),
+        ("jinja2", "report", ["new-node", "brighten", "--package", "mine"]),
+        ("nicegui", "tune", ["tune", "paper"]),
+    ],
+)
+def test_a_command_names_the_extra_and_does_nothing(
+    tactograph: Command, hide: Callable[[str], None], package: str, extra: str, words: list[str]
+) -> None:
+    hide(package)
+    outcome = tactograph(*words)
+    assert outcome.code == 2
+    assert outcome.err.endswith(f"needs {package}: pip install 'tactograph[{extra}]'\n")
+    assert outcome.err.count("\n") == 1
+    assert not [*Path().iterdir()]
+
+
+def test_a_shape_from_a_mesh_names_the_extra(hide: Callable[[str], None]) -> None:
+    hide("trimesh")
+    with pytest.raises(InputError, match=r"shape_mesh needs trimesh: .*\[mesh\]"):
+        shape_mesh(file=Path("a.stl"))
+
+
+def test_showing_a_store_names_the_extra(hide: Callable[[str], None]) -> None:
+    Path("a.zarr").mkdir()
+    Path("a.zarr/zarr.json").touch()
+    hide("zarr")
+    with pytest.raises(InputError, match=r"needs zarr: .*\[batch\]"):
+        show_file(file=Path("a.zarr"))
+
+
+@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
+def test_writing_a_mesh_needs_no_extra(hide: Callable[[str], None], suffix: str) -> None:
+    hide("trimesh")
+    write_mesh(Path(f"a.{suffix}"), np.zeros((4, 5), np.float32), 0.1)
+    assert Path(f"a.{suffix}").stat().st_size > 100
+
+
+def test_every_extra_that_a_message_names_is_one() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    code = [f.read_text() for room in ("graph", "nodes") for f in (ROOT / room).rglob("*.py")]
+    named = {name for text in code for name in re.findall(r"\bneed\(\s*\"([a-z]+)\"", text)}
+    assert {"batch", "mesh", "report", "tune"} <= named <= {*project["optional-dependencies"]}
+
+
+def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "extras = 'zarr numcodecs fsspec trimesh jinja2 mcap rerun surfalize harvesters nicegui'\n"
+        "sys.modules.update(dict.fromkeys(extras.split()))\n"
+        "from tactograph.graph.command import run_command\n"
+        "run_command(['nodes'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, b"")
