@@ -7,19 +7,26 @@ DEMO   := demo
 CONSTRAINTS ?= constraints.txt
 
 # Tests start Python a hundred times: keep what it compiles.
-test lint: export PYTHONDONTWRITEBYTECODE =
+test test-all lint: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo demo-live test types lint constraints docs ablation clean
+.PHONY: demo demo-live test test-all ready types lint constraints docs ablation clean
 
-# The package and its dependencies; again whenever pyproject.toml changes.
-$(VENV)/.installed: pyproject.toml
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+TESTED_WITH = $(addprefix -c ,$(CONSTRAINTS))
+
+$(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
-	@$(MAKE) --no-print-directory types
-	@# What editors read beside the shipped graphs; it follows from the nodes.
+
+# The package with what the demo draws and reports; again whenever pyproject.toml changes.
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	$(PIP) -e '.[report]'
+	@$(MAKE) --no-print-directory ready
+
+# What type checkers and editors read beside the code.
+ready: types
 	@$(BIN)/tactograph schema > pipelines/pipeline.schema.json
-	@touch $@
+	@touch $(VENV)/.installed
 
 # Type checkers cannot follow an editable install: show them a folder that holds the package alone.
 TYPING := $(CURDIR)/.typing
@@ -35,31 +42,52 @@ LIVE_SECONDS ?= 20
 demo-live: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)
 
-# What the tests need beyond that: VkFFT, an OpenCL device that works, a browser, and ROS 2.
-$(VENV)/.tested: $(VENV)/.installed $(CONSTRAINTS)
-	sh tests/install_system.sh $(BIN)
-	sh tests/install_ros2.sh $(VENV)/ros2 $(BIN)/python
-	VKFFT_BACKEND=opencl $(BIN)/python -m pip install --quiet --disable-pip-version-check $(addprefix -c ,$(CONSTRAINTS)) -e '.[test,lint,docs,vkfft]'
+# What 'make test' needs: few packages, and an OpenCL device that works.
+$(VENV)/.tested: pyproject.toml $(CONSTRAINTS) | $(BIN)/python
+	$(PIP) $(TESTED_WITH) -e '.[test]'
+	@$(MAKE) --no-print-directory ready
+	sh tests/install_system.sh $(BIN) device
 	@touch $@
 
-test: $(VENV)/.tested lint
+# What 'make test-all' needs: all extras, VkFFT, a browser, a simulator, and ROS 2.
+$(VENV)/.tested-all: $(VENV)/.tested
+	sh tests/install_system.sh $(BIN) all
+	sh tests/install_ros2.sh $(VENV)/ros2 $(BIN)/python
+	VKFFT_BACKEND=opencl $(PIP) $(TESTED_WITH) -e '.[test-all]'
+	@touch $@
+
+# Two workers on two cores: threads of OpenBLAS would only wait for one another.  Each begins
+# with a half of the tests, so that neighbours share what they make.
+PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+
+# Every statement about heights, graphs, kernels and pages, in five minutes from nothing.
+test: $(VENV)/.tested
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/tactograph devices --require
-	@# Two workers on two cores: threads of OpenBLAS would only wait for one another.  Each
-	@# begins with a half of the tests, so that neighbours share what they make.
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m 'not realtime'
+	$(PYTEST) -m 'not slow and not realtime'
+
+# The rest: all cases, types, ROS 2, browser, simulators, the site, and what needs a quiet machine.
+test-all: $(VENV)/.tested-all lint
+	$(PYTEST) -m 'slow and not realtime'
 	$(BIN)/python -m pytest -m realtime
 
-lint: $(VENV)/.tested types
+# Types are read from the packages of some extras.
+$(VENV)/.linted: $(VENV)/.tested
+	$(PIP) $(TESTED_WITH) -e '.[lint]'
+	@touch $@
+
+lint: $(VENV)/.linted types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
 
-# Once the tests have passed with newer versions: make clean test CONSTRAINTS=, then this.
-constraints: $(VENV)/.tested
+# Once all tests have passed with newer versions: make clean test-all CONSTRAINTS=, then this.
+constraints: $(VENV)/.tested-all
 	$(BIN)/python -m pip freeze --exclude-editable > constraints.txt
 
 # The documentation as a site, in build/site; links and commands are checked by the tests.
-docs: $(VENV)/.tested
+docs: $(VENV)/.tested-all
 	DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict --quiet
 	@echo build/site/index.html
 
