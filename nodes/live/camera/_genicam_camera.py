@@ -23,12 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-<<<<<<< HEAD:nodes/live/camera/_genicam_camera.py
-from tactograph.nodes.live.camera._camera_names import NamedCamera
-=======
 from tactograph.graph.extras import need
-from tactograph.nodes.live._camera_names import NamedCamera
->>>>>>> 976cc57 (A first install holds what a height needs):nodes/live/_genicam_camera.py
+from tactograph.nodes.live.camera._camera_names import NamedCamera
 
 GENICAM = "genicam:"
 PRODUCERS = "GENICAM_GENTL64_PATH"
