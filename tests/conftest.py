@@ -27,8 +27,17 @@ Calibration = Callable[[str], str]
 RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long tests first, for at the end one worker waits for the last test of the other."""
+    """Further cases of a test are slow; and long tests come first.
+
+    For at the end one worker waits for the last test of the other.
+    """
+    first: dict[str, pytest.Item] = {}
+    for item in items:
+        test = item.nodeid.partition("[")[0]
+        if item.get_closest_marker("one_case") and first.setdefault(test, item) is not item:
+            item.add_marker("slow")
     items.sort(key=lambda item: "pipelines" not in item.path.parts)
 
 

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = """
 import pyopencl as cl
 from tactograph.graph.backends.devices import choose_device
@@ -22,6 +24,7 @@ for source in sources:
 """
 
 
+@pytest.mark.slow
 def test_no_kernel_compiles_with_a_warning(tmp_path: Path) -> None:
     """But for one that is written for this test, last, so that a warning is known to be seen."""
     done = subprocess.run(

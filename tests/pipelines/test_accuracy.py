@@ -51,6 +51,7 @@ def reconstruct(raytraced: Raytraced, calibration: Calibration) -> Reconstruct:
     return run_it
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize(("rig", "scale"), [("far28", 1), ("far28_vga16", 2)])
 def test_shadow_handling_on_the_papers_hard_case(
     reconstruct: Reconstruct, rig: str, scale: int
@@ -112,6 +113,7 @@ def colour_rig(raytraced: Raytraced, made_once: MadeOnce) -> Path:
     return made_once("far28_colour", write)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_the_stated_error_holds_where_neighbours_share_noise(colour_rig: Path, shape: str) -> None:
     given = {"capture": colour_rig / shape, "calibration": colour_rig / "cal.npz"}
@@ -184,6 +186,7 @@ def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None
     assert run("reconstruct", **given)["metrics"]["rmse_px"] < 1.0
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["paper", "paper_no_shadow", "reconstruct"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_both_back_ends_find_the_same_height(

@@ -61,6 +61,7 @@ def calibrate(rig: Path, file: Path) -> None:
     run("calibrate", file, **given, **more)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
     """Right, and only with the part of the film or camera that describes the rig."""
@@ -127,6 +128,7 @@ def degrees(height: F4, centres: F4) -> float:
     return float(np.mean(found))
 
 
+@pytest.mark.slow
 def test_one_ball_calibrates_a_real_sensor(sensor: Sensor) -> None:
     """Against all balls of another scan; and the paper's flow is never better."""
     found = {

@@ -57,11 +57,13 @@ def microns(gel: Path, out: Path) -> float:
     return 1e3 * PIXEL_MM * float(found["metrics"]["rmse_px"])
 
 
+@pytest.mark.slow
 def test_a_new_gel_is_measured_as_the_old_one_was(gels: Path, tmp_path: Path) -> None:
     """Another albedo and gloss, 0.3 mm thicker, and with a dent that stays."""
     assert microns(gels / "new", tmp_path) < 1.5 * microns(gels / "old", tmp_path)
 
 
+@pytest.mark.slow
 def test_it_says_what_is_left_and_that_a_dent_stays(gels: Path) -> None:
     about = np.load(gels / "new" / "cal.npz")["about"]
     quality = json.loads(str(about))["quality"]
@@ -69,6 +71,7 @@ def test_it_says_what_is_left_and_that_a_dent_stays(gels: Path) -> None:
     assert quality["dent_um"] == pytest.approx(1e3 * CHANGED["dent"], rel=0.5)
 
 
+@pytest.mark.slow
 def test_without_a_check_press_only_the_flat_frame_is_new(gels: Path, tmp_path: Path) -> None:
     old, out = gels / "old" / "cal.npz", tmp_path / "flat_only.npz"
     found = run("recalibrate", out, calibration=old, flat=gels / "new" / "flat")
@@ -79,6 +82,7 @@ def test_without_a_check_press_only_the_flat_frame_is_new(gels: Path, tmp_path: 
         np.testing.assert_array_equal(before[name], after[name])
 
 
+@pytest.mark.slow
 def test_a_calibration_is_right_for_its_own_film_and_not_for_another(
     gels: Path, tmp_path: Path
 ) -> None:

@@ -275,10 +275,12 @@ def real_presses() -> list[Images]:
     return [cv2.imread(str(file)).transpose(2, 0, 1).astype(np.uint8) for file in files]
 
 
+@pytest.mark.slow
 def test_right_presses_of_a_real_sensor_are_trusted(mini: Pipeline) -> None:
     assert [verdict(mini, press) for press in real_presses()] == [""] * 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", COLOURS)
 def test_wrong_pictures_of_a_real_sensor_are_told(mini: Pipeline, what: str) -> None:
     silent = [not verdict(mini, COLOURS[what](press, press)) for press in real_presses()]

@@ -35,6 +35,7 @@ def reconstruct(rig: Path, calibration: str, **given: object) -> Result:
     return result
 
 
+@pytest.mark.slow
 def test_a_diameter_typed_as_radius_writes_no_file(raytraced: Raytraced, tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     with pytest.raises(InputError, match="a ball of 7 mm radius explains the light better"):

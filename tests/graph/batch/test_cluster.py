@@ -26,6 +26,7 @@ from tactograph.graph.batch.worker import Chunk
 from tests.graph.batch.test_batch import LIT, begin, expected, lit, make_capture
 from tests.graph.conftest import Write
 
+pytestmark = pytest.mark.slow
 START = "from distributed.cli.dask_{0} import main; main()"
 
 

@@ -100,6 +100,7 @@ def wait_for(is_so: Callable[[], bool]) -> bool:
     return is_so()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 def test_processes_end_with_the_one_that_started_them(start: Start, number: int) -> None:
     main = start(TWO_AT_WORK)
@@ -109,6 +110,7 @@ def test_processes_end_with_the_one_that_started_them(start: Start, number: int)
     assert wait_for(lambda: not session(main.pid))
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_what_is_under_way(start: Start) -> None:
     main = start(ONE_CHUNK)
     assert wait_for(lambda: len(session(main.pid)) == 4)

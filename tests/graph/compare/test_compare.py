@@ -114,6 +114,7 @@ def test_what_was_finished_is_not_run_again(
     assert table(tmp_path / "report") == first
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
 def test_what_has_changed_is_run_again(
     graphs: list[str],

@@ -153,6 +153,7 @@ def rows_of(folder: Path) -> list[dict[str, object]]:
     return json.loads((folder / "table.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_browser_shows_the_whole_page(swept: Path, tmp_path: Path) -> None:
     page = (swept / "report.html").read_text(encoding="utf-8")
     references = _References()
@@ -174,6 +175,7 @@ def test_a_browser_shows_the_whole_page(swept: Path, tmp_path: Path) -> None:
     assert state["height"] > 2000
 
 
+@pytest.mark.slow
 def test_the_page_is_not_blank(report: Path, tmp_path: Path) -> None:
     picture, page = tmp_path / "page.png", report / "report.html"
     chromium(f"--screenshot={picture}", "--window-size=1300,2400", page.as_uri())

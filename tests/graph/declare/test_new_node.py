@@ -64,6 +64,7 @@ def test_what_is_written_is_formatted_and_clean(
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_package_brings_a_node_whose_own_tests_pass(
     tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 TEST = """
 from tactograph.graph import node, parity
 from tactograph.nodes import Light
@@ -46,6 +48,7 @@ def test_a_kernel_in_the_test_s_own_file_is_compared(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.slow
 def test_a_kernel_that_ends_the_process_is_named_with_its_case(tmp_path: Path) -> None:
     """A store terabytes beyond the buffer: no driver forgives it on a CPU.
 

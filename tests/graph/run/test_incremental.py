@@ -324,6 +324,7 @@ nodes:
         pipeline.set("two", abov=1)
 
 
+@pytest.mark.slow
 def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     raytraced: Raytraced, calibration: Calibration
 ) -> None:

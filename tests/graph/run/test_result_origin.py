@@ -130,6 +130,7 @@ def count_runs(tactograph: Command, *words: object) -> int:
     return 0 if "1 of 1 runs were there already" in done.err else 1
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("what", ["helper", "kernel", "version", "file of the graph", "nothing"])
 def test_a_comparison_runs_again_whatever_changed(
     plug_in: Path,

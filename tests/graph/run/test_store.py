@@ -193,6 +193,7 @@ for _ in range(int(sys.argv[1])):
 """
 
 
+@pytest.mark.slow
 def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
     writers = [
         subprocess.Popen([sys.executable, "-c", WRITER, count], stdout=subprocess.PIPE)

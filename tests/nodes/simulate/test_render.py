@@ -296,6 +296,7 @@ def away_from_shadow_edges(labels, steep):
     return np.stack([(cv2.dilate(s, window) == cv2.erode(s, window)) & calm for s in shadows])
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize(
     ("rig", "scene"),
     [
@@ -378,6 +379,7 @@ def in_the_hand(device, facts, height, pixel, lights, level):
     return blur(found.light, deviation_px=facts.get("blur_px") or 0.0), found.labels, found.height
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize(
     ("rig", "scene", "more"),
     [

@@ -36,6 +36,7 @@ def test_length_is_what_was_asked_for():
     assert np.ptp(np.flatnonzero(height.any(1))) * pixel == pytest.approx(12, rel=0.03)
 
 
+@pytest.mark.slow
 def test_finer_pixels_show_the_same_cat():
     coarse = cat().height
     fine = shape_cat(width_px=640, height_px=480, pixel_size_mm=1 / 28).height

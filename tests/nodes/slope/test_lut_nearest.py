@@ -37,6 +37,7 @@ def of_all(
     return mine, (total / np.float32(len(nearest))).T
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("neighbours", [1, 2, 16])
 @pytest.mark.parametrize(("lights", "count"), [(4, 5), (4, 700), (4, 6000), (5, 3000), (8, 700)])
 def test_what_is_found_is_what_a_search_of_all_entries_finds(

@@ -135,6 +135,7 @@ def test_contact_larger_than_the_ball_is_refused():
         find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=4.0, contact_px=41.0)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize(
     ("rig", "scale", "divided"),
     [("far28", 1, True), ("near33", 1, True), ("near33", 1, False), ("far28_vga16", 2, True)],

@@ -88,6 +88,7 @@ def off(lights: F4) -> float:
     return float(away.max())
 
 
+@pytest.mark.slow
 def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
     result, _ = calibrated
     told = [note for note in result.warnings if "left out" in note]
@@ -127,6 +128,7 @@ def test_a_picture_lies_beside_the_calibration(calibrated) -> None:
     assert picture.shape == (800, 1600, 3)
 
 
+@pytest.mark.slow
 def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None:
     result = calibrate(sensor / "presses" / "a", tmp_path / "cal.npz", sensor / "flat" / "1")
     assert result["quality"]["presses"] == 1

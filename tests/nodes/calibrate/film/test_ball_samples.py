@@ -34,6 +34,7 @@ def sampled(
     return sample_balls(light, FLAT, circle, radius, of, film, NOISE, PIXEL, 3.0, **options)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("albedo", [0.0, 0.5, 0.7])
 def test_what_balls_throw_on_the_film_at_rest_is_no_drift(albedo: float) -> None:
     """Whatever the albedo is thought to be when a press is levelled, the LEDs' light stays."""

@@ -120,6 +120,7 @@ def test_a_single_ball_tells_diffuse_light() -> None:
     assert found.film.camera == 0, "one ball does not tell how high the pupil is"
 
 
+@pytest.mark.slow
 def test_a_glossy_coat_is_found() -> None:
     coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
     found = fitted(coat, FOUR)
@@ -146,6 +147,7 @@ def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> 
     assert not list(_albedos(now, names[3:]))
 
 
+@pytest.mark.slow
 def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
     """Of so many samples that the camera's noise leaves less than a per cent of the albedo open."""
     assert bouncing.film.albedo == pytest.approx(0.7, abs=0.008)
@@ -153,6 +155,7 @@ def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
     assert bouncing.quality["film_heldout_deg"] < 0.3
 
 
+@pytest.mark.slow
 def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
     # The ball stands higher than its circle says, and throws more: the fit lifts it.
     found = fitted(MATT._replace(albedo=0.7), FOUR[:2], rim=RIM - 0.15)
@@ -160,6 +163,7 @@ def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
     assert found.quality["film_heldout_deg"] < 0.3
 
 
+@pytest.mark.slow
 def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on(bouncing: FilmFit) -> None:
     narrow = fitted(MATT._replace(albedo=0.7, rim=0.5), FOUR[:2])
     assert narrow.film.albedo == pytest.approx(0.7, abs=0.02)
@@ -167,11 +171,13 @@ def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on(bouncing: F
     assert bouncing.film.rim == pytest.approx(MATT.rim, abs=0.15)
 
 
+@pytest.mark.slow
 def test_bounced_light_is_not_asked_of_balls_smaller_than_the_cells() -> None:
     found = fitted(MATT._replace(albedo=0.7), FOUR, rim=RIM / 3)
     assert not any("bounce" in model for model in tried(found))
 
 
+@pytest.mark.slow
 def test_leds_that_shine_by_the_cosine_lie_where_they_are(bouncing: FilmFit) -> None:
     by_the_cosine = fitted(MATT._replace(albedo=0.7), FOUR[:2], emission=1.0)
     for found, emission in ((bouncing, 0.0), (by_the_cosine, 1.0)):
@@ -180,6 +186,7 @@ def test_leds_that_shine_by_the_cosine_lie_where_they_are(bouncing: FilmFit) -> 
         assert found.quality["led_emission"] == pytest.approx(emission, abs=0.1)
 
 
+@pytest.mark.slow
 def test_the_pupils_height_is_found() -> None:
     found = fitted(MATT._replace(camera=1 / 65), FOUR)
     assert 1 / found.film.camera == pytest.approx(65, rel=0.15)
@@ -192,6 +199,7 @@ def test_a_pupil_that_is_known_stays_where_it_is() -> None:
     assert not any("camera" in model for model in tried(found))
 
 
+@pytest.mark.slow
 def test_harmonics_are_found_where_physics_is_not_enough() -> None:
     bent = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
     physics = ("diffuse", "lobe", "bounce", "camera")
@@ -204,6 +212,7 @@ def test_harmonics_are_found_where_physics_is_not_enough() -> None:
     assert found.quality["film_heldout_deg"] < 0.7 * without.quality["film_heldout_deg"]
 
 
+@pytest.mark.slow
 def test_parts_that_are_left_out_are_not_tried() -> None:
     film = MATT._replace(diffuse=np.full(4, 0.3, np.float32))
     found = fitted(film, FOUR, without=("diffuse", "harmonics", "lobe", "bounce"))
@@ -223,6 +232,7 @@ def test_a_part_that_the_model_has_not_is_refused(typed: str) -> None:
         check_settings(fit_film, {"without": typed}, lambda name: name)
 
 
+@pytest.mark.slow
 def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:
     quiet = fitted(MATT, FOUR[:2]).film.grain
     assert quiet < 0.005

@@ -49,11 +49,13 @@ def tried(rig: Path, factor: float) -> list[Tried]:
     return try_radii(balls, flat, pixel, DISTANT, np.ones(4, np.float32), 0.5)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_a_right_radius_raises_no_doubt(raytraced: Raytraced, rig: str) -> None:
     assert doubt_of_radius(tried(raytraced / rig, 1.0), BALL) == Doubt("", False)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize(
     ("rig", "factor"), [("near33", 0.9), ("near33", 1.03), ("near33", 2), ("far28", 1.1)]
 )
@@ -101,6 +103,7 @@ def mini() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return level_presses(film.image[some], film.flat), film.flat, labels[numbers[some]]
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize(("radius", "doubtful"), [(3.155, False), (6.31, True)])
 def test_a_diameter_typed_as_radius_is_told_on_a_real_one_shot_sensor(
     radius: float, doubtful: bool

@@ -27,6 +27,7 @@ def found_with(ambient: float, taken: Path | None = None) -> tuple[WithoutAmbien
     return found, ball, notes
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("ambient", [0.03, 0.12])
 def test_ambient_light_is_found_told_and_taken_off(ambient: float) -> None:
     found, ball, notes = found_with(ambient)
