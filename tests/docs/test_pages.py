@@ -59,6 +59,8 @@ def blocks(page: Path) -> Iterator[Block]:
             yield Block(language, info, token.content, f"{page.name}:{token.map[0] + 1}")
 
 
+LONG = ("calibrate.md", "sensors.md", "batch.md", "export.md")
+"""Pages that calibrate again and again, or need packages that 'make test' does not install."""
 RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
 COMMAND_LINES = [
     (block.where, line)
@@ -116,6 +118,7 @@ def editable(tmp_path: Path) -> Path:
     return tmp_path / "venv" / "bin" / "python"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("install", ["wheel", "editable"])
 def test_a_users_script_is_type_checked(
     install: str, tmp_path: Path, request: pytest.FixtureRequest
@@ -129,7 +132,11 @@ def test_a_users_script_is_type_checked(
     assert "Found 1 error" in done.stdout
 
 
-@pytest.mark.parametrize("page", RUNNABLE, ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=pytest.mark.slow if page.name in LONG else []) for page in RUNNABLE],
+    ids=lambda page: page.name,
+)
 def test_a_page_does_what_it_says(
     page: Path,
     tmp_path: Path,
@@ -239,6 +246,7 @@ def _check_options(where: str, help_text: str, words: list[str]) -> None:
         assert option in help_text, f"{where}: {option}"
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(tmp_path)],

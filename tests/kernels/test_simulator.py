@@ -76,6 +76,7 @@ LANED = [node.name for node in NODES if "LANES" in kernel_source(node)]
 
 
 Simulate = Callable[..., str]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

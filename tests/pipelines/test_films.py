@@ -61,7 +61,7 @@ def calibrate(rig: Path, file: Path) -> None:
     run("calibrate", file, **given, **more)
 
 
-@pytest.mark.one_case
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
     """Right, and only with the part of the film or camera that describes the rig."""

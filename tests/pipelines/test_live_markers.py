@@ -152,6 +152,7 @@ def one_shot(made_once: MadeOnce) -> Path:
     return made_once("one_shot_markers", make)
 
 
+@pytest.mark.slow
 def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(one_shot: Path) -> None:
     errors = {}
     for name, graph in (("plain", "gelsight_mini"), ("printed", "gelsight_mini_markers")):

@@ -94,6 +94,7 @@ def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape:
     assert found["in_90_percent_band"] > 85
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_the_worst_pixel_is_no_worse_than_fast_or_says_so(
     raytraced: Raytraced, calibration: Calibration, metrics: Figures, rig: str

@@ -24,6 +24,7 @@ Images = NDArray[np.uint8]
 Wrong = Callable[[Images, Images], Images]
 OTHER_RIG = {"far28": "near33", "near33": "far28"}
 ANOTHER = {"sphere": "cat_film", "sphere_film": "cat_film", "cat_film": "sphere_film"}
+SHAPES = ["sphere_film", *(pytest.param(s, marks=pytest.mark.slow) for s in ("sphere", "cat_film"))]
 DOUBT = "; the height may be wrong"
 REFUSAL = "no height follows"
 
@@ -116,7 +117,7 @@ def verdict(pipeline: Pipeline, stack: Images) -> str:
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "reconstruct_full", "paper", "precise"])
-@pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_right_touches_are_trusted(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
@@ -131,7 +132,7 @@ SEEN += [("paper", what) for what in WRONG if what not in OF_LIGHT]
 
 
 @pytest.mark.parametrize(("graph", "what"), SEEN)
-@pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_wrong_images_are_told(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str, what: str
@@ -141,7 +142,7 @@ def test_wrong_images_are_told(
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "paper"])
-@pytest.mark.parametrize("shape", ["sphere", "sphere_film", "cat_film"])
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_the_calibration_of_another_sensor_is_told(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
@@ -149,6 +150,7 @@ def test_the_calibration_of_another_sensor_is_told(
     assert verdict(opened(graph, OTHER_RIG[rig]), images(raytraced / rig / shape)) != ""
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("what", ["two LEDs swapped", "gamma 2.2", "exposed too short"])
 def test_precise_tells_it_too(raytraced: Raytraced, opened: Opened, what: str) -> None:
     right = images(raytraced / "near33" / "sphere_film")

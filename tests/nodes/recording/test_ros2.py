@@ -39,6 +39,7 @@ ROS_PYTHON = Path(sys.executable if HAS_ROS else Path(sys.prefix) / "ros2" / "bi
 needs_ros = pytest.mark.skipif(
     not ROS_PYTHON.exists(), reason="no ROS 2 is here: see tests/install_ros2.sh"
 )
+pytestmark = pytest.mark.slow
 PIXEL_MM = 0.05
 SIZE = {"width_px": 80, "height_px": 60, "pixel_size_mm": 2 / 7}
 
