@@ -59,7 +59,7 @@ def blocks(page: Path) -> Iterator[Block]:
             yield Block(language, info, token.content, f"{page.name}:{token.map[0] + 1}")
 
 
-LONG = ("calibrate.md", "sensors.md", "batch.md", "export.md")
+LONG = ("batch.md", "calibrate.md", "export.md", "sensors.md", "simulate.md", "variants.md")
 """Pages that calibrate again and again, or need packages that 'make test' does not install."""
 RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
 COMMAND_LINES = [

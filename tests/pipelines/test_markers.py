@@ -68,6 +68,7 @@ def with_daylight(capture: Path, out: Path) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_daylight_is_taken_off_the_flat_frame_that_keeps_its_markers(
     sensor: Path, tmp_path: Path
 ) -> None:

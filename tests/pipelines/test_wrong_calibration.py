@@ -43,6 +43,7 @@ def test_a_diameter_typed_as_radius_writes_no_file(raytraced: Raytraced, tmp_pat
     assert not file.exists()
 
 
+@pytest.mark.slow
 def test_a_forced_calibration_is_doubtful_and_repeats_it_at_use(
     raytraced: Raytraced, tmp_path: Path
 ) -> None:

@@ -51,6 +51,7 @@ def largest_departure(found: F4, true: F4) -> float:
     bright=st.booleans(),
     shift=st.tuples(*[st.floats(-0.5, 0.5)] * 2),
 )
+@pytest.mark.slow
 def test_a_bent_dot_grid_tells_the_lens(k1, pitch, turn, bright, shift) -> None:
     lens = np.float32([k1, 0, 0, 0, 0, 0, 0, 0])
     image = pixels(dots(*on_film(SHAPE, lens, pitch, turn, shift), bright=bright))
