@@ -46,6 +46,7 @@ def shape_mesh(
     ----------
     file
         Any format that trimesh reads: STL, PLY, OBJ, OFF, GLB, ...
+        (``pip install 'tactograph[mesh]'``).
     length_mm
         Longest horizontal extent after scaling; by default one unit of the file is 1 mm.
     up
@@ -68,7 +69,7 @@ def shape_mesh(
     Raises
     ------
     InputError
-        If the file cannot be read or holds no triangles.
+        If the file cannot be read or holds no triangles, or trimesh is not installed.
     """
     check_pixels(width_px, height_px)
     vertices, triangles = _read(file)
