@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from tactograph.graph import FRACTIONS, InputError, Whole, node
 from tactograph.graph.files.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
+from tactograph.nodes.files.gelsight_scan import SCAN, is_scan, read_scan
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     Crop,
@@ -36,7 +37,9 @@ SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 TRUTH = "truth_height_mm.npy"
 TRUE_SLOPE = "truth_slope.npy"
 TRUE_SHADOW = "truth_shadow.png"
-MOST_LEDS = 8
+LED_FILES = "led{}"
+"""The images' name without suffix."""
+MIN_LEDS, MOST_LEDS = 3, 8
 
 
 class Capture(NamedTuple):
@@ -74,7 +77,7 @@ class Layout:
 
     lights: Lights = "leds"
     leds: tuple[int, ...] | None = None
-    files: str = "led{}"
+    files: str = LED_FILES
     bits: int | None = None
     crop: Crop | None = None
 
@@ -85,7 +88,7 @@ def read_capture(
     folder: Path,
     lights: Lights | None = None,
     leds: Leds | None = None,
-    files: str = "led{}",
+    files: str = LED_FILES,
     crop: Crop | None = None,
     single: bool = False,
     whole: Whole = FRACTIONS,
@@ -97,7 +100,8 @@ def read_capture(
     folder
         Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit grey; PNG, TIFF, PGM or BMP, or JPEG
         with a warning), or one colour image; or holds such folders, which are then read in
-        order of name.  Hidden folders and files are ignored.
+        order of name.  Hidden folders and files are ignored.  Of a scan, which has a
+        ``scan.yaml``, the images that it lists are taken, in that order.
     lights
         "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
         lights in that order.  None: the entry in ``capture.yaml``, else "leds".
@@ -228,6 +232,8 @@ def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -
 
 def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
     if _lights(folder, lights) == "leds":
+        if _lists_images(folder, layout):
+            return True
         numbers = layout.leds or (*range(1, MOST_LEDS + 1),)
         return any(_find(folder, layout.files, numbers).values())
     return bool(_images(folder))
@@ -285,6 +291,8 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
 
 
 def _led_files(folder: Path, layout: Layout) -> list[Path]:
+    if _lists_images(folder, layout):
+        return _listed_files(folder, layout.leds)
     if layout.leds is not None:
         if len(set(layout.leds)) < len(layout.leds):
             raise InputError(f"leds={layout.leds}: an LED is named twice")
@@ -297,11 +305,28 @@ def _led_files(folder: Path, layout: Layout) -> list[Path]:
     if missing:
         name = layout.files.format(missing[0])
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
-    if not 3 <= len(found) <= MOST_LEDS:
+    if not MIN_LEDS <= len(found) <= MOST_LEDS:
         raise InputError(
-            f"{folder}: {len(found)} LED images; a slope needs from 3 to {MOST_LEDS} of them"
+            f"{folder}: {len(found)} LED images; a slope needs from {MIN_LEDS} to {MOST_LEDS} of them"
         )
     return [file for file in found.values() if file is not None]
+
+
+def _lists_images(folder: Path, layout: Layout) -> bool:
+    """Whether a scan's file says which images are the LEDs'; a pattern of one's own counts more."""
+    return layout.files == LED_FILES and is_scan(folder)
+
+
+def _listed_files(folder: Path, leds: Sequence[int] | None) -> list[Path]:
+    """The images of a scan, in its order or in that of `leds`."""
+    images = read_scan(folder).images
+    numbers = leds or range(1, len(images) + 1)
+    if len(numbers) < MIN_LEDS or max(numbers) > len(images):
+        raise InputError(
+            f"{folder / SCAN}: lists {len(images)} images; a slope needs from {MIN_LEDS} to "
+            f"{MOST_LEDS} of them (a single colour image: lights=rgb)"
+        )
+    return [images[number - 1] for number in numbers]
 
 
 def _images(folder: Path) -> list[Path]:

@@ -23,7 +23,8 @@ MAX_LEDS = 8
 TERMS = 10
 """Of the light model, per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
 MONOMIALS = {1: 0, 3: 1, 6: 2, 10: 3, 15: 4}
-"""Rows of a matrix, and the degree in the position that they stand for."""
+"""Rows of a matrix, and the degree in the position that they stand for; the highest degree
+comes first, within a degree falling in u."""
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
 _PAIR = re.compile(r"[\[(]\s*(\d+)\s*,\s*(\d+)\s*[\])]")
 
@@ -56,7 +57,7 @@ class FlatField(NamedTuple):
     scale: list[float]
 
 
-class LightModel(NamedTuple):
+class LightModelFile(NamedTuple):
     """The light of K LEDs as functions of normal and position; matrices as they are stored."""
 
     width: int
@@ -116,7 +117,7 @@ def find_light_model(folder: Path) -> Path:
     raise InputError(f"{folder}: its light model {name} is not there; give it as model=FILE.yaml")
 
 
-def read_light_model(file: Path) -> LightModel:
+def read_light_model_file(file: Path) -> LightModelFile:
     """Read a light model.
 
     Raises
@@ -132,7 +133,7 @@ def read_light_model(file: Path) -> LightModel:
     pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
     if min(width, height) < 1 or not 0 < pixel < 1e3:
         raise InputError(f"{file}: width, height and mmperpixel must be above 0")
-    return LightModel(
+    return LightModelFile(
         width,
         height,
         pixel,
