@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -14,9 +13,7 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.files.gelsight_scan import (
     MONOMIALS,
-    SCAN,
     FlatField,
-    LightModelFile,
     find_light_model,
     is_scan,
     read_light_model_file,
@@ -41,22 +38,17 @@ class ScanLight(NamedTuple):
 @node
 def read_light_model(
     *,
-    capture: Path,
-    file: Path | None = None,
+    file: Path,
     crop: Crop | None = None,
     pixel_size_mm: Annotated[float, Gt(0)] | None = None,
 ) -> ScanLight:
-    """Read a light model: `file`, or the one that the scan names, beside it.
-
-    The model holds for the whole frame: a crop moves its positions and flat-field gains.
+    """Read a light model, which holds for the whole frame: a crop moves its positions and gains.
 
     Parameters
     ----------
-    capture
-        A scan, or a folder of scans.
     file
-        The light model (``.yaml``); its flat frames lie beside it.  None: the one that the
-        scan's ``calib`` names, looked for in its folder and the one above.
+        The light model (``.yaml``), with its flat frames beside it; or a scan, whose ``calib``
+        names a model in its folder or the one above.
     crop
         x0, y0, x1, y1 in pixels, as the images are cropped.
     pixel_size_mm
@@ -67,7 +59,10 @@ def read_light_model(
     InputError
         If a file is missing, is no light model, or is damaged.
     """
-    said = read_light_model_file(file or find_light_model(_scans(capture)[0]))
+    stated = 0.0
+    if is_scan(file):
+        stated, file = read_scan(file).pixel_size, find_light_model(file)
+    said = read_light_model_file(file)
     x0, y0 = crop[:2] if crop else (0, 0)
     view = (said.width - 1) / 2 - x0, (said.height - 1) / 2 - y0, 1 / min(said.width, said.height)
     degree = max(MONOMIALS[len(said.linear)], MONOMIALS[len(said.quadratic)])
@@ -79,28 +74,7 @@ def read_light_model(
         float(degree),
         gain,
     )
-    return ScanLight(model, pixel_size_mm or _pixel_size(capture, said))
-
-
-def _scans(capture: Path) -> list[Path]:
-    """The scan itself, or those in the folder."""
-    if is_scan(capture):
-        return [capture]
-    inside = sorted(d for d in capture.iterdir() if is_scan(d)) if capture.is_dir() else []
-    if not inside:
-        raise InputError(f"{capture}: holds no {SCAN}; give the light model as model=FILE.yaml")
-    return inside
-
-
-def _pixel_size(capture: Path, said: LightModelFile) -> float:
-    scans = _scans(capture) if capture.is_dir() and any(map(is_scan, _folders(capture))) else []
-    stated = [size for scan in scans if (size := read_scan(scan).pixel_size)]
-    return stated[0] if stated else said.pixel_size
-
-
-def _folders(capture: Path) -> Iterator[Path]:
-    yield capture
-    yield from (d for d in capture.iterdir() if d.is_dir())
+    return ScanLight(model, pixel_size_mm or stated or said.pixel_size)
 
 
 def _by_term(matrix: F4, leds: int, terms: int) -> F4:
