@@ -85,7 +85,7 @@ LANED __kernel void light_model_slope(
         const floats xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
         const floats xq = p * q * cube, yq = q * q * cube - w, zq = -q * cube;
         floats m[MOST_LEDS], jp[MOST_LEDS], jq[MOST_LEDS];
-        floats shown = 0.0f, norm = least, share_p = 0.0f, share_q = 0.0f;
+        floats shown = 0.0f, norm = 0.0f, share_p = 0.0f, share_q = 0.0f;
         for (int k = 0; k < K; ++k) {
             floats gx, gy, gz;
             m[k] = modelled_light(terms[k], x, y, w, &gx, &gy, &gz);
@@ -96,6 +96,7 @@ LANED __kernel void light_model_slope(
             share_p += m[k] * jp[k];
             share_q += m[k] * jq[k];
         }
+        norm += least;
         g = shown / norm;
         share_p /= norm;
         share_q /= norm;

@@ -307,7 +307,8 @@ def _led_files(folder: Path, layout: Layout) -> list[Path]:
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
     if not MIN_LEDS <= len(found) <= MOST_LEDS:
         raise InputError(
-            f"{folder}: {len(found)} LED images; a slope needs from {MIN_LEDS} to {MOST_LEDS} of them"
+            f"{folder}: {len(found)} LED images; a slope needs from {MIN_LEDS} to {MOST_LEDS} "
+            "of them"
         )
     return [file for file in found.values() if file is not None]
 

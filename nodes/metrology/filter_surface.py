@@ -52,7 +52,8 @@ def filter_surface(
     if s_filter_mm and l_filter_mm and s_filter_mm >= l_filter_mm:
         raise InputError(
             f"s_filter_mm={s_filter_mm:g}, l_filter_mm={l_filter_mm:g}: the S-filter removes "
-            "waves shorter than its index, the L-filter longer ones; give the smaller as s_filter_mm"
+            "waves shorter than its index, the L-filter longer ones; give the smaller as "
+            "s_filter_mm"
         )
     smooth = height if s_filter_mm is None else gaussian_mean(height, s_filter_mm / pixel)
     flat = smooth - form(smooth, form_degree)
@@ -81,7 +82,7 @@ def form(height: F4, degree: int) -> F4:
     every = slice(None, None, max(1, len(x) // MAX_FITTED))
     columns = _powers(x[every], y[every], height.shape, degree)
     fitted = np.linalg.lstsq(np.stack(columns, 1), height[y[every], x[every]], rcond=None)[0]
-    down, across = np.indices(height.shape, sparse=True)
+    across, down = np.arange(height.shape[1])[None], np.arange(height.shape[0])[:, None]
     whole = _powers(across, down, height.shape, degree)
     return np.asarray(sum(c * t for c, t in zip(fitted, whole, strict=True)), np.float32)
 

@@ -27,7 +27,7 @@ class LightModel(NamedTuple):
     """Coefficients by LED, term and monomial."""
     linear: Annotated[F4, Port("K 3 15", "1", low=-0.5, high=0.5)]
     """The same of L_k in m_k = L_k.n, from which the search for a normal starts."""
-    view: Annotated[F4, Port("3", "px", high=1)]
+    view: Annotated[F4, Port("3", "px", high=0.02)]
     """x and y of the frame's middle, and one over its shorter side."""
     degree: Annotated[float, Port(unit="1", high=4)]
     """Of the monomials; coefficients of higher ones are 0."""
@@ -40,33 +40,38 @@ def positions(x: F4, y: F4, view: F4) -> tuple[F4, F4]:
     return (x - view[0]) * view[2], (y - view[1]) * view[2]
 
 
-def monomials(u: F4, v: F4, degree: int) -> list[F4]:
-    """1, u, v, u^2, u v, v^2, ..., v^degree."""
+def monomials(u: F4, v: F4, degree: int) -> F4:
+    """1, u, v, u^2, u v, v^2, ..., v^degree: M x N of positions N."""
     of_u, of_v = [np.ones_like(u)], [np.ones_like(v)]
     for _ in range(degree):
         of_u.append(of_u[-1] * u)
         of_v.append(of_v[-1] * v)
-    return [of_u[d - j] * of_v[j] for d in range(degree + 1) for j in range(d + 1)]
+    return np.stack([of_u[d - j] * of_v[j] for d in range(degree + 1) for j in range(d + 1)])
 
 
-def coefficients(model: F4, powers: list[F4]) -> list[F4]:
-    """The coefficients of one LED at some pixels; T of them for T x 15."""
-    zero = np.zeros_like(powers[0])
-    return [sum((row * power for row, power in zip(term, powers, strict=False)), zero) for term in model]
+def coefficients(model: F4, powers: F4) -> F4:
+    """The coefficients at positions: T x K x N of a model K x T x 15."""
+    there = np.zeros((model.shape[1], len(model), *powers.shape[1:]), np.float32)
+    for column, power in zip(model.T, powers, strict=False):
+        there += column.reshape(*column.shape, *(1,) * power.ndim) * power
+    return there
 
 
-def modelled_light(c: list[F4], n: tuple[F4, F4, F4]) -> tuple[F4, tuple[F4, F4, F4]]:
-    """The light m at the normal n, and its derivative by n; both are 0 where it would be below."""
+def modelled_light(c: F4, n: F4) -> tuple[F4, F4]:
+    """The light m at normals 3 x N, K x N, and its derivative by n, 3 x K x N.
+
+    Both are 0 where the light would be below.
+    """
     x, y, z = n
-    by_x = c[0] * x + c[1] * y + c[2] * z
-    by_y = c[1] * x + c[3] * y + c[4] * z
-    by_z = c[2] * x + c[4] * y + c[5] * z
-    scale = np.maximum(c[10], LEAST_SCALE)
-    light = scale * (x * (by_x + c[6]) + y * (by_y + c[7]) + z * (by_z + c[8]) + c[9])
-    lit = np.where(light > 0, scale, np.float32(0))
-    gradient = (
-        lit * (by_x + by_x + c[6]),
-        lit * (by_y + by_y + c[7]),
-        lit * (by_z + by_z + c[8]),
+    turned = np.stack(
+        [
+            c[0] * x + c[1] * y + c[2] * z,
+            c[1] * x + c[3] * y + c[4] * z,
+            c[2] * x + c[4] * y + c[5] * z,
+        ]
     )
-    return np.maximum(light, np.float32(0)), gradient
+    scale = np.maximum(c[10], LEAST_SCALE)
+    linear = turned + c[6:9]
+    light = scale * (x * linear[0] + y * linear[1] + z * linear[2] + c[9])
+    lit = np.where(light > 0, scale, np.float32(0))
+    return np.maximum(light, np.float32(0)), lit * (turned + linear)

@@ -41,7 +41,9 @@ class ModelSlope(NamedTuple):
 
 @node(
     sizes={"K": SizeLimit(3, 8, "slope and brightness need three LEDs")},
-    tolerance=Flips(1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"),
+    tolerance=Flips(
+        1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
+    ),
 )
 def light_model_slope(
     light: Light, model: LightModel, *, steps: Annotated[int, Interval(ge=0, le=20)] = 6
@@ -74,7 +76,9 @@ def light_model_slope(
 
     def solve(part: slice) -> None:
         at = np.arange(part.start, part.stop)
-        u, v = positions((at % columns).astype(np.float32), (at // columns).astype(np.float32), model.view)
+        u, v = positions(
+            (at % columns).astype(np.float32), (at // columns).astype(np.float32), model.view
+        )
         seen = image[:, part] if gain is None else image[:, part] * gain[:, part]
         out[:, part] = _solution(seen, u, v, model, steps)
 
@@ -83,45 +87,33 @@ def light_model_slope(
     return ModelSlope(np.stack([p, q]), brightness, residual)
 
 
-def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F4, F4, F4, F4]:
+def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> F4:
+    """4 x N: p, q, brightness and residual."""
     powers = monomials(u, v, int(model.degree))
-    terms = [coefficients(led, powers) for led in model.quadratic]
-    p, q = _start(image, [coefficients(led, powers) for led in model.linear])
+    terms = coefficients(model.quadratic, powers)
+    p, q = _start(image, coefficients(model.linear, powers))
     for _ in range(steps):
         square, n, by_p, by_q = normal_by_slope(p, q)
-        lights = [modelled_light(c, n) for c in terms]
-        shown, norm, brightness = _brightness(image, [m for m, _ in lights])
-        turned = [(along(g, by_p), along(g, by_q)) for _, g in lights]
-        share_p = sum(m * j for (m, _), (j, _) in zip(lights, turned, strict=True)) / norm
-        share_q = sum(m * j for (m, _), (_, j) in zip(lights, turned, strict=True)) / norm
-        a = b = c = s = t = np.float32(0) * p
-        for plane, (m, _), (j_p, j_q) in zip(image, lights, turned, strict=True):
-            x, y = brightness * (j_p - m * share_p), brightness * (j_q - m * share_q)
-            rest = plane - brightness * m
-            a, b, c = a + x * x, b + x * y, c + y * y
-            s, t = s + x * rest, t + y * rest
-        dp, dq = limited_step((a, b, c), (s, t), LONGEST * square)
+        m, gradient = modelled_light(terms, np.array(n))
+        norm = np.sum(m * m, axis=0) + LEAST_LIGHT
+        brightness = np.sum(m * image, axis=0) / norm
+        columns = [along(tuple(gradient), direction) for direction in (by_p, by_q)]
+        x, y = (brightness * (j - m * (np.sum(m * j, axis=0) / norm)) for j in columns)
+        rest = image - brightness * m
+        products = np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)
+        right = np.sum(x * rest, axis=0), np.sum(y * rest, axis=0)
+        dp, dq = limited_step(products, right, LONGEST * square)
         p, q = p + dp, q + dq
-    n = normal_by_slope(p, q)[1]
-    lights_at = [modelled_light(c, n)[0] for c in terms]
-    _, _, brightness = _brightness(image, lights_at)
-    rest = sum((i - brightness * m) ** 2 for i, m in zip(image, lights_at, strict=True))
-    return p, q, brightness, np.sqrt(rest / np.float32(len(image)))
+    m, _ = modelled_light(terms, np.array(normal_by_slope(p, q)[1]))
+    brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + LEAST_LIGHT)
+    residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
+    return np.stack([p, q, brightness, residual])
 
 
-def _brightness(image: F4, lights: list[F4]) -> tuple[F4, F4, F4]:
-    """m.I, m.m, and the brightness that explains most of the light."""
-    shown = sum((m * i for m, i in zip(lights, image, strict=True)), np.float32(0))
-    norm = sum((m * m for m in lights), LEAST_LIGHT)
-    return shown, norm, shown / norm
-
-
-def _start(image: F4, rows: list[list[F4]]) -> tuple[F4, F4]:
+def _start(image: F4, rows: F4) -> tuple[F4, F4]:
     """The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule."""
-    zero = np.zeros_like(image[0])
-    a = [[sum((r[i] * r[j] for r in rows), zero) for j in range(3)] for i in range(3)]
-    b = [sum((r[i] * plane for r, plane in zip(rows, image, strict=True)), zero) for i in range(3)]
-    x, y, z = times(cofactors(np.array(a)), np.array(b))
+    a = np.array([[np.sum(rows[i] * rows[j], axis=0) for j in range(3)] for i in range(3)])
+    x, y, z = times(cofactors(a), np.sum(rows * image, axis=1))
     z = np.maximum(z, np.maximum(FLATTEST * np.sqrt(x * x + y * y + z * z), TINY))
     return -x / z, -y / z
 
