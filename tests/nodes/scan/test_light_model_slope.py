@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.light_model_slope import light_model_slope
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.nodes.scan.scans import PIXEL, cap, seen, write_model
@@ -41,6 +43,23 @@ def test_light_of_another_kind_leaves_a_residual(tmp_path: Path) -> None:
     light = seen(cap(), model)
     light[2] *= 0.5
     assert np.median(light_model_slope(light, model).residual) > 0.02
+
+
+def test_a_model_of_another_sensor_is_told(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml")
+    model = read_light_model(file=tmp_path / "model.yaml").model
+    light = seen(cap(), model)
+    kinds = {
+        "": light,
+        "in the order of its LEDs": light[[1, 0, 2, 3, 4, 5]],
+        "1.5 times as bright": 1.5 * light,
+    }
+    for words, images in kinds.items():
+        told: list[str] = []
+        with collect_warnings(told):
+            found = light_model_slope(np.float32(images), model)
+            judge_light_model(found.brightness, found.residual)
+        assert words in told[0] if words else not told
 
 
 def test_a_crop_keeps_its_positions(tmp_path: Path) -> None:
