@@ -1,4 +1,4 @@
-"""Whether a light model is this sensor's: what it leaves of the light, and how bright the film is."""
+"""Whether a light model is this sensor's: what it leaves of the light, and how bright film is."""
 
 from __future__ import annotations
 

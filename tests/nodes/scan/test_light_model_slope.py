@@ -11,7 +11,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.light_model_slope import light_model_slope
 from tactograph.nodes.scan.read_light_model import read_light_model
-from tests.nodes.scan.scans import PIXEL, cap, seen, write_model
+from tests.nodes.scan.scans import PIXEL, WIDTH, cap, seen, write_model
 
 
 @pytest.mark.parametrize("flat", [False, True], ids=["no flat field", "flat field"])
@@ -48,7 +48,7 @@ def test_light_of_another_kind_leaves_a_residual(tmp_path: Path) -> None:
 def test_a_model_of_another_sensor_is_told(tmp_path: Path) -> None:
     write_model(tmp_path / "model.yaml")
     model = read_light_model(file=tmp_path / "model.yaml").model
-    light = seen(cap(), model)
+    light = seen(cap() + np.float32(0.4 * PIXEL) * np.arange(WIDTH, dtype=np.float32), model)
     kinds = {
         "": light,
         "in the order of its LEDs": light[[1, 0, 2, 3, 4, 5]],
