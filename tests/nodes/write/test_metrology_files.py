@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import gsffile
-import gwyfile
 import numpy as np
 import pytest
-import x3pio
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
@@ -16,6 +13,7 @@ from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.write.export_height import export_height
 
 PIXEL = 0.05
+pytestmark = pytest.mark.slow  # needs the packages of tactograph[metrology]
 KINDS = ("x3p", "gwy", "gsf")
 
 
@@ -36,6 +34,8 @@ def test_what_is_written_is_read_back(tmp_path: Path, height: F4, kind: str) -> 
 
 
 def test_x3pio_reads_height_and_error_in_metres(tmp_path: Path, height: F4) -> None:
+    import x3pio
+
     export_height(height, PIXEL, error=0.1 * abs(height), folder=tmp_path, formats=("x3p",))
     layers = x3pio.read(tmp_path / "height.x3p").layers
     np.testing.assert_allclose(layers[0].z, 1e-3 * height, rtol=1e-6)
@@ -44,6 +44,8 @@ def test_x3pio_reads_height_and_error_in_metres(tmp_path: Path, height: F4) -> N
 
 
 def test_gwyfile_reads_height_and_error_in_metres(tmp_path: Path, height: F4) -> None:
+    import gwyfile
+
     known = np.nan_to_num(height)
     export_height(known, PIXEL, error=0.1 * abs(known), folder=tmp_path, formats=("gwy",))
     fields = gwyfile.util.get_datafields(gwyfile.load(str(tmp_path / "height.gwy")))
@@ -53,6 +55,8 @@ def test_gwyfile_reads_height_and_error_in_metres(tmp_path: Path, height: F4) ->
 
 
 def test_gsffile_reads_the_height_in_metres(tmp_path: Path, height: F4) -> None:
+    import gsffile
+
     export_height(height, PIXEL, folder=tmp_path, formats=("gsf",))
     data, about = gsffile.read_gsf(tmp_path / "height.gsf")
     np.testing.assert_allclose(data, 1e-3 * height, rtol=1e-6)
