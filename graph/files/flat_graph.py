@@ -14,6 +14,7 @@ from tactograph.graph.files.strict_yaml import Place
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
+    from tactograph.graph.files.layer import Layer
 
 FORMAT = 1
 NOT_GIVEN = object()
@@ -111,6 +112,8 @@ class Graph:
     groups: Mapping[str, Group] = field(default_factory=dict, compare=False, repr=False)
     uses: Mapping[str, Use] = field(default_factory=dict, compare=False, repr=False)
     """Which nodes came of which group; a change may speak of either."""
+    variants: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
+    """Named changes of its file and of those that it extends."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that no package brings, by name; see `load`."""
     gone: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)

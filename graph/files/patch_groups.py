@@ -42,12 +42,16 @@ def check_new(graph: Graph, target: str, place: Place) -> None:
 
 def flat_change(graph: Graph, change: Change, places: Places, scope: str) -> Change:
     """A change that stands in a scope, with references and values of the flat graph."""
-    stated = Entry("", change.get("inputs", {}), change.get("settings", {}), places=places)
+    reads = change.get("inputs", {})
+    gone = {port: None for port, reference in reads.items() if reference is None}
+    given = {port: reference for port, reference in reads.items() if port not in gone}
+    stated = Entry("", given, change.get("settings", {}), places=places)
     stated = in_scope(graph, stated, scope)
     flat = {**change}
-    for key in ("inputs", "settings"):
-        if key in change:
-            flat[key] = getattr(stated, key)
+    if "inputs" in change:
+        flat["inputs"] = {**stated.inputs, **gone}
+    if "settings" in change:
+        flat["settings"] = stated.settings
     if change.get("after") is not None:
         flat["after"] = flat_reference(graph, change["after"], scope, stated.where("after"))
     return flat
@@ -124,6 +128,9 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
 
 def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     """Give params to a use, or to every use of a group and to those still to come."""
+    if "inputs" in change:
+        place = places.get("in", places[""])
+        raise GraphError(f"{place}: set: '{target}' is a group or a use of one; 'replace' it")
     given: Mapping[str, Any] = change["settings"]
     name = graph.uses[target].group if target in graph.uses else target
     group = graph.groups[name]

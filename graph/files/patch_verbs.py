@@ -22,12 +22,16 @@ Places = Mapping[str, Place]
 
 def _set(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     entry = graph.nodes[target]
-    settings = {**entry.settings, **change["settings"]}
+    given, reads = change.get("settings", {}), change.get("inputs", {})
     here = {
         key: places.get(key, places[""])
-        for key in ("with", *(f"with.{name}" for name in change["settings"]))
+        for key in (*(f"with.{name}" for name in given), *(f"in.{port}" for port in reads))
     }
-    entry = replace(entry, settings=settings, places={**entry.places, **here})
+    if given:
+        here["with"] = places.get("with", places[""])
+    inputs = {p: r for p, r in {**entry.inputs, **reads}.items() if r is not None}
+    settings = {**entry.settings, **given}
+    entry = replace(entry, inputs=inputs, settings=settings, places={**entry.places, **here})
     return graph.with_entry(target, entry)
 
 

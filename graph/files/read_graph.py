@@ -1,105 +1,66 @@
-"""Read a graph file: strict YAML, `extends` followed, patches applied, all errors placed."""
+"""Read a graph: strict YAML, `extends` followed, overlays laid over it, all errors placed.
+
+A variant, an overlay and a file that extends another say the same things and are laid over a
+graph by the same steps; see `_lay`.
+"""
 
 from __future__ import annotations
 
-import importlib.util
 import os
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import replace
-from importlib import resources
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.backends import PREFERRED
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.apply_patch import apply_patch
-from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
-from tactograph.graph.files.graph_model import (
-    GraphModel,
-    GroupInputModel,
-    GroupParamModel,
-    NodeModel,
-    ParamModel,
-    UseModel,
-    validate,
+from tactograph.graph.files.flat_graph import Graph, split_previous, split_reference
+from tactograph.graph.files.graph_model import GraphModel, StudyModel, VariantModel, validate
+from tactograph.graph.files.graph_places import (
+    find_file,
+    is_file,
+    is_path,
+    shipped_graphs,
+    shipped_overlays,
+    shipped_studies,
 )
-from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.layer import Layer, alone, blamed_on, laid_over, load
 from tactograph.graph.files.plain_data import as_document
-from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
+from tactograph.graph.files.strict_yaml import Document, read_yaml
 
-GROUP = "tactograph.pipelines"
+Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
+"""A graph by name, by path, as plain data, or as it is."""
+Chain = tuple[Path, ...]
+"""The files and variants whose `extends` led here."""
 
 
 def shipped_names() -> list[str]:
-    """The bare names of the pipelines that ship."""
-    folder = resources.files("tactograph.pipelines")
-    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".yaml"))
+    """The bare names of the graphs that ship, those of variants among them."""
+    names = [*shipped_graphs()]
+    for name, file in shipped_graphs().items():
+        names += [f"{name}_{key}" for key in load(file, GraphModel)[0].variants]
+    for file in shipped_studies().values():
+        study, _ = load(file, StudyModel)
+        names += [f"{study.base}_{key}" for key in study.variants]
+    return sorted(names)
 
 
-def graph_file(name: str, beside: Path | None = None) -> Path:
-    """Resolve a path, a bare name or ``package/name`` to a graph file.
-
-    A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
-    point's name is what is said before the slash, its value the package with the files.
+def graph_file(name: str) -> Path:
+    """The file in which the graph of that name stands.
 
     Raises
     ------
     InputError
         If there is neither such a file nor a shipped pipeline of that name.
     """
-    package, slash, graph = name.partition("/")
-    if slash and "/" not in graph and (folder := _plugin_folder(package)) is not None:
-        if (folder / f"{graph}.yaml").is_file():
-            return folder / f"{graph}.yaml"
-        known = sorted(file.stem for file in folder.glob("*.yaml"))
-        raise InputError(
-            f"the package {package} brings no pipeline '{graph}'{did_you_mean(graph, known)}"
-            f" (it brings: {', '.join(known) or 'none'})"
-        )
-    if name.endswith((".yaml", ".yml")) or "/" in name:
-        path = Path(name)
-        if beside is not None and not path.is_absolute():
-            path = beside / path
-        if _is_file(path):
-            return path
-        if path.name == name and name.removesuffix(".yaml") in shipped_names():
-            return Path(str(resources.files("tactograph.pipelines") / name))
-        raise InputError(f"{path}: there is no such graph file")
-    if name not in shipped_names():
-        hint = did_you_mean(name, shipped_names())
-        there = f" (the shipped ones are: {', '.join(shipped_names())})"
-        raise InputError(
-            f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint or there}"
-        )
-    return Path(str(resources.files("tactograph.pipelines") / f"{name}.yaml"))
-
-
-def _plugin_folder(package: str) -> Path | None:
-    """The folder of pipelines that an installed package brings under a name."""
-    for point in entry_points(group=GROUP, name=package):
-        spec = importlib.util.find_spec(point.value)
-        for place in (spec and spec.submodule_search_locations) or ():
-            return Path(place)
-        raise InputError(
-            f"the pipelines of {package} should lie in {point.value}; it is no package"
-        )
-    return None
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that no file can have
-        return False
-
-
-Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
-"""A graph by name, by path, as plain data, or as it is."""
+    file = find_file(_file_and_variant(name)[0], None, shipped_graphs())
+    return file or Path(read_graph(name).places[""].file)
 
 
 def read_graph(source: Source) -> Graph:
-    """Read a graph: a path, the bare name of a shipped pipeline, or plain data like a file's.
+    """Read a graph: a path, the name of a shipped pipeline, or plain data like a file's.
+
+    ``FILE.yaml/NAME`` is a variant of a file of one's own, ``GRAPH_NAME`` one of a shipped graph,
+    or the graph with a shipped overlay.
 
     Raises
     ------
@@ -111,155 +72,261 @@ def read_graph(source: Source) -> Graph:
     if isinstance(source, Graph):
         return source
     if isinstance(source, Mapping):
-        return _resolved(as_document(source), "graph", Path(), ())
-    return _read(graph_file(os.fspath(source)), ())
+        document = as_document(source)
+        model = validate(document, GraphModel)
+        return _graph_of(Layer(model, document, "graph", Path(), Path()), ())
+    return _named(os.fspath(source), None, ())
 
 
-def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
-    if file.resolve() in chain:
-        loop = " -> ".join(p.name for p in (*chain, file))
-        raise GraphError(f"{file}: 'extends' runs in a loop: {loop}")
-    return _resolved(read_yaml(file), file.stem, file.parent, (*chain, file.resolve()))
+def read_graphs(name: str) -> list[Graph]:
+    """The graph of that name; of a study, its base and all its variants."""
+    file = _study_file(name)
+    if file is None:
+        return [read_graph(name)]
+    base, variants = _read_study(file, ())
+    return [base, *(_lay(base, layer, ()) for layer in variants.values())]
 
 
-def _resolved(document: Document, name: str, folder: Path, chain: tuple[Path, ...]) -> Graph:
-    """The graph of a document that lies in `folder`, with `extends` followed."""
-    model = validate(document)
-    if model.extends is None:
-        return _flat(model, document, name)
+def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:
+    """Lay overlays over a graph, in order: its own variants, shipped ones, or files.
+
+    Raises
+    ------
+    InputError
+        If there is no such overlay, or it does not fit the graph.
+    """
+    for name in names:
+        laid = _overlaid(graph, name, None, ())
+        try:
+            _refuse_gaps(graph, laid)
+        except GraphError as error:
+            raise InputError(_misfit(graph, name, error)) from None
+        graph = laid
+    return graph
+
+
+def _file_and_variant(name: str) -> tuple[str, str]:
+    """Split ``FILE.yaml/NAME``."""
+    file, _, key = name.rpartition("/")
+    return (file, key) if file.endswith((".yaml", ".yml")) else (name, "")
+
+
+def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
+    file_name, key = _file_and_variant(name)
+    file = find_file(file_name, beside, shipped_graphs())
+    if file is None:
+        return _composed(name, chain)
+    if _is_study(file):
+        base, variants = _read_study(file, chain)
+        if not key:
+            raise InputError(_of_a_study(file.name, base, variants))
+    else:
+        base = _graph_of(_graph_layer(file), _further(chain, file))
+        variants = {**base.variants}
+    if not key:
+        return base
+    if key not in variants:
+        hint = did_you_mean(key, variants) or f" (it has: {', '.join(variants) or 'none'})"
+        raise InputError(f"{file}: there is no variant '{key}'{hint}")
+    return _lay(base, variants[key], chain)
+
+
+def _composed(name: str, chain: Chain) -> Graph:
+    """A shipped graph with variants or overlays, whose names follow its own."""
+    base, layer = _shipped_variant(name)
+    if layer is not None:
+        return _lay(_named(base, None, chain), layer, chain)
+    for first, rest in _splits(name):
+        if first in shipped_graphs():
+            graph = _named(first, None, chain)
+            overlays = _in_words(rest, {*graph.variants, *shipped_overlays()})
+            if overlays:
+                return with_overlays(graph, overlays)
+    if name in shipped_studies():
+        raise InputError(_of_a_study(name, *_read_study(shipped_studies()[name], chain)))
+    if name in shipped_overlays():
+        raise InputError(
+            f"'{name}' is an overlay; 'tactograph run GRAPH --with {name}' lays it over"
+        )
+    hint = did_you_mean(name, shipped_names())
+    there = f" (the shipped ones are: {', '.join(shipped_names())})"
+    raise InputError(
+        f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint or there}"
+    )
+
+
+def _shipped_variant(name: str) -> tuple[str, Layer | None]:
+    """The graph's name and the variant that ``GRAPH_VARIANT`` stands for, if it ships."""
+    for file in shipped_studies().values():
+        study, document = load(file, StudyModel)
+        key = name.removeprefix(f"{study.base}_")
+        if key != name and key in study.variants:
+            return study.base, _variants(study.variants, document, file)[key]
+    for first, rest in _splits(name):
+        if first in shipped_graphs():
+            file = shipped_graphs()[first]
+            model, document = load(file, GraphModel)
+            if rest in model.variants:
+                return first, _variants(model.variants, document, file)[rest]
+    return "", None
+
+
+def _in_words(text: str, known: Container[str]) -> tuple[str, ...]:
+    """Known names that are joined by ``_`` in a text; none if it is made of others too."""
+    if text in known:
+        return (text,)
+    for first, rest in _splits(text):
+        if first in known and (others := _in_words(rest, known)):
+            return (first, *others)
+    return ()
+
+
+def _splits(words: str) -> Iterator[tuple[str, str]]:
+    for at, letter in enumerate(words):
+        if letter == "_":
+            yield words[:at], words[at + 1 :]
+
+
+def _graph_layer(file: Path) -> Layer:
+    model, document = load(file, GraphModel)
+    return Layer(model, document, file.stem, file.parent, file)
+
+
+def _is_study(file: Path) -> bool:
+    data = read_yaml(file).data
+    return isinstance(data, dict) and "base" in data
+
+
+def _study_file(name: str) -> Path | None:
+    """The file of a study; None for the name of anything else."""
+    file = shipped_studies().get(name)
+    if file is None and is_path(name) and is_file(Path(name)) and _is_study(Path(name)):
+        file = Path(name)
+    return file
+
+
+def _read_study(file: Path, chain: Chain) -> tuple[Graph, dict[str, Layer]]:
+    """The graph that a study is of, and its variants."""
+    study, document = load(file, StudyModel)
+    with blamed_on(document.place(("base",))):
+        base = _named(study.base, file.parent, _further(chain, file))
+    return base, _variants(study.variants, document, file)
+
+
+def _of_a_study(name: str, base: Graph, variants: Iterable[str]) -> str:
+    graphs = ", ".join(f"{base.name}_{key}" for key in variants)
+    return f"'{name}' is a study; 'tactograph compare {name}' runs all its graphs: {graphs}"
+
+
+def _variants(
+    stated: Mapping[str, VariantModel], document: Document, file: Path
+) -> dict[str, Layer]:
+    return {
+        key: Layer(model, document.part(("variants", key)), key, file.parent, file / key)
+        for key, model in stated.items()
+    }
+
+
+def _further(chain: Chain, path: Path) -> Chain:
+    """The chain with one more file or variant, which must not be in it."""
+    resolved = path.resolve()
+    if resolved in chain:
+        loop = " -> ".join(each.name for each in (*chain, resolved))
+        raise GraphError(f"{path}: 'extends' runs in a loop: {loop}")
+    return (*chain, resolved)
+
+
+def _graph_of(layer: Layer, chain: Chain) -> Graph:
+    """The graph of a file, with `extends` followed."""
+    model, document = layer.model, layer.document
+    assert isinstance(model, GraphModel)
+    own = _variants(model.variants, document, layer.path)
+    if not model.extends:
+        return replace(alone(layer), variants=own)
     if model.nodes is not None:
         raise GraphError(
             f"{document.place(('nodes',))}: a file that extends another has no 'nodes'; "
             "add one with '- insert: ID' under 'patch'"
         )
+    with blamed_on(layer.overlay(0)):
+        graph = _named(model.extends[0], layer.folder, chain)
+    for index, name in enumerate(model.extends[1:], start=1):
+        with blamed_on(layer.overlay(index)):
+            graph = _overlaid(graph, name, layer.folder, chain)
+    # A variant that names a base of its own is one of that file's graph alone.
+    inherited = {key: each for key, each in graph.variants.items() if not _has_base(each)}
+    changed = laid_over(graph, layer)
+    return replace(
+        changed,
+        name=layer.name,
+        title=model.title or graph.title,
+        variants={**inherited, **own},
+    )
+
+
+def _has_base(layer: Layer) -> bool:
+    return isinstance(layer.model, VariantModel) and layer.model.base is not None
+
+
+def _overlaid(graph: Graph, name: str, beside: Path | None, chain: Chain) -> Graph:
+    """A graph with an overlay, or with a variant, laid over it."""
+    layer = _overlay(graph, name, beside, chain)
     try:
-        parent_file = graph_file(model.extends, beside=folder)
-    except InputError as error:
-        raise GraphError(f"{document.place(('extends',))}: {error}") from None
-    parent = _read(parent_file, chain)
-    _refuse_taken(model.groups, {*parent.nodes, *parent.uses}, parent.groups, document)
-    merged = Graph(
-        name=name,
-        title=model.title or parent.title,
-        params={**parent.params, **_params(model.params, document, ("params",))},
-        prefer=tuple(model.prefer) if model.prefer is not None else parent.prefer,
-        nodes=parent.nodes,
-        outputs=_wanted({**parent.outputs, **model.outputs}),
-        places={**parent.places, **_places(document, ())},
-        groups={**parent.groups, **_groups(model, document)},
-        uses=parent.uses,
-    )
-    merged = _flat_outputs(merged)
-    for index, change in enumerate(model.patch or []):
-        places = _places(document, ("patch", index))
-        stated = {name: getattr(change, name) for name in change.model_fields_set}
-        merged = apply_patch(merged, stated, places)
-    return _flat_outputs(merged)
+        return _lay(graph, layer, chain)
+    except GraphError as error:
+        raise InputError(_misfit(graph, name, error)) from None
 
 
-def _flat(model: GraphModel, document: Document, name: str) -> Graph:
-    if model.patch is not None:
-        raise GraphError(f"{document.place(('patch',))}: 'patch' needs 'extends'")
-    if not model.nodes:
-        raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")
-    _refuse_taken(model.groups, model.nodes, (), document)
-    for node_id in model.nodes:
-        inside = {node_id[:at] for at, letter in enumerate(node_id) if letter == "."}
-        for outer in sorted(inside & model.nodes.keys()):
-            raise GraphError(
-                f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
-            )
-    graph = Graph(
-        name=name,
-        title=model.title,
-        params=_params(model.params, document, ("params",)),
-        prefer=tuple(model.prefer if model.prefer is not None else PREFERRED),
-        nodes={},
-        outputs=_wanted(model.outputs),
-        places=_places(document, ()),
-        groups=_groups(model, document),
-    )
-    return _flat_outputs(with_nodes(graph, _entries(model.nodes, document, ("nodes",))))
+def _misfit(graph: Graph, name: str, error: GraphError) -> str:
+    return f"'{name}' does not fit {graph.name}: {error}"
 
 
-def _flat_outputs(graph: Graph) -> Graph:
-    outputs = {
-        name: flat_reference(graph, reference, "", graph.where(f"outputs.{name}"))
-        for name, reference in graph.outputs.items()
-    }
-    return replace(graph, outputs=_wanted(outputs))
+def _overlay(graph: Graph, name: str, beside: Path | None, chain: Chain) -> Layer:
+    """A variant of the graph, an overlay, or a variant of another graph, by its full name.
+
+    A variant extends the overlay of its own name, not itself.
+    """
+    own = graph.variants.get(name)
+    if own is not None and own.path.resolve() not in chain:
+        return own
+    file = find_file(name, beside, shipped_overlays())
+    if file is None:
+        _, variant = _shipped_variant(name)
+        if variant is not None:
+            return variant
+        known = [*graph.variants, *shipped_overlays()]
+        hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
+        if name in shipped_graphs():
+            hint = "; it is a graph, and only the first of 'extends' can be one"
+        raise InputError(f"there is no overlay '{name}'{hint}")
+    layer = _graph_layer(file)
+    for key in ("nodes", "variants"):
+        if key in layer.document.data:
+            raise GraphError(f"{layer.document.place((key,))}: an overlay has no '{key}'")
+    return layer
 
 
-def _entries(
-    nodes: Mapping[str, NodeModel | UseModel], document: Document, path: Path_
-) -> dict[str, Entry | Use]:
-    found: dict[str, Entry | Use] = {}
-    for node_id, node in nodes.items():
-        places = _places(document, (*path, node_id))
-        if isinstance(node, UseModel):
-            found[node_id] = Use(node.group, node.inputs, node.settings, places)
-        else:
-            found[node_id] = Entry(
-                node.op, node.inputs, node.settings, node.backend, node.neutral, places
-            )
-    return found
+def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
+    """A graph with a variant or an overlay, and the overlays that this extends."""
+    chain = _further(chain, layer.path)
+    model, below = layer.model, graph
+    if isinstance(model, VariantModel) and model.base is not None:
+        with blamed_on(layer.document.place(("base",))):
+            below = _named(model.base, layer.folder, chain)
+    for index, name in enumerate(model.extends):
+        with blamed_on(layer.overlay(index)):
+            below = _lay(below, _overlay(below, name, layer.folder, chain), chain)
+    changed = laid_over(below, layer)
+    title = model.title or below.title
+    if isinstance(model, GraphModel) and model.title:
+        title = f"{graph.title}, {model.title}"
+    return replace(changed, name=f"{graph.name}_{layer.name}", title=title)
 
 
-def _groups(model: GraphModel, document: Document) -> dict[str, Group]:
-    found: dict[str, Group] = {}
-    for name, stated in model.groups.items():
-        path: Path_ = ("groups", name)
-        entries = _entries(stated.nodes, document, (*path, "nodes"))
-        body = Graph(
-            name=name,
-            title="",
-            params=_params(stated.params, document, (*path, "params")),
-            prefer=(),
-            nodes={n: entry for n, entry in entries.items() if isinstance(entry, Entry)},
-            outputs=stated.outputs,
-            places=_places(document, path),
-            uses={n: use for n, use in entries.items() if isinstance(use, Use)},
-        )
-        found[name] = Group(_params(stated.inputs, document, (*path, "inputs")), body)
-        refuse_idle(name, found[name])
-    return found
-
-
-def _refuse_taken(
-    groups: Iterable[str], nodes: Iterable[str], earlier: Container[str], document: Document
-) -> None:
-    """Refuse a group whose name would not tell it from a node, or from another group."""
-    taken = {node.partition(".")[0] for node in nodes}
-    for name in groups:
-        place = document.place(("groups", name))
-        if name in earlier:
-            raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
-        if name in taken:
-            raise GraphError(f"{place}: a node is called '{name}' too; give another name")
-
-
-def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
-    """The outputs without those that a variant gives as null."""
-    return {name: reference for name, reference in outputs.items() if reference is not None}
-
-
-def _places(document: Document, path: Path_) -> dict[str, Place]:
-    """The places of everything below `path`, by dotted path relative to it."""
-    size = len(path)
-    return {dotted(p[size:]): place for p, place in document.places.items() if p[:size] == path}
-
-
-def _params(
-    stated: Mapping[str, ParamModel | GroupParamModel | GroupInputModel | None],
-    document: Document,
-    path: Path_,
-) -> dict[str, Param]:
-    return {
-        name: Param(
-            param.kind if isinstance(param, ParamModel) else "",
-            param.help if param else "",
-            (*path, name, "default") not in document.places,
-            param.default if param else None,
-        )
-        for name, param in stated.items()
-    }
+def _refuse_gaps(before: Graph, graph: Graph) -> None:
+    """Refuse what an overlay reads if the graph before it does not have it."""
+    for name, entry in graph.nodes.items():
+        if name not in before.nodes or before.nodes[name].inputs != entry.inputs:
+            for port, reference in entry.inputs.items():
+                read = split_reference(split_previous(reference)[0], graph.nodes)[0]
+                graph.check_node(read, entry.where(f"in.{port}"))

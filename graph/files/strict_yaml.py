@@ -53,14 +53,24 @@ class Document:
 
     data: Any
     places: dict[Path_, Place]
+    root: Path_ = ()
+    """Where in its file the data stand."""
 
     def place(self, path: Path_) -> Place:
         """The place of `path`, or of its closest parent that stands in the file."""
         for length in range(len(path), -1, -1):
             if path[:length] in self.places:
                 found = self.places[path[:length]]
-                return Place(found.file, found.line, found.column, dotted(path))
+                return Place(found.file, found.line, found.column, dotted(self.root + path))
         raise KeyError(path)
+
+    def part(self, path: Path_) -> Document:
+        """What stands below `path`, as a document of its own."""
+        data, size = self.data, len(path)
+        for step in path:
+            data = data[step]
+        places = {p[size:]: place for p, place in self.places.items() if p[:size] == path}
+        return Document(data, places, self.root + path)
 
 
 def dotted(path: Path_) -> str:
