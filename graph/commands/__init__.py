@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from typing import TYPE_CHECKING, Any
@@ -38,9 +38,9 @@ class GraphCommand(click.Command):
         words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS]))
         if not isinstance(words.get("graph"), str):
             return
-        from tactograph.graph.files.read_graph import read_graph
+        from tactograph.graph.files.read_graph import read_graph, with_overlays
 
-        graph = read_graph(words["graph"])
+        graph = with_overlays(read_graph(words["graph"]), words.get("overlays") or ())
         with formatter.section(f"Params of {graph.name}"):
             rows = graph.params.items()
             formatter.write_dl(
@@ -60,6 +60,10 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
 
     name = "graph"
 
+    def __init__(self, *, studies: bool = False) -> None:
+        self.studies = studies
+        """Whether the name of a study will do too."""
+
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         return "Name one that ships, of 'tactograph graphs', or a file of your own."
 
@@ -68,7 +72,7 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
     ) -> list[CompletionItem]:
         from tactograph.graph.commands.completion import complete_graph
 
-        return complete_graph(incomplete)
+        return complete_graph(incomplete, studies=self.studies)
 
 
 def _complete_value(
@@ -76,7 +80,17 @@ def _complete_value(
 ) -> list[CompletionItem]:
     from tactograph.graph.commands.completion import complete_value
 
-    return complete_value(ctx.params.get("graph"), ctx.params.get("values") or (), incomplete)
+    words = ctx.params
+    graph, overlays = words.get("graph"), words.get("overlays") or ()
+    return complete_value(graph, overlays, words.get("values") or (), incomplete)
+
+
+def _complete_overlay(
+    ctx: click.Context, param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    from tactograph.graph.commands.completion import complete_overlay
+
+    return complete_overlay(ctx.params.get("graph"), incomplete)
 
 
 graph_argument = click.argument("graph", type=GraphName())
@@ -85,22 +99,40 @@ values_argument = click.argument(
 )
 
 
+with_option = click.option(
+    "--with", "overlays", multiple=True, metavar="OVERLAY", shell_complete=_complete_overlay,
+    help="Lay an overlay, or a variant of the graph, over it; in order, before --set.",
+)  # fmt: skip
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
+    help="Change a parameter of a node.",
+)  # fmt: skip
+
+
+def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> Graph:
+    """A graph with what ``--with`` and ``--set`` say."""
+    from tactograph.graph.files.changes import with_changes
+    from tactograph.graph.files.read_graph import with_overlays
+    from tactograph.graph.run.typed_values import read_settings
+
+    return with_changes(with_overlays(graph, overlays), read_settings(settings))
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """What the options of a command that plans a graph were set to."""
 
+    overlays: tuple[str, ...]
     settings: tuple[str, ...]
     backend: str | None
     device: str | None
     strict: bool
 
     def read(self, graph: str) -> Graph:
-        """Read a graph with ``--set`` worked in."""
-        from tactograph.graph.files.changes import with_changes
+        """Read a graph with ``--with`` and ``--set`` worked in."""
         from tactograph.graph.files.read_graph import read_graph
-        from tactograph.graph.run.typed_values import read_settings
 
-        return with_changes(read_graph(graph), read_settings(self.settings))
+        return changed(read_graph(graph), self.overlays, self.settings)
 
     def open(
         self,
@@ -125,10 +157,8 @@ class RunOptions:
 
 
 _RUN_OPTIONS = (
-    click.option(
-        "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
-        help="Change a parameter of a node.",
-    ),
+    with_option,
+    set_option,
     click.option(
         "--backend", type=click.Choice(BACKENDS),
         help="Run on this back end instead of the graph's preference.",
@@ -143,10 +173,10 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(function)
     def with_options(
-        *, settings: tuple[str, ...], backend: str | None, device: str | None, strict: bool,
-        **rest: Any,
+        *, overlays: tuple[str, ...], settings: tuple[str, ...], backend: str | None,
+        device: str | None, strict: bool, **rest: Any,
     ) -> None:  # fmt: skip
-        function(options=RunOptions(settings, backend, device, strict), **rest)
+        function(options=RunOptions(overlays, settings, backend, device, strict), **rest)
 
     found: Callable[..., None] = with_options
     for option in reversed(_RUN_OPTIONS):

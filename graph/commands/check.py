@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import graph_argument, say
+from tactograph.graph.commands import GraphName, changed, say, set_option, with_option
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
@@ -15,18 +15,25 @@ if TYPE_CHECKING:
 
 
 @click.command("check", short_help="Verify a graph without running it.")
-@graph_argument
-@click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
-def command(graph: str, settings: tuple[str, ...]) -> None:
-    """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
-    from tactograph.graph.backends.device_backend import open_device
-    from tactograph.graph.files.changes import with_changes
-    from tactograph.graph.files.groups import alike, uses_of
-    from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.run.typed_values import read_settings
+@click.argument("graph", metavar="GRAPH|STUDY", type=GraphName(studies=True))
+@with_option
+@set_option
+def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
+    """Read GRAPH, resolve it, compare types, units and sizes, and list its params.
 
-    read = with_changes(read_graph(graph), read_settings(settings))
+    Of a study, all graphs are checked.
+    """
+    from tactograph.graph.files.read_graph import read_graphs
+
+    for read in read_graphs(graph):
+        _check(changed(read, overlays, settings))
+
+
+def _check(read: Graph) -> None:
+    from tactograph.graph.backends.device_backend import open_device
+    from tactograph.graph.files.groups import alike, uses_of
+    from tactograph.graph.plan.make_plan import make_plan
+
     bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
     device, reason = open_device(bound)
     # `check` does not say where nodes run, so it need not load a device.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import GraphName, say
+from tactograph.graph.commands import GraphName, say, with_option
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
-@click.argument("words", nargs=-1, metavar="GRAPH... [NAME=VALUE]...", type=GraphName())
+@click.argument(
+    "words", nargs=-1, metavar="GRAPH|STUDY... [NAME=VALUE]...", type=GraphName(studies=True)
+)
 @click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
+@with_option
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option(
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 def command(
     words: tuple[str, ...],
     over: tuple[str, ...],
+    overlays: tuple[str, ...],
     backends: str | None,
     device: str | None,
     sweeps: tuple[str, ...],
@@ -51,9 +55,9 @@ def command(
     again: Path | None,
     out: Path | None,
 ) -> None:
-    """Run every GRAPH on every capture on every back end.
+    """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
-    NAME=VALUE goes to every variant.  Folders among the words, as a shell makes them from
+    NAME=VALUE and --with go to every graph.  Folders among the words, as a shell makes them from
     DIR/*, are further captures.  What was finished before is not run again.
     """
     from tactograph.graph.compare.comparison_record import (
@@ -67,10 +71,10 @@ def command(
 
     if again is None:
         values = [word for word in words if "=" in word]
-        study = _read_study(words, over, backends, device, sweeps, seed, repeats)
+        study = _read_study(words, over, overlays, backends, device, sweeps, seed, repeats)
         _compare(study, values, out or Path("report"))
         return
-    if words or over or backends or device or sweeps or seed or repeats > 1:
+    if words or over or overlays or backends or device or sweeps or seed or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
     then = read_record(again)
     former = read_rows(again)
@@ -84,6 +88,7 @@ def command(
 def _read_study(
     words: tuple[str, ...],
     over: tuple[str, ...],
+    overlays: tuple[str, ...],
     backends: str | None,
     device: str | None,
     sweeps: tuple[str, ...],
@@ -95,7 +100,7 @@ def _read_study(
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
     from tactograph.graph.files.captures_in import captures_in
-    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.run.typed_values import read_words
 
     missing = [word for word in over if not Path(word).is_dir()]
@@ -112,7 +117,7 @@ def _read_study(
     for backend in wanted:
         if backend not in (*BACKENDS, None):
             raise InputError(f"--backends {backends}: there are {', '.join(BACKENDS)}")
-    graphs = [read_graph(name) for name in names]
+    graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
     values = [word for word in words if "=" in word]
     return Study(
         graphs=graphs,

@@ -12,7 +12,8 @@ from click.shell_completion import BashComplete, CompletionItem, add_completion_
 
 from tactograph.graph.errors import TactographError
 from tactograph.graph.files.flat_graph import Graph, Param
-from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.files.graph_places import shipped_overlays, shipped_studies
+from tactograph.graph.files.read_graph import read_graph, shipped_names, with_overlays
 
 
 class _Bash(BashComplete):
@@ -26,18 +27,32 @@ class _Bash(BashComplete):
 add_completion_class(_Bash)
 
 
-def complete_graph(begun: str) -> list[CompletionItem]:
-    """The graphs that ship and begin so; else files."""
-    found = [CompletionItem(name) for name in shipped_names() if name.startswith(begun)]
+def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
+    """The graphs that ship and begin so, and the studies where these will do; else files."""
+    names = [*shipped_names(), *(shipped_studies() if studies else ())]
+    found = [CompletionItem(name) for name in names if name.startswith(begun)]
     return found or [CompletionItem(begun, type="file")]
 
 
-def complete_value(graph: str | None, said: Sequence[str], begun: str) -> list[CompletionItem]:
+def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
+    """The variants of a graph, and the overlays that fit it; else files."""
+    read = _read(graph, ())
+    if read is None:
+        return []
+    names = sorted({*read.variants, *shipped_overlays()})
+    begins = [name for name in names if name.startswith(begun)]
+    found = [CompletionItem(name) for name in begins if _read(graph, (name,)) is not None]
+    return found or [CompletionItem(begun, type="file")]
+
+
+def complete_value(
+    graph: str | None, overlays: Sequence[str], said: Sequence[str], begun: str
+) -> list[CompletionItem]:
     """What can follow the words behind a graph: ``name=``, or a value.
 
     zsh and fish give ``name=begun`` as one word; bash makes three of it.
     """
-    read = _read(graph)
+    read = _read(graph, overlays)
     if read is None:
         return []
     name, equals, text = begun.partition("=")
@@ -59,9 +74,9 @@ def complete_value(graph: str | None, said: Sequence[str], begun: str) -> list[C
     ]
 
 
-def _read(graph: str | None) -> Graph | None:
+def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
     try:
-        return None if graph is None else read_graph(graph)
+        return None if graph is None else with_overlays(read_graph(graph), overlays)
     except TactographError:
         return None
 

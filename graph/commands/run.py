@@ -103,14 +103,14 @@ class _Wanted:
 def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
     """Run once, say what is wrong, and wait until a file changes."""
     from tactograph.graph.errors import TactographError
-    from tactograph.graph.files.read_graph import graph_file, read_graph
+    from tactograph.graph.files.read_graph import graph_file
     from tactograph.graph.run.typed_values import read_words
     from tactograph.graph.run.watch import files_of, stamp, wait_for_change
 
     files = {graph_file(wanted.graph)}
     before = stamp(files)
     try:
-        read = read_graph(wanted.graph)
+        read = wanted.options.read(wanted.graph)
         files |= files_of(read, read_words(read, wanted.values))
         before = stamp(files)
         _run(wanted, cache)

@@ -35,13 +35,30 @@ Chain = tuple[Path, ...]
 
 def shipped_names() -> list[str]:
     """The bare names of the graphs that ship, those of variants among them."""
-    names = [*shipped_graphs()]
+    return sorted(name for _, name, _ in _shipped())
+
+
+def shipped_titles() -> dict[str, dict[str, str]]:
+    """The titles of what ships, by name, by folder; of variants in a study, by study."""
+    found: dict[str, dict[str, str]] = {}
+    for heading, name, title in _shipped():
+        found.setdefault(heading, {})[name] = title
+    overlays = {name: load(file, GraphModel)[0] for name, file in shipped_overlays().items()}
+    found["overlays, for --with"] = {name: model.title for name, model in overlays.items()}
+    return found
+
+
+def _shipped() -> Iterator[tuple[str, str, str]]:
+    """Heading, name and title of every graph that ships."""
     for name, file in shipped_graphs().items():
-        names += [f"{name}_{key}" for key in load(file, GraphModel)[0].variants]
-    for file in shipped_studies().values():
+        model, _ = load(file, GraphModel)
+        yield file.parent.name, name, model.title
+        for key, variant in model.variants.items():
+            yield file.parent.name, f"{name}_{key}", variant.title
+    for name, file in shipped_studies().items():
         study, _ = load(file, StudyModel)
-        names += [f"{study.base}_{key}" for key in study.variants]
-    return sorted(names)
+        for key, variant in study.variants.items():
+            yield f"study {name}, for compare", f"{study.base}_{key}", variant.title
 
 
 def graph_file(name: str) -> Path:

@@ -13,8 +13,9 @@ from ruamel.yaml.main import YAML
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.graph_places import is_path
 from tactograph.graph.files.groups import alike
-from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.files.read_graph import read_graph
 
 Change = dict[str, Any]
 
@@ -79,8 +80,7 @@ def write_variant(file: Path, base: Graph, source: str, changes: list[Change], t
         raise InputError("nothing was changed: there is no variant to save")
     if file.suffix not in (".yaml", ".yml"):
         raise InputError(f"{file}: the name of a graph file has to end in .yaml")
-    named = source in shipped_names() or (source.count("/") == 1 and not source.endswith(".yaml"))
-    if not named or Path(source).is_file():
+    if is_path(source) and (source.count("/") != 1 or ".y" in source or Path(source).is_file()):
         source = os.path.relpath(source, file.parent)
         source = source if "/" in source or source.endswith((".yaml", ".yml")) else f"./{source}"
     document = CommentedMap(format=FORMAT, extends=source, title=title)
