@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tactograph.graph.backends import PREFERRED
@@ -42,6 +42,10 @@ class Layer:
     folder: Path
     path: Path
     """The file; of a variant, ``FILE/NAME``."""
+    of: str = ""
+    """The name of the graph that it is a variant of."""
+    beside: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
+    """The variants of the same file."""
 
     def overlay(self, index: int) -> Place:
         """The place of one of the names in `extends`."""

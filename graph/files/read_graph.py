@@ -156,14 +156,14 @@ def _composed(name: str, chain: Chain) -> Graph:
     for first, rest in _splits(name):
         if first in shipped_graphs():
             graph = _named(first, None, chain)
-            overlays = _in_words(rest, {*graph.variants, *shipped_overlays()})
+            overlays = _in_words(rest, graph.variants)
             if overlays:
                 return with_overlays(graph, overlays)
     if name in shipped_studies():
         raise InputError(_of_a_study(name, *_read_study(shipped_studies()[name], chain)))
     if name in shipped_overlays():
         raise InputError(
-            f"'{name}' is an overlay; 'tactograph run GRAPH --with {name}' lays it over"
+            f"'{name}' is an overlay; lay it over a graph: 'tactograph run GRAPH --with {name}'"
         )
     hint = did_you_mean(name, shipped_names())
     there = f" (the shipped ones are: {', '.join(shipped_names())})"
@@ -178,22 +178,27 @@ def _shipped_variant(name: str) -> tuple[str, Layer | None]:
         study, document = load(file, StudyModel)
         key = name.removeprefix(f"{study.base}_")
         if key != name and key in study.variants:
-            return study.base, _variants(study.variants, document, file)[key]
+            return study.base, _variants(study.variants, document, file, study.base)[key]
     for first, rest in _splits(name):
         if first in shipped_graphs():
             file = shipped_graphs()[first]
             model, document = load(file, GraphModel)
             if rest in model.variants:
-                return first, _variants(model.variants, document, file)[rest]
+                return first, _variants(model.variants, document, file, first)[rest]
     return "", None
 
 
-def _in_words(text: str, known: Container[str]) -> tuple[str, ...]:
-    """Known names that are joined by ``_`` in a text; none if it is made of others too."""
-    if text in known:
+def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
+    """The overlays and variants whose names are joined in a text; none if a part is neither."""
+
+    def is_known(name: str) -> bool:
+        known = name in variants or name in shipped_overlays()
+        return known or _shipped_variant(name)[1] is not None
+
+    if is_known(text):
         return (text,)
     for first, rest in _splits(text):
-        if first in known and (others := _in_words(rest, known)):
+        if is_known(first) and (others := _in_words(rest, variants)):
             return (first, *others)
     return ()
 
@@ -227,7 +232,7 @@ def _read_study(file: Path, chain: Chain) -> tuple[Graph, dict[str, Layer]]:
     study, document = load(file, StudyModel)
     with blamed_on(document.place(("base",))):
         base = _named(study.base, file.parent, _further(chain, file))
-    return base, _variants(study.variants, document, file)
+    return base, _variants(study.variants, document, file, base.name)
 
 
 def _of_a_study(name: str, base: Graph, variants: Iterable[str]) -> str:
@@ -236,12 +241,13 @@ def _of_a_study(name: str, base: Graph, variants: Iterable[str]) -> str:
 
 
 def _variants(
-    stated: Mapping[str, VariantModel], document: Document, file: Path
+    stated: Mapping[str, VariantModel], document: Document, file: Path, of: str
 ) -> dict[str, Layer]:
-    return {
-        key: Layer(model, document.part(("variants", key)), key, file.parent, file / key)
-        for key, model in stated.items()
-    }
+    found: dict[str, Layer] = {}
+    for key, model in stated.items():
+        part = document.part(("variants", key))
+        found[key] = Layer(model, part, key, file.parent, file / key, of, found)
+    return found
 
 
 def _further(chain: Chain, path: Path) -> Chain:
@@ -257,7 +263,7 @@ def _graph_of(layer: Layer, chain: Chain) -> Graph:
     """The graph of a file, with `extends` followed."""
     model, document = layer.model, layer.document
     assert isinstance(model, GraphModel)
-    own = _variants(model.variants, document, layer.path)
+    own = _variants(model.variants, document, layer.path, layer.name)
     if not model.extends:
         return replace(alone(layer), variants=own)
     if model.nodes is not None:
@@ -287,7 +293,7 @@ def _has_base(layer: Layer) -> bool:
 
 def _overlaid(graph: Graph, name: str, beside: Path | None, chain: Chain) -> Graph:
     """A graph with an overlay, or with a variant, laid over it."""
-    layer = _overlay(graph, name, beside, chain)
+    layer = _overlay(graph.variants, name, beside, chain)
     try:
         return _lay(graph, layer, chain)
     except GraphError as error:
@@ -298,20 +304,20 @@ def _misfit(graph: Graph, name: str, error: GraphError) -> str:
     return f"'{name}' does not fit {graph.name}: {error}"
 
 
-def _overlay(graph: Graph, name: str, beside: Path | None, chain: Chain) -> Layer:
-    """A variant of the graph, an overlay, or a variant of another graph, by its full name.
+def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chain: Chain) -> Layer:
+    """One of some variants, an overlay, or a variant of another graph, by its full name.
 
     A variant extends the overlay of its own name, not itself.
     """
-    own = graph.variants.get(name)
+    own = variants.get(name)
     if own is not None and own.path.resolve() not in chain:
         return own
     file = find_file(name, beside, shipped_overlays())
     if file is None:
         _, variant = _shipped_variant(name)
         if variant is not None:
-            return variant
-        known = [*graph.variants, *shipped_overlays()]
+            return replace(variant, name=name)
+        known = [*variants, *shipped_overlays()]
         hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
         if name in shipped_graphs():
             hint = "; it is a graph, and only the first of 'extends' can be one"
@@ -328,15 +334,19 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
     chain = _further(chain, layer.path)
     model, below = layer.model, graph
     if isinstance(model, VariantModel) and model.base is not None:
-        with blamed_on(layer.document.place(("base",))):
+        place = layer.document.place(("base",))
+        if layer.of != graph.name:
+            raise GraphError(f"{place}: a graph of its own, which lies over no other")
+        with blamed_on(place):
             below = _named(model.base, layer.folder, chain)
     for index, name in enumerate(model.extends):
         with blamed_on(layer.overlay(index)):
-            below = _lay(below, _overlay(below, name, layer.folder, chain), chain)
+            below = _lay(below, _overlay(layer.beside, name, layer.folder, chain), chain)
     changed = laid_over(below, layer)
     title = model.title or below.title
-    if isinstance(model, GraphModel) and model.title:
-        title = f"{graph.title}, {model.title}"
+    if layer.of != graph.name:
+        words = layer.name if layer.of else model.title
+        title = ", ".join(filter(None, [graph.title, words]))
     return replace(changed, name=f"{graph.name}_{layer.name}", title=title)
 
 
