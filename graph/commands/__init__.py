@@ -90,7 +90,9 @@ def _complete_overlay(
 ) -> list[CompletionItem]:
     from tactograph.graph.commands.completion import complete_overlay
 
-    return complete_overlay(ctx.params.get("graph"), incomplete)
+    # Click takes no word for the graph where an option still lacks its value.
+    graph = next((word for word in ctx.meta.get(_WORDS, ()) if not word.startswith("-")), None)
+    return complete_overlay(graph, incomplete)
 
 
 graph_argument = click.argument("graph", type=GraphName())

@@ -37,11 +37,10 @@ def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]
 def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
     """The variants of a graph, and the overlays that fit it; else files."""
     read = _read(graph, ())
-    if read is None:
-        return []
-    names = sorted({*read.variants, *shipped_overlays()})
-    begins = [name for name in names if name.startswith(begun)]
-    found = [CompletionItem(name) for name in begins if _read(graph, (name,)) is not None]
+    names = {*shipped_overlays(), *(read.variants if read is not None else ())}
+    begins = [name for name in sorted(names) if name.startswith(begun)]
+    fit = [name for name in begins if read is None or _read(graph, (name,)) is not None]
+    found = [CompletionItem(name) for name in fit]
     return found or [CompletionItem(begun, type="file")]
 
 

@@ -167,12 +167,13 @@ def _groups(layer: Layer) -> dict[str, Group]:
                 if file is None:
                     raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
             found[name] = _group(name, *load(file, GroupFileModel), ())
+            refuse_idle(name, found[name])
             for index, change in enumerate(stated.patch):
                 places = _places(document, (*path, "patch", index))
                 found = _with_change(found, name, _stated(change), places)
         else:
             found[name] = _group(name, stated, document, path)
-        refuse_idle(name, found[name])
+            refuse_idle(name, found[name])
     return found
 
 

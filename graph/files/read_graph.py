@@ -343,9 +343,9 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
         with blamed_on(layer.overlay(index)):
             below = _lay(below, _overlay(layer.beside, name, layer.folder, chain), chain)
     changed = laid_over(below, layer)
-    title = model.title or below.title
-    if layer.of != graph.name:
-        words = layer.name if layer.of else model.title
+    title = model.title
+    if layer.of != graph.name or not title:
+        words = layer.name if layer.of else title
         title = ", ".join(filter(None, [graph.title, words]))
     return replace(changed, name=f"{graph.name}_{layer.name}", title=title)
 

@@ -15,7 +15,7 @@ import pytest
 from annotated_types import Gt
 
 from tactograph.graph import GraphError, InputError, NodeError, load, node, parity
-from tactograph.graph.files import read_graph as read
+from tactograph.graph.files import graph_places
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write
@@ -203,11 +203,11 @@ def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (folder / "__init__.py").touch()
     (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
     monkeypatch.syspath_prepend(tmp_path)
-    point = EntryPoint("felt", "felt_pipelines", read.GROUP)
+    point = EntryPoint("felt", "felt_pipelines", graph_places.GROUP)
     monkeypatch.setattr(
-        read,
+        graph_places,
         "entry_points",
-        lambda group, name: [point] if (group, name) == (read.GROUP, "felt") else [],
+        lambda group, name: [point] if (group, name) == (graph_places.GROUP, "felt") else [],
     )
     assert read_graph("felt/soft").nodes["shadow"].neutral
     variant = read_graph({"format": 1, "extends": "felt/soft", "title": "softer"})
