@@ -10,32 +10,31 @@ from pathlib import Path
 from tactograph.graph.errors import InputError, did_you_mean
 
 GROUP = "tactograph.pipelines"
-OVERLAYS, STUDIES = "overlays", "studies"
-"""Folders of the shipped files that are no graphs."""
 
 
 def shipped_graphs() -> dict[str, Path]:
     """The graph files that ship, by bare name."""
-    return {
-        file.stem: file
-        for file in sorted(_root().glob("*/*.yaml"))
-        if file.parent.name not in (OVERLAYS, STUDIES) and "." not in file.stem
-    }
+    others = {*shipped_overlays().values(), *shipped_studies().values(), *shipped_groups().values()}
+    return {file.stem: file for file in _shipped_files("*/*.yaml") if file not in others}
 
 
 def shipped_overlays() -> dict[str, Path]:
     """The overlays that ship, by bare name."""
-    return {file.stem: file for file in sorted((_root() / OVERLAYS).glob("*.yaml"))}
+    return {file.stem: file for file in _shipped_files("overlays/*.yaml")}
 
 
 def shipped_studies() -> dict[str, Path]:
     """The studies that ship, by bare name."""
-    return {file.stem: file for file in sorted((_root() / STUDIES).glob("*.yaml"))}
+    return {file.stem: file for file in _shipped_files("studies/*.yaml")}
 
 
 def shipped_groups() -> dict[str, Path]:
     """The files of groups that ship, by name without ``.yaml``."""
-    return {file.stem: file for file in sorted(_root().glob("*/*.group.yaml"))}
+    return {file.stem: file for file in _shipped_files("*/*.group.yaml")}
+
+
+def _shipped_files(pattern: str) -> list[Path]:
+    return sorted(Path(str(resources.files(GROUP))).glob(pattern))
 
 
 def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path | None:
@@ -63,7 +62,7 @@ def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path 
     path = Path(name)
     if beside is not None and not path.is_absolute():
         path = beside / path
-    if is_file(path):
+    if _is_file(path):
         return path
     if path.name == name and name.removesuffix(".yaml") in shipped:
         return shipped[name.removesuffix(".yaml")]
@@ -75,16 +74,11 @@ def is_path(name: str) -> bool:
     return name.endswith((".yaml", ".yml")) or "/" in name
 
 
-def is_file(path: Path) -> bool:
-    """Whether there is such a file, for names too that no file can have."""
+def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # a name that no file can have
         return False
-
-
-def _root() -> Path:
-    return Path(str(resources.files(GROUP)))
 
 
 def _plugin_folder(package: str) -> Path | None:

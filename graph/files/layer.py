@@ -17,11 +17,11 @@ from tactograph.graph.files.graph_model import (
     GroupInputModel,
     GroupModel,
     GroupParamModel,
-    Model,
     NodeModel,
     ParamModel,
     PatchModel,
     SharedGroupModel,
+    StudyModel,
     UseModel,
     VariantModel,
     validate,
@@ -39,23 +39,42 @@ class Layer:
     model: GraphModel | VariantModel
     document: Document
     name: str
-    folder: Path
-    path: Path
-    """The file; of a variant, ``FILE/NAME``."""
+    file: Path
     of: str = ""
-    """The name of the graph that it is a variant of."""
+    """The name of the graph that it is a variant, or a study, of."""
     beside: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
     """The variants of the same file."""
 
-    def overlay(self, index: int) -> Place:
-        """The place of one of the names in `extends`."""
-        single = isinstance(self.document.data["extends"], str)
-        return self.document.place(("extends",) if single else ("extends", index))
+    @property
+    def id(self) -> str:
+        """The file; of a variant, with its name there."""
+        return "/".join(map(str, (self.file.resolve(), *self.document.root[1:])))
+
+    def place(self, index: int) -> Place:
+        """The place of one of the names that it extends."""
+        names = self.document.data.get("extends")
+        single = isinstance(names, str)
+        path: Path_ = ("base",) if names is None else ("extends",) if single else ("extends", index)
+        return self.document.place(path)
+
+    def variants(self, of: str) -> dict[str, Layer]:
+        """The variants that the file holds, of a graph of that name."""
+        found: dict[str, Layer] = {}
+        stated = self.model.variants if isinstance(self.model, GraphModel) else {}
+        for name, model in stated.items():
+            part = self.document.part(("variants", name))
+            found[name] = Layer(model, part, name, self.file, of, found)
+        return found
 
 
-def load(file: Path, model: type[Model]) -> tuple[Model, Document]:
+def read_layer(file: Path) -> Layer:
+    """What a graph file, an overlay or a study says."""
     document = read_yaml(file)
-    return validate(document, model), document
+    if isinstance(document.data, dict) and "base" in document.data:
+        study = validate(document, StudyModel)
+        model = GraphModel.model_construct(extends=[study.base], variants=study.variants)
+        return Layer(model, document, file.stem, file, of=study.base)
+    return Layer(validate(document, GraphModel), document, file.stem, file)
 
 
 @contextmanager
@@ -86,24 +105,13 @@ def alone(layer: Layer) -> Graph:
         )
     if not model.nodes:
         raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")
-    _refuse_taken(model.groups, model.nodes, (), document)
     for node_id in model.nodes:
         inside = {node_id[:at] for at, letter in enumerate(node_id) if letter == "."}
         for outer in sorted(inside & model.nodes.keys()):
             raise GraphError(
                 f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
             )
-    graph = Graph(
-        name=layer.name,
-        title=model.title,
-        params=_params(model.params, document, ("params",)),
-        prefer=tuple(model.prefer if model.prefer is not None else PREFERRED),
-        nodes={},
-        outputs=_wanted(model.outputs),
-        places=_places(document, ()),
-        groups=_groups(layer),
-    )
-    return _flat_outputs(with_nodes(graph, _entries(model.nodes, document, ("nodes",))))
+    return laid_over(Graph(layer.name, model.title, {}, tuple(PREFERRED), {}, {}), layer)
 
 
 def laid_over(graph: Graph, layer: Layer) -> Graph:
@@ -115,7 +123,8 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
         If a change does not fit the graph.
     """
     model, document = layer.model, layer.document
-    _refuse_taken(model.groups, {*graph.nodes, *graph.uses}, graph.groups, document)
+    nodes = model.nodes or {} if isinstance(model, GraphModel) else {}
+    _refuse_taken(model.groups, {*graph.nodes, *graph.uses, *nodes}, graph.groups, document)
     changed = replace(
         graph,
         params={**graph.params, **_params(model.params, document, ("params",))},
@@ -124,6 +133,7 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
         places={**graph.places, **_places(document, ())},
         groups={**graph.groups, **_groups(layer)},
     )
+    changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))
     changed = _flat_outputs(changed)
     for index, change in enumerate(model.patch or []):
         changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
@@ -160,20 +170,19 @@ def _entries(
 def _groups(layer: Layer) -> dict[str, Group]:
     found: dict[str, Group] = {}
     for name, stated in layer.model.groups.items():
-        document, path = layer.document, ("groups", name)
-        if isinstance(stated, SharedGroupModel):
-            with blamed_on(document.place((*path, "extends"))):
-                file = find_file(stated.extends, layer.folder, shipped_groups())
-                if file is None:
-                    raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
-            found[name] = _group(name, *load(file, GroupFileModel), ())
-            refuse_idle(name, found[name])
-            for index, change in enumerate(stated.patch):
-                places = _places(document, (*path, "patch", index))
-                found = _with_change(found, name, _stated(change), places)
-        else:
-            found[name] = _group(name, stated, document, path)
-            refuse_idle(name, found[name])
+        path = ("groups", name)
+        if not isinstance(stated, SharedGroupModel):
+            found[name] = _group(name, stated, layer.document, path)
+            continue
+        with blamed_on(layer.document.place((*path, "extends"))):
+            file = find_file(stated.extends, layer.file.parent, shipped_groups())
+            if file is None:
+                raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
+        document = read_yaml(file)
+        found[name] = _group(name, validate(document, GroupFileModel), document, ())
+        for index, change in enumerate(stated.patch):
+            places = _places(layer.document, (*path, "patch", index))
+            found = _with_change(found, name, _stated(change), places)
     return found
 
 
@@ -198,7 +207,9 @@ def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Gr
         places=_places(document, path),
         uses={n: use for n, use in entries.items() if isinstance(use, Use)},
     )
-    return Group(_params(stated.inputs, document, (*path, "inputs")), body)
+    group = Group(_params(stated.inputs, document, (*path, "inputs")), body)
+    refuse_idle(name, group)
+    return group
 
 
 def _refuse_taken(

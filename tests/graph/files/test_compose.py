@@ -252,7 +252,7 @@ def test_a_study_is_its_base_and_its_variants(write: Write) -> None:
     assert graphs[1].title == "At half the size"
     assert graphs[2].title == f"{graphs[0].title}, steep"
     assert read_graph(f"{file}/fine").hash == graphs[1].hash
-    with pytest.raises(InputError, match=r"'study.yaml' is a study; .*: base_fine, base_steep"):
+    with pytest.raises(InputError, match=r"study.yaml' is a study; .*: base_fine, base_steep"):
         read_graph(file)
 
 
@@ -341,7 +341,7 @@ def test_the_shipped_files_are_few_and_sorted_by_folder() -> None:
     assert {*shipped_studies()} == {"precise_ablation", "reconstruct_ablation"}
 
 
-PAGE = (PIPELINES.parent / "docs" / "compose.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "compose.md").read_text(encoding="utf-8")
 FITS = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]*) \|", PAGE, re.MULTILINE)
 
 
