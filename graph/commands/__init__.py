@@ -80,9 +80,8 @@ def _complete_value(
 ) -> list[CompletionItem]:
     from tactograph.graph.commands.completion import complete_value
 
-    words = ctx.params
-    graph, overlays = words.get("graph"), words.get("overlays") or ()
-    return complete_value(graph, overlays, words.get("values") or (), incomplete)
+    overlays, values = (ctx.params.get(name) or () for name in ("overlays", "values"))
+    return complete_value(ctx.params.get("graph"), overlays, values, incomplete)
 
 
 def _complete_overlay(

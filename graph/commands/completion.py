@@ -39,8 +39,8 @@ def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
     read = _read(graph, ())
     names = {*shipped_overlays(), *(read.variants if read is not None else ())}
     begins = [name for name in sorted(names) if name.startswith(begun)]
-    fit = [name for name in begins if read is None or _read(graph, (name,)) is not None]
-    found = [CompletionItem(name) for name in fit]
+    fits = [name for name in begins if read is None or _read(graph, (name,)) is not None]
+    found = [CompletionItem(name) for name in fits]
     return found or [CompletionItem(begun, type="file")]
 
 

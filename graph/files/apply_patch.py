@@ -77,7 +77,7 @@ def _check_keys(verb: str, change: Change, places: Places) -> None:
         raise GraphError(f"{place}: {verb} takes no '{_IN_FILE.get(key, key)}'")
     if verb == "set" and not given:
         raise GraphError(f"{place}: set needs 'with' or 'in'")
-    for port, reference in (change.get("inputs") or {}).items():
+    for port, reference in change.get("inputs", {}).items():
         if reference is None and verb != "set":
             raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
     if "op" in optional and len(given & {"op", "group"}) != 1:

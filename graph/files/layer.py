@@ -141,7 +141,8 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
 
 
 def _stated(change: PatchModel) -> Change:
-    return {name: getattr(change, name) for name in change.model_fields_set}
+    stated = {name: getattr(change, name) for name in change.model_fields_set}
+    return {name: value for name, value in stated.items() if value is not None}
 
 
 def _flat_outputs(graph: Graph) -> Graph:

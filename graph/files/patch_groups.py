@@ -43,15 +43,12 @@ def check_new(graph: Graph, target: str, place: Place) -> None:
 def flat_change(graph: Graph, change: Change, places: Places, scope: str) -> Change:
     """A change that stands in a scope, with references and values of the flat graph."""
     reads = change.get("inputs", {})
-    gone = {port: None for port, reference in reads.items() if reference is None}
-    given = {port: reference for port, reference in reads.items() if port not in gone}
+    given = {port: reference for port, reference in reads.items() if reference is not None}
     stated = Entry("", given, change.get("settings", {}), places=places)
     stated = in_scope(graph, stated, scope)
-    flat = {**change}
-    if "inputs" in change:
-        flat["inputs"] = {**stated.inputs, **gone}
-    if "settings" in change:
-        flat["settings"] = stated.settings
+    gone = dict.fromkeys(reads.keys() - given.keys())
+    known = {"inputs": {**stated.inputs, **gone}, "settings": stated.settings}
+    flat = {**change, **{key: known[key] for key in known.keys() & change.keys()}}
     if change.get("after") is not None:
         flat["after"] = flat_reference(graph, change["after"], scope, stated.where("after"))
     return flat

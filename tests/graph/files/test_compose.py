@@ -184,6 +184,8 @@ def test_set_changes_inputs_and_takes_them_away(write: Write) -> None:
     ("change", "message"),
     [
         ("{set: slope}", "set needs 'with' or 'in'"),
+        ("{set: slope, with: null}", "set needs 'with' or 'in'"),
+        ("{set: null, in: {height: again}}", "this one has none"),
         ("{replace: slope, op: pixel_size, in: {height: null}}", "only 'set' takes an input away"),
     ],
 )
