@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -90,7 +91,9 @@ def read_graph(source: Source) -> Graph:
 
 def read_graphs(name: str) -> list[Graph]:
     """The graph of that name; of a study, its base and all its variants."""
-    file = None if _file_and_variant(name)[1] else find_file(name, None, shipped_studies())
+    file = None
+    with suppress(InputError):  # which `read_graph` tells
+        file = find_file(name, None, shipped_studies())
     if file is None or not (layer := read_layer(file)).of:
         return [read_graph(name)]
     base = _graph_of(layer, ())
@@ -118,7 +121,13 @@ def _file_and_variant(name: str) -> tuple[str, str]:
 
 def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
     file_name, key = _file_and_variant(name)
-    file = find_file(file_name, beside, shipped_graphs())
+    try:
+        file = find_file(file_name, beside, shipped_graphs())
+    except InputError:
+        # Variants that ship are called FILE.yaml too, as graphs are.
+        if _shipped_variant(name.removesuffix(".yaml")) is None:
+            raise
+        file, name = None, name.removesuffix(".yaml")
     if file is None:
         return _composed(name, chain)
     layer = read_layer(file)
