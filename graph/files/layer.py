@@ -101,7 +101,7 @@ def alone(layer: Layer) -> Graph:
     if model.patch is not None:
         raise GraphError(
             f"{document.place(('patch',))}: 'patch' needs 'extends'; this is an overlay, which "
-            f"'--with {layer.name}' lays over a graph"
+            f"'--with {layer.file}' lays over a graph"
         )
     if not model.nodes:
         raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")

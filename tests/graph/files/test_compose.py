@@ -167,6 +167,11 @@ def test_overlays_that_extend_each_other_are_a_loop(write: Write) -> None:
     assert "loop: graph.yaml -> a.yaml -> b.yaml -> a.yaml" in said
 
 
+def test_a_variant_that_is_its_own_base_is_a_loop(write: Write) -> None:
+    file = write(f"{SLOPES}variants: {{a: {{base: mine.yaml/a}}}}", "mine.yaml")
+    assert "'extends' runs in a loop: a -> a" in refusal(f"{file}/a")
+
+
 def test_set_changes_inputs_and_takes_them_away(write: Write) -> None:
     graph = read_graph(
         write(
