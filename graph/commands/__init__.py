@@ -56,13 +56,12 @@ class GraphCommand(click.Command):
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
-    """A graph file, or the name of a pipeline that ships."""
+    """A graph file, or the name of a pipeline that ships; with `studies`, of a study too."""
 
     name = "graph"
 
     def __init__(self, *, studies: bool = False) -> None:
         self.studies = studies
-        """Whether the name of a study will do too."""
 
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         return "Name one that ships, of 'tactograph graphs', or a file of your own."

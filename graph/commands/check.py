@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 @with_option
 @set_option
 def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
-    """Read GRAPH, resolve it, compare types, units and sizes, and list its params.
-
-    Of a study, all graphs are checked.
-    """
+    """Resolve GRAPH, or each of STUDY, compare types, units and sizes, and list the params."""
     from tactograph.graph.files.read_graph import read_graphs
 
     for read in read_graphs(graph):

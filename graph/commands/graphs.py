@@ -9,10 +9,7 @@ from tactograph.graph.commands import say
 
 @click.command("graphs", short_help="List the graphs that ship.")
 def command() -> None:
-    """List the graphs that ship with their titles; 'tactograph check GRAPH' lists the params.
-
-    A graph stands under the folder or study of its file, an overlay under 'overlays'.
-    """
+    """List what ships, by folder, with titles; 'tactograph check GRAPH' lists the params."""
     from tactograph.graph.files.read_graph import shipped_titles
 
     folders = shipped_titles()

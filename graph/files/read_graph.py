@@ -1,8 +1,4 @@
-"""Read a graph: strict YAML, `extends` followed, overlays laid over it, all errors placed.
-
-A variant, an overlay and a file that extends another say the same things and are laid over a
-graph by the same steps; see `_lay`.
-"""
+"""Read a graph: strict YAML, `extends` followed, overlays laid over it, all errors placed."""
 
 from __future__ import annotations
 
@@ -200,9 +196,7 @@ def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
 
 
 def _splits(words: str) -> Iterator[tuple[str, str]]:
-    for at, letter in enumerate(words):
-        if letter == "_":
-            yield words[:at], words[at + 1 :]
+    return ((words[:at], words[at + 1 :]) for at, c in enumerate(words) if c == "_")
 
 
 def _further(chain: Chain, layer: Layer) -> Chain:
