@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -67,37 +66,39 @@ def test_each_shape_fill_and_setting_is_chosen() -> None:
             )
 
 
-Compare = Callable[[str, list[Case]], dict[str, str | None]]
+def differences(devices: list[OpenCL], name: str, chosen: list[Case]) -> dict[str, str]:
+    """What differs on any device, by case."""
+    found = {str(case): compare_on(find_node(name), devices, case) for case in chosen}
+    return {case: what for case, what in found.items() if what}
 
 
-@pytest.fixture
-def differences(device: OpenCL, one_lane: OpenCL | None) -> Compare:
-    """What differs on the device, and where work-items do one element each, by case.
-
-    The latter on large images with random values alone: what else they hold matters on small
-    ones.
-    """
-
-    def compare_cases(name: str, chosen: list[Case]) -> dict[str, str | None]:
-        node, found = find_node(name), {}
-        for case in chosen:
-            matters = case.sizes.get("H", 0) < 64 or case.fill == "random"
-            devices = [device, one_lane] if one_lane and name in LANED and matters else [device]
-            found[str(case)] = compare_on(node, devices, case)
-        return {case: what for case, what in found.items() if what}
-
-    return compare_cases
+@pytest.fixture(scope="module")
+def as_written(request: pytest.FixtureRequest) -> OpenCL:
+    """The device without its compiler's optimisations, which take half of the time."""
+    found, _ = choose_device(request.config.getoption("--device"))
+    assert found is not None
+    device = OpenCL(found)
+    device.options.append("-cl-opt-disable")
+    return device
 
 
 @pytest.mark.parametrize("name", KERNEL_NODES)
-def test_both_back_ends_agree(differences: Compare, name: str) -> None:
-    assert differences(name, each_choice_once(find_node(name))) == {}
+def test_both_back_ends_agree(as_written: OpenCL, name: str) -> None:
+    assert differences([as_written], name, each_choice_once(find_node(name))) == {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KERNEL_NODES)
-def test_both_back_ends_agree_in_every_case(differences: Compare, name: str) -> None:
-    assert differences(name, cases(find_node(name))) == {}
+def test_both_back_ends_agree_in_every_case(
+    device: OpenCL, one_lane: OpenCL | None, name: str
+) -> None:
+    """Where work-items do one element each, too: there large images hold random values alone, for
+    what else they hold matters on small ones."""
+    every = cases(find_node(name))
+    lanes = [device, one_lane] if one_lane and name in LANED else [device]
+    large = [case for case in every if case.sizes.get("H", 0) >= 64 and case.fill != "random"]
+    assert differences(lanes, name, [case for case in every if case not in large]) == {}
+    assert differences([device], name, large) == {}
 
 
 @pytest.mark.parametrize("name", ["integrate_weighted", "height_error"])
@@ -122,9 +123,8 @@ def test_levels_too_large_for_one_group(
         assert compare(node, device, case) is None, str(case)
 
 
-@pytest.mark.parametrize(
-    "lights", [3, *(pytest.param(lights, marks=pytest.mark.slow) for lights in (5, 8))]
-)
+@pytest.mark.one_case
+@pytest.mark.parametrize("lights", [3, 5, 8])
 @pytest.mark.parametrize("name", LANED)
 def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
     node = find_node(name)

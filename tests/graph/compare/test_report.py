@@ -200,6 +200,7 @@ def test_the_page_says_what_was_ablated_and_how_it_was_made(
         assert text in page
 
 
+@pytest.mark.slow
 def test_repeats_by_seed_give_intervals(swept: Path) -> None:
     rows = rows_of(swept)
     assert len(rows) == 2 * 2 * 2

@@ -217,6 +217,7 @@ def test_no_touch_no_height_though_leds_fade(scene, calibration: Path) -> None:
     assert touch < 0.006
 
 
+@pytest.mark.slow
 def test_a_polynomial_for_each_led_is_enough_where_film_is_at_rest(
     scene, calibration: Path
 ) -> None:
@@ -225,6 +226,7 @@ def test_a_polynomial_for_each_led_is_enough_where_film_is_at_rest(
     assert touch < 0.01
 
 
+@pytest.mark.slow
 def test_without_levelling_a_fade_is_taken_for_height(scene, calibration: Path) -> None:
     rest, touch = errors("reconstruct_no_levelling", scene, calibration)
     assert rest > 0.03

@@ -269,6 +269,7 @@ def test_a_missing_file_names_the_graph_that_makes_one(tmp_path: Path) -> None:
         read_press_calibration(file=tmp_path / "cal.npz")
 
 
+@pytest.mark.slow
 def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path: Path) -> None:
     data = real_data("gelsight_mini_balls")
     # Around the press that is held out: a map of few presses holds where they are.

@@ -100,6 +100,7 @@ def test_a_matt_film_stays_matt() -> None:
     assert np.array_equal(found.film.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
 
 
+@pytest.mark.slow
 def test_the_share_that_the_gel_diffuses_is_found() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
     found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR)

@@ -175,7 +175,7 @@ def test_without_the_library_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(_genicam_camera, "_shared", [])
-    monkeypatch.setitem(sys.modules, "harvesters.core", None)
+    monkeypatch.setitem(sys.modules, "harvesters", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[genicam\]'"):
         check_camera(RED)
 
