@@ -103,30 +103,30 @@ def test_both_back_ends_agree_in_every_case(
 
 @pytest.mark.parametrize("name", ["integrate_weighted", "height_error"])
 def test_nothing_that_a_buffer_held_before_reaches_the_height(
-    device: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
+    as_written: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Springs of no stiffness lead beyond the frame: a product with zero, but for NaN."""
     monkeypatch.setattr(parity, "RUBBISH", 0xFF)
     node = find_node(name)
     for case in cases(node, shapes=((31, 37), (70, 131)))[:4]:
-        assert compare(node, device, case) is None, str(case)
+        assert compare(node, as_written, case) is None, str(case)
 
 
 @pytest.mark.parametrize("name", ["integrate_weighted", "height_error"])
 def test_levels_too_large_for_one_group(
-    device: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
+    as_written: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames of cameras have them, and these do if a group does no more than this."""
     monkeypatch.setattr(height_solver, "ONE_GROUP_OF_LANES", 256)
     node = find_node(name)
     for case in cases(node, shapes=((31, 37), (70, 131)))[:4]:
-        assert compare(node, device, case) is None, str(case)
+        assert compare(node, as_written, case) is None, str(case)
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("lights", [3, 5, 8])
 @pytest.mark.parametrize("name", LANED)
-def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
+def test_any_number_of_lights(as_written: OpenCL, name: str, lights: int) -> None:
     node = find_node(name)
     if "K" in node.sizes and node.sizes["K"].refuses(lights):
         pytest.skip(node.sizes["K"].why)
@@ -134,19 +134,19 @@ def test_any_number_of_lights(device: OpenCL, name: str, lights: int) -> None:
     # Settings at their extremes once more where there are most lights.
     for case in every if lights == 8 else [c for c in every if c.setting == "default"]:
         other = replace(case, sizes={**case.sizes, "K": lights})
-        assert compare(node, device, other) is None, str(other)
+        assert compare(node, as_written, other) is None, str(other)
 
 
-def test_an_image_whose_height_is_prime_is_turned_over(device: OpenCL) -> None:
+def test_an_image_whose_height_is_prime_is_turned_over(as_written: OpenCL) -> None:
     node = find_node("integrate_dct")
     for case in cases(node, shapes=((67, 48), (71, 70))):
-        assert compare(node, device, case) is None, str(case)
+        assert compare(node, as_written, case) is None, str(case)
 
 
-def test_a_large_frame_is_looked_up_in_many_cells(device: OpenCL) -> None:
+def test_a_large_frame_is_looked_up_in_many_cells(as_written: OpenCL) -> None:
     node = find_node("lut_nearest")
     for case in cases(node, shapes=((190, 180),))[:6]:
-        assert compare(node, device, case) is None, str(case)
+        assert compare(node, as_written, case) is None, str(case)
 
 
 @pytest.mark.parametrize("name", KERNEL_NODES)
