@@ -12,8 +12,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import connect
-
 
 class Browser:
     """Debian's chromium; `look` runs a script in the page, `wait` until one is true."""
@@ -32,6 +30,9 @@ class Browser:
         told = folder / "DevToolsActivePort"
         self._until(lambda: told.exists() and len(told.read_text().splitlines()) == 2, "chromium")
         port, path = told.read_text().splitlines()
+        # 'make test-all' installs it.
+        from websockets.sync.client import connect
+
         self._connected = ExitStack()
         self._socket = self._connected.enter_context(
             connect(f"ws://127.0.0.1:{port}{path}", max_size=None)
