@@ -148,12 +148,12 @@ class Cluster:
                 time.sleep(1.0)
 
     def _connect(self) -> Any:
+        address = _address_in(self._file) if self._file is not None else self._address
         need("dask", "a cluster", "distributed")
         from distributed import Client
 
         # One line reports an error, no traceback; importing sets a level of its own.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        address = _address_in(self._file) if self._file is not None else self._address
         try:
             asyncio.run(_greet(str(address)))
             return Client(address, timeout=ANSWER, set_as_default=False)
