@@ -188,7 +188,7 @@ def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None
 
 
 @pytest.mark.one_case
-@pytest.mark.parametrize("graph", ["paper", "paper_no_shadow", "reconstruct"])
+@pytest.mark.parametrize("graph", ["reconstruct", "paper", "paper_no_shadow"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_both_back_ends_find_the_same_height(
     reconstruct: Reconstruct, rig: str, graph: str
