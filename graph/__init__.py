@@ -29,7 +29,7 @@ from tactograph.graph.errors import (
 )
 
 if TYPE_CHECKING:
-    from tactograph.graph.declare import parity
+    from tactograph.graph.backends import parity
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -74,7 +74,7 @@ def __getattr__(name: str) -> Any:
 
         return Cache
     if name == "parity":
-        from tactograph.graph.declare import parity
+        from tactograph.graph.backends import parity
 
         return parity
     if name == "Pipeline":

@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from tactograph.graph.files.disk_cache import cache_folder
+from tactograph.graph.disk.disk_cache import cache_folder
 
 CACHE_VARIABLE = "POCL_CACHE_DIR"
 """The environment variable that PoCL reads as it is loaded."""

@@ -18,7 +18,7 @@ from typing import Any
 
 import pyopencl as cl
 
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
 MOST = 64
 """Of so many programs a process keeps what was built."""

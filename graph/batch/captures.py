@@ -12,10 +12,10 @@ from typing import NamedTuple
 import fsspec
 from fsspec.core import has_magic
 
+from tactograph.graph.disk.content_hash import content_hash
+from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.files.captures_in import captures_in
-from tactograph.graph.files.content_hash import content_hash
-from tactograph.graph.files.text_names import refuse_other_names
 
 
 def is_url(place: str) -> bool:

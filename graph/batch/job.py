@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
+from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
-from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
-from tactograph.graph.files.text_names import refuse_other_names
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.result_origin import Origin, named_files

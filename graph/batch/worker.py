@@ -256,8 +256,7 @@ def folder_name(place: str, below: str) -> str:
 
 
 def _type_of(result: Result, name: str) -> MapType:
-    value = result.plan.outputs[name]
-    port = result.plan.tasks[value.node].node.outputs[value.port]
+    port = result.plan.port(name)
     if result[name] is None:
         raise NodeError(f"{result.plan.graph.name}: its output '{name}' may be absent")
     dims = tuple(str(dim) for dim in port.dims)
@@ -267,9 +266,8 @@ def _type_of(result: Result, name: str) -> MapType:
 def _pixel_of(result: Result) -> float | None:
     """The pixel size that the graph puts out, if it is one."""
     plan = result.plan
-    ports = {n: plan.tasks[v.node].node.outputs[v.port] for n, v in plan.outputs.items()}
-    found = [result[name] for name, port in ports.items() if port.unit == PIXEL_UNIT]
-    return float(found[0]) if len(found) == 1 else None
+    sizes = [result[name] for name in plan.outputs if plan.port(name).unit == PIXEL_UNIT]
+    return float(sizes[0]) if len(sizes) == 1 else None
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from tactograph.graph.batch.worker import Tally
     from tactograph.graph.files.flat_graph import Graph
 
-EVERY = 10.0
-"""Seconds between two lines where no bar can be drawn."""
+REPORT_S = 10.0
+"""Time between two lines where no bar can be drawn."""
+MAX_FAILURES = 10
+"""Failed captures that are printed; the table has all."""
 
 
 @click.command(
@@ -82,7 +84,7 @@ def command(
     down with its reason; exit code 1 says that there are some.
     """
     from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.files.text_names import at_home
+    from tactograph.graph.disk.text_names import at_home
 
     # A shell leaves ~ alone within quotes, which patterns stand in, and behind --out=.
     out = at_home(out)
@@ -117,12 +119,13 @@ def command(
             run_batch,
         )
         from tactograph.graph.batch.store_lock import alone_in
+        from tactograph.graph.errors import a_few
         from tactograph.graph.run.result_origin import find_origin
 
         origin = find_origin(read, backend=options.backend, device=options.device)
         files = [file for file in passed_over if not lies_in(file, place, job.folders)]
         if files:
-            say(f"passed over, as it is no folder: {_a_few(files)}", err=True)
+            say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
         closing.enter_context(alone_in(place))
         store = open_batch(out, job, origin, captures, who, chunk)
         damaged = reopen_damaged(store)
@@ -148,11 +151,6 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     if not failed:
         return said
     return f"{said}, {failed} failed ({'' if retry_failed else 'not '}done again)"
-
-
-def _a_few(places: Sequence[str]) -> str:
-    more = f" and {len(places) - 3} more" if len(places) > 3 else ""
-    return ", ".join(places[:3]) + more
 
 
 def _cluster(
@@ -235,7 +233,7 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
             now = time.monotonic()
             rate = (done + failed) / max(now - start, 1e-9)
             progress.update(bar, completed=done + failed, rate=rate, failed=failed)
-            if not console.is_terminal and now - said > EVERY:
+            if not console.is_terminal and now - said > REPORT_S:
                 left = (total - done - failed) / rate
                 console.print(
                     f"{done + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
@@ -248,18 +246,16 @@ def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, say how it went, and return how many failed."""
     from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED, STATUS
-    from tactograph.graph.files.atomic_files import atomic_file
-    from tactograph.graph.warning_lines import warning_lines
+    from tactograph.graph.disk.atomic_files import atomic_file
+    from tactograph.graph.show.warning_lines import first_lines, warning_lines
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
-    for capture, entry in failures[:10]:
-        # Most reasons begin with the place.
-        told = entry.reason if capture in entry.reason else f"{capture}: {entry.reason}"
-        say(f"failed: {told}", err=True)
-    if len(failures) > 10:
-        say(f"failed: {len(failures) - 10} more, see the table", err=True)
-    for line in warning_lines((c, e.warnings) for c, e in zip(captures, entries, strict=True)):
+    # Most reasons begin with the place.
+    reasons = [e.reason if c in e.reason else f"{c}: {e.reason}" for c, e in failures]
+    warnings = ((c, e.warnings) for c, e in zip(captures, entries, strict=True))
+    failed = first_lines([f"failed: {reason}" for reason in reasons], MAX_FAILURES, "failed")
+    for line in (*failed, *warning_lines(warnings)):
         say(line, err=True)
     if not is_url(out):
         figures = sorted({name for entry in entries for name in entry.figures})

@@ -49,8 +49,8 @@ def command(
     what its source yielded to the last output; 'ready' is the time to the first item done, with
     reading, indexing and compiling.  Nothing is written but --out.
     """
+    from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.atomic_files import atomic_file
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)

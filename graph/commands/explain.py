@@ -37,7 +37,7 @@ def command(
     table = Table(title=f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}")
     for heading in ("node", "op", "back end", "when", "why"):
         table.add_column(heading, overflow="fold")
-    moves = [step for step in plan.steps if step.kind in ("upload", "download")]
+    moves = [step for step in plan.steps if step.is_transfer]
     for step in plan.steps:
         if step in moves and not transfers:
             continue

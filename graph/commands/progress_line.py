@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from tactograph.graph.commands import say
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
 if TYPE_CHECKING:
     from rich.progress import Progress

@@ -305,9 +305,8 @@ def _ranges(result: Result) -> dict[str, str]:
     import numpy as np
 
     found = {}
-    for name, value in result.plan.outputs.items():
-        port = result.plan.tasks[value.node].node.outputs[value.port]
-        array = result.outputs.get(name)
+    for name in result.plan.outputs:
+        port, array = result.plan.port(name), result.outputs.get(name)
         if port.kind != "array" or port.dims != ("H", "W") or port.unit == "1":
             continue
         if isinstance(array, np.ndarray) and array.dtype.kind == "f" and array.size:

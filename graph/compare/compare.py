@@ -12,13 +12,13 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from tactograph.graph.compare.drawable_arrays import save_views, views_of
+from tactograph.graph.compare.stored_views import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.declare.node import Node
+from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError, WriteError
-from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step

@@ -13,9 +13,9 @@ from pathlib import Path
 from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
+from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError
-from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.result_origin import find_origin

@@ -16,17 +16,7 @@ from numpy.typing import NDArray
 from tactograph.graph.compare.compare import Job, Row, Study, make_jobs
 from tactograph.graph.compare.comparison_record import Record
 from tactograph.graph.compare.differences import differences
-from tactograph.graph.compare.drawable_arrays import View, find_truth, load_views
-from tactograph.graph.compare.pictures import (
-    CLIPPED,
-    Curve,
-    draw_curves,
-    draw_errors,
-    draw_labels,
-    draw_maps,
-    draw_planes,
-    draw_section,
-)
+from tactograph.graph.compare.stored_views import find_truth, load_views
 from tactograph.graph.compare.sweep import Sweep
 from tactograph.graph.compare.tables import (
     Line,
@@ -37,11 +27,22 @@ from tactograph.graph.compare.tables import (
     make_lines,
     over_all,
     sweep_columns,
-    words,
 )
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.files.dump_graph import dump_graph
-from tactograph.graph.warning_lines import warning_lines
+from tactograph.graph.show.figures import short, words
+from tactograph.graph.show.pictures import (
+    CLIPPED,
+    Curve,
+    draw_curves,
+    draw_errors,
+    draw_labels,
+    draw_maps,
+    draw_planes,
+    draw_section,
+)
+from tactograph.graph.show.views import View
+from tactograph.graph.show.warning_lines import warning_lines
 
 FILE = "report.html"
 TRUTH = "truth"
@@ -127,16 +128,12 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
             {"text": str(line.figures.get(name, "")), "best": is_best(line, name, shown)}
             for name in names
         ]
-        labels = [line.variant, *(_value(line.sweep.get(t, "")) for t in targets), line.where]
+        labels = [line.variant, *(short(line.sweep.get(t, "")) for t in targets), line.where]
         blocks.setdefault(line.capture, []).append(
             {"labels": labels, "cells": cells, "error": line.error, "warnings": line.warnings}
         )
     headings = [{"text": words(name), "higher": higher_is_better(name)} for name in names]
     return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}
-
-
-def _value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _steps(lines: Sequence[Line]) -> dict[str, Any] | None:
@@ -161,7 +158,7 @@ def _step_cell(line: Line, name: str) -> str:
 def _label(line: Line, lines: Iterable[Line]) -> str:
     """The run in a few words: only what tells it from the others."""
     several = len({other.backend for other in lines}) > 1
-    swept = [f"{target.rpartition('.')[2]} {_value(v)}" for target, v in line.sweep.items()]
+    swept = [f"{target.rpartition('.')[2]} {short(v)}" for target, v in line.sweep.items()]
     return ", ".join([line.variant, *swept, *([line.backend] if several else [])])
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
+from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.groups import group_of, meant_nodes
-from tactograph.graph.files.strict_yaml import parse_scalar
 
 MOST_VALUES = 1000
 HOW = "write it as node.param=FROM..TO:COUNT, such as 0.01..0.2:10, log:0.01..1:5, or as a,b,c"

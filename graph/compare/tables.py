@@ -4,45 +4,23 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import fmean, stdev
+from statistics import fmean
 from typing import Any
 
-from scipy.special import stdtrit
-
 from tactograph.graph.compare.compare import Row
-from tactograph.graph.compare.text_table import fitting_table
-from tactograph.graph.files.atomic_files import atomic_files
-from tactograph.graph.warning_lines import warning_lines
+from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.show.figures import Estimate, estimate, short, words
+from tactograph.graph.show.text_table import fitting_table
+from tactograph.graph.show.warning_lines import warning_lines
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
 TIME = "ms"
 STAR = "*"
 """Marks the best figure on the terminal."""
-CONFIDENCE = 0.95
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A mean over runs, and the interval that holds it with 95 % confidence."""
-
-    mean: float
-    low: float
-    high: float
-    count: int
-
-    @property
-    def half(self) -> float:
-        return (self.high - self.low) / 2
-
-    def __str__(self) -> str:
-        if self.count < 2:
-            return f"{self.mean:.4g}"
-        return f"{self.mean:.4g} ± {self.half:.2g}"
 
 
 @dataclass(frozen=True)
@@ -81,16 +59,6 @@ class Line:
         return " + ".join(sorted(used)) or self.backend
 
 
-def estimate(values: Sequence[float]) -> Estimate:
-    """The mean, with Student's interval where there are several values."""
-    mean = fmean(values)
-    if len(values) < 2:
-        return Estimate(mean, mean, mean, len(values))
-    quantile = float(stdtrit(len(values) - 1, 0.5 + CONFIDENCE / 2))
-    half = quantile * stdev(values) / math.sqrt(len(values))
-    return Estimate(mean, mean - half, mean + half, len(values))
-
-
 def make_lines(rows: Iterable[Row]) -> list[Line]:
     """Put the runs that differ only in their seed into one line each, in order."""
     groups: dict[tuple[str, ...], list[Row]] = {}
@@ -123,11 +91,6 @@ def columns(lines: Iterable[Line], details: bool = False) -> list[str]:
 
 def sweep_columns(lines: Iterable[Line]) -> list[str]:
     return list(dict.fromkeys(target for line in lines for target in line.sweep))
-
-
-def words(name: str) -> str:
-    """A figure's name for people."""
-    return name.replace("_", " ").replace("/", ", ")
 
 
 def higher_is_better(name: str) -> bool:
@@ -234,12 +197,8 @@ def _row_headings(lines: Sequence[Line]) -> list[str]:
 
 def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
     capture = [line.capture] if any(other.capture for other in lines) else []
-    swept = [_value(line.sweep.get(target, "")) for target in sweep_columns(lines)]
+    swept = [short(line.sweep.get(target, "")) for target in sweep_columns(lines)]
     return [*capture, line.variant, *swept, line.where]
-
-
-def _value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _starred(line: Line, name: str, lines: Sequence[Line]) -> str:

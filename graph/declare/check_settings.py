@@ -11,14 +11,15 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
 from tactograph.graph.declare.node import Node
+from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.flat_graph import NOT_GIVEN
-from tactograph.graph.files.strict_yaml import parse_scalar
-from tactograph.graph.files.text_names import at_home
 
 _WRAPPERS = (Annotated, Union, UnionType)
 
 
+NOT_GIVEN = object()
+"""Value of a param where only the plan matters, not the data."""
 SMALLEST, LARGEST = 1e-12, 1e12
 """Magnitudes that a node's parameters may have."""
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import jinja2
 
 from tactograph.graph.declare.find_node import GROUP, node_names
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.atomic_files import atomic_file
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from tactograph.graph.backends.kernel_declaration import (
+from tactograph.graph.declare.kernel_declaration import (
     CanRun,
     Kernels,
     Lanes,

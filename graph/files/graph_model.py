@@ -17,9 +17,9 @@ from pydantic import (
 )
 
 from tactograph.graph.backends import Backend
+from tactograph.graph.disk.strict_yaml import Document, Path_
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import FORMAT
-from tactograph.graph.files.strict_yaml import Document, Path_
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]

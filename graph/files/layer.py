@@ -29,7 +29,7 @@ from tactograph.graph.files.graph_model import (
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
 from tactograph.graph.files.patch_verbs import VERBS, Change, Places
-from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
+from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph.backends.device_backend import DeviceBackend
-from tactograph.graph.backends.kernel_declaration import Obstacle
+from tactograph.graph.declare.kernel_declaration import Obstacle
 from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.draft import Draft, Task
 from tactograph.graph.plan.plan import Placement

@@ -43,7 +43,7 @@ def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
     ahead: dict[str, tuple[int, int]] = {}
     for name in reversed(list(nx.topological_sort(dag))):
         transfers, steps = max((ahead[after] for after in dag.successors(name)), default=(0, 0))
-        own = dag.nodes[name]["step"].kind in ("upload", "download")
+        own = dag.nodes[name]["step"].is_transfer
         ahead[name] = transfers + own, steps + 1
     return ahead
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, split_reference
@@ -46,6 +47,10 @@ class Step:
     @property
     def on_device(self) -> bool:
         return self.backend != "numpy"
+
+    @property
+    def is_transfer(self) -> bool:
+        return self.kind in ("upload", "download")
 
 
 @dataclass
@@ -93,6 +98,11 @@ class Plan:
             has = ", ".join(f"{name}.{each}" for each in ports) or "nothing"
             raise InputError(f"{where}: say which value; '{name}' makes {has}")
         return Value(name, port)
+
+    def port(self, output: str) -> PortType:
+        """The port behind one of the graph's outputs."""
+        value = self.outputs[output]
+        return self.tasks[value.node].node.outputs[value.port]
 
     @property
     def fallbacks(self) -> list[str]:

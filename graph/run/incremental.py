@@ -112,7 +112,7 @@ class Incremental:
                 continue
             if step.name in self._runs:
                 times[step.name] = self._runs[step.name].milliseconds
-            elif step.kind in ("upload", "download"):
+            elif step.is_transfer:
                 times.pop(step.name, None)
 
     def needed(self, targets: Iterable[Spot]) -> set[str]:
@@ -319,7 +319,7 @@ class Incremental:
 
 def read_by(plan: Plan, step: Step) -> list[Spot]:
     """What a step reads of this item, and where."""
-    if step.kind in ("upload", "download"):
+    if step.is_transfer:
         return [Spot(step.reads[0], "host" if step.kind == "upload" else "device")]
     if step.kind == "fill":
         return []

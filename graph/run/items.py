@@ -348,7 +348,7 @@ class Items:
         """Run one step; return the sizes that are known behind it."""
         device = self._device
         self.stage = step.name
-        if step.kind in ("upload", "download"):
+        if step.is_transfer:
             assert device is not None
             device.transfer(step)
         else:

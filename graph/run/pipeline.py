@@ -17,6 +17,7 @@ from tactograph.graph.files.groups import meant_nodes
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
@@ -27,6 +28,7 @@ from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream
 from tactograph.graph.run.stand_ins import StandIns
 from tactograph.graph.run.trace import Trace
+from tactograph.graph.show.draw_folded import to_folded_svg
 
 
 class Pipeline:
@@ -314,9 +316,7 @@ class Pipeline:
             return self._items.trace
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_folded import to_folded_svg
-
-        return to_folded_svg(self.plan, self._items.times)
+        return to_folded_svg(sketch_of(self.plan), self._items.times)
 
     @property
     def buffers(self) -> int:

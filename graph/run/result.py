@@ -10,6 +10,7 @@ import numpy as np
 
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.show.notebook import result_html
 
 
 @dataclass(eq=False, repr=False)
@@ -51,6 +52,6 @@ class Result(Mapping[str, Any]):
         return f"Result({', '.join(names)})"
 
     def _repr_html_(self) -> str:
-        from tactograph.graph.run.notebook import result_html
-
-        return result_html(self.plan, self.outputs, self.total)
+        plan = self.plan
+        ports = {name: plan.port(name) for name in self.outputs}
+        return result_html(plan.graph.title or plan.graph.name, self.outputs, ports, self.total)

@@ -16,8 +16,8 @@ from typing import Any
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.errors import collect_warnings, warn
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.run.keys import content_key, key_of
 
 SLOW_MS = 200.0

@@ -7,8 +7,8 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import warn
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.plan.plan import Plan, Step
 
 MOST_EVENTS = 200_000
@@ -33,7 +33,7 @@ class Trace:
 
     def on_device(self, name: str, start: float, end: float) -> None:
         """A span that the device's own clock measured, brought to that of the host."""
-        moves = self._steps[name].kind in ("upload", "download")
+        moves = self._steps[name].is_transfer
         self._add(name, "transfers" if moves else "device", start, end)
 
     def write(self, file: Path) -> None:

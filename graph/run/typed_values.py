@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, Param
-from tactograph.graph.files.strict_yaml import parse_scalar
-from tactograph.graph.files.text_names import at_home
 
 _WANTED = {
     "number": ((int, float), "a number"),

@@ -16,18 +16,19 @@ import numpy as np
 from nicegui import app, events, ui
 from numpy.typing import NDArray
 
-from tactograph.graph.compare.drawable_arrays import kind_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe, range_of
+from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.errors import TactographError
 from tactograph.graph.files.flat_graph import Entry, Graph
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import shipped_names
-from tactograph.graph.files.strict_yaml import parse_scalar
-from tactograph.graph.plan.draw import COLOURS
-from tactograph.graph.plan.draw_svg import to_svg
+from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.result import Result
+from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.draw_text import COLOURS
+from tactograph.graph.show.views import kind_of
 from tactograph.graph.tune.controls import Control, control_of
 from tactograph.graph.tune.follow import Follow
 from tactograph.graph.tune.guard import Guard
@@ -222,7 +223,7 @@ class _Page:
         self.drawn = shown.number
         if not self.finder.options:
             self.finder.set_options(sorted(shown.plan.tasks))
-        svg = to_svg(shown.plan, shown.result.times, transfers=False)
+        svg = to_svg(sketch_of(shown.plan), shown.result.times)
         zoom = float(self.zoom.value) / 100
         head, _, rest = svg.partition(">")
         width, height = (
@@ -257,7 +258,7 @@ class _Page:
         other = self._plane(shown.beside, self.output) if shown.beside is not None else None
         if mine is None:
             return
-        unit = self._unit(shown.result, self.output)
+        unit = shown.result.plan.port(self.output).unit
         if other is not None and other.shape != mine.shape:
             other = None
         self.picture = picture = self._composed(mine, other, unit)
@@ -581,16 +582,9 @@ class _Page:
         """An output as one plane, if it is one."""
         if result is None or name not in result.outputs:
             return None
-        value = result.plan.outputs[name]
-        port = result.plan.tasks[value.node].node.outputs[value.port]
         array = result.outputs[name]
-        if not isinstance(array, np.ndarray) or kind_of(port) not in ("map", "labels"):
-            return None
-        return array
-
-    def _unit(self, result: Result, name: str) -> str:
-        value = result.plan.outputs[name]
-        return result.plan.tasks[value.node].node.outputs[value.port].unit
+        is_plane = kind_of(result.plan.port(name)) in ("map", "labels")
+        return array if isinstance(array, np.ndarray) and is_plane else None
 
 
 def _words(value: Any) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from tactograph.graph.compare.pictures import BIT_COLOURS, SEVERAL
 from tactograph.graph.declare.ports import PortType
+from tactograph.graph.show.pictures import BIT_COLOURS, SEVERAL
 
 UNKNOWN = 255
 """The level of NaN; what is known has those below."""

@@ -15,10 +15,10 @@ from tactograph.graph.backends.kernel_source import (
     kernel_source,
 )
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare import parity
+from tactograph.graph.backends import parity
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.parity import SHAPES, Case, cases, compare, compare_on
+from tactograph.graph.backends.parity import SHAPES, Case, cases, compare, compare_on
 from tactograph.nodes import F4, Light
 from tactograph.nodes.height import height_solver
 from tests.graph.toys import halves, leaned

@@ -12,7 +12,7 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.programs import POCL, build, context_of
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files import disk_cache
+from tactograph.graph.disk import disk_cache
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(

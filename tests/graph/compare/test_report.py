@@ -16,9 +16,10 @@ import pytest
 
 from tactograph.graph.command import run_command
 from tactograph.graph.compare.differences import Difference, differences
-from tactograph.graph.compare.drawable_arrays import View, load_views, save_views
 from tactograph.graph.compare.report import _pictures
+from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.show.views import View
 from tests.conftest import MadeOnce
 from tests.graph.conftest import Command, Write
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.graph.files.disk_cache import write_cached
+from tactograph.graph.disk.disk_cache import write_cached
 from tactograph.graph.run import module_imports as module
 from tactograph.graph.run.module_imports import keep_imports, module_imports
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import Port, node
+from tactograph.graph.disk import disk_cache
 from tactograph.graph.errors import InputError, collect_warnings, warn
-from tactograph.graph.files import disk_cache
 from tactograph.graph.run import store
 from tactograph.graph.run.store import recall_or_make
 from tactograph.nodes import F4
@@ -180,7 +180,7 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 WRITER = """
 import sys
 from tests.graph.run.test_store import tabled
-from tactograph.graph.files import disk_cache
+from tactograph.graph.disk import disk_cache
 from tactograph.graph.run import store
 import numpy as np
 store.SLOW_MS = -1.0

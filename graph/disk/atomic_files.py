@@ -9,8 +9,8 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, WriteError
-from tactograph.graph.files.text_names import refuse_other_names
 
 STAGE = ".writing-"
 """How the names of temporary folders begin."""

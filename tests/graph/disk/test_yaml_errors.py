@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tactograph.graph import GraphError
-from tactograph.graph.files.strict_yaml import parse_yaml
+from tactograph.graph.disk.strict_yaml import parse_yaml
 
 
 def refusal(text: str) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.atomic_files import atomic_file, atomic_files
+from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
 
 
 def test_files_appear_when_the_block_is_done(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> N
     lines = (
         "import os, sys",
         "from pathlib import Path",
-        "from tactograph.graph.files.atomic_files import atomic_files",
+        "from tactograph.graph.disk.atomic_files import atomic_files",
         "with atomic_files(Path(sys.argv[1])) as stage:",
         "    (stage / 'half.npy').write_text('half')",
         "    os._exit(9)",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tactograph.graph.warning_lines import warning_lines
+from tactograph.graph.show.warning_lines import warning_lines
 
 
 def test_a_warning_is_told_once_with_its_first_place() -> None:

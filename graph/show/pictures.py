@@ -15,8 +15,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tactograph.graph.compare.drawable_arrays import View
-from tactograph.graph.compare.tables import Estimate, words
+from tactograph.graph.declare.ports import PortType
+from tactograph.graph.show.figures import Estimate, words
+from tactograph.graph.show.views import View, kind_of
 
 BIT_COLOURS = (
     "#e6a03c", "#3c8fe6", "#d1495b", "#4caf7a", "#8e6bbf", "#c9c13b", "#5bc0be", "#b07d62",
@@ -37,6 +38,23 @@ Panels = Mapping[str, NDArray[Any]]
 """Arrays by what is written above them."""
 Curve = tuple[Sequence[Any], Sequence[Estimate]]
 """Swept values and the figure at each; no values: one figure that holds for all of them."""
+
+
+def png_of(name: str, port: PortType, array: NDArray[Any]) -> bytes | None:
+    """A map, labels or a stack as a PNG; None for what is no picture."""
+    kind = kind_of(port)
+    is_stack = array.ndim == 3 and port.dims[-2:] == ("H", "W") and array.dtype.kind == "f"
+    if not (kind or is_stack) or not array.size or not np.isfinite(array).any():
+        return None
+    if kind == "planes":
+        uri = draw_planes(View(name, kind, port.unit, array))
+    elif kind == "labels":
+        uri = draw_labels({name: array}, port.unit)
+    else:
+        planes = {name: array} if array.ndim == 2 else dict(enumerate(array, start=1))
+        panels = {str(title): plane for title, plane in planes.items()}
+        uri = draw_maps(panels, f"{name} / {port.unit}")
+    return base64.b64decode(uri.partition(",")[2])
 
 
 def draw_planes(view: View) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.graph.compare.drawable_arrays import Kind, View, find_truth
+from tactograph.graph.compare.stored_views import find_truth
+from tactograph.graph.show.views import Kind, View
 
 
 def views(*names: str, kind: Kind = "map", unit: str = "mm") -> dict[str, View]:

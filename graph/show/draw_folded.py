@@ -1,4 +1,4 @@
-"""Draw a plan as SVG for a page: layers from top to bottom, uses of groups folded to a box.
+"""Draw a folded sketch as SVG for a page, in layers from top to bottom.
 
 Layered drawing as usual (Sugiyama): a box stands one layer below the last that it reads; an edge
 that passes layers goes through a place in each, and all edges from one box share these; sweeps
@@ -11,9 +11,8 @@ import itertools
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from tactograph.graph.plan.draw import COLOURS
-from tactograph.graph.plan.plan import Plan
-from tactograph.graph.plan.sketch import Box, Edge, folded_sketch
+from tactograph.graph.show.draw_text import COLOURS
+from tactograph.graph.show.sketch import Box, Edge, Sketch, fold
 
 WIDTH, HEIGHT = 150, 34
 """Of a box, in px."""
@@ -32,9 +31,9 @@ Joined = dict[Spot, tuple[list[Spot], list[Spot]]]
 """What each spot is joined to, above and below."""
 
 
-def to_folded_svg(plan: Plan, times: Mapping[str, float] | None = None) -> str:
-    """The plan as an SVG image, boxes coloured by back end, with `times` in ms where known."""
-    sketch = folded_sketch(plan)
+def to_folded_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
+    """Fold the sketch and draw it, boxes coloured by back end, with `times` in ms where known."""
+    sketch = fold(sketch)
     layer = _layers(sketch.boxes, sketch.edges)
     segments = _segments(layer, sketch.edges)
     layers = _ordered(layer, segments)
@@ -46,7 +45,7 @@ def to_folded_svg(plan: Plan, times: Mapping[str, float] | None = None) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right:.0f} {bottom}" '
         f'width="{right:.0f}" height="{bottom}" font-family="sans-serif" font-size="11">',
-        f"<title>{escape(plan.graph.name)}</title>",
+        f"<title>{escape(sketch.title)}</title>",
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="6" '
         'markerHeight="6" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
         f'<rect width="{right:.0f}" height="{bottom}" fill="white"/>',

@@ -1,4 +1,4 @@
-"""Draw a plan as SVG: columns from sources to sinks, a box a step, a curve an edge.
+"""Draw a sketch as SVG: columns from sources to sinks, a box a step, a curve an edge.
 
 Steps of a group's use stand together in a frame.
 """
@@ -10,10 +10,8 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
-from tactograph.graph.plan.draft import Task
-from tactograph.graph.plan.draw import COLOURS
-from tactograph.graph.plan.plan import Plan, Step
-from tactograph.graph.plan.sketch import edges, recalls, use_of
+from tactograph.graph.show.draw_text import COLOURS
+from tactograph.graph.show.sketch import Box, Edge, Sketch
 
 WIDTH, HEIGHT = 150, 34
 """Of a box, in px."""
@@ -24,49 +22,47 @@ HEAD, PAD = 18, 6
 """Of a frame around the steps of a use: above them for its name, and around them."""
 
 
-def to_svg(plan: Plan, times: Mapping[str, float] | None = None, *, transfers: bool = True) -> str:
-    """The plan as an SVG image, boxes coloured by back end, with `times` in ms where known.
+def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
+    """The sketch as an SVG image, boxes coloured by back end, with `times` in ms where known.
 
     The group of a node's box says in ``data-node`` which it is.
     """
-    times = times or {}
-    joined = edges(plan, transfers=transfers)
-    steps = [step for step in plan.steps if transfers or step.name in plan.tasks]
-    column = _columns(steps, joined)
-    whole = _lay_out("", column, {step.name: use_of(step) for step in steps}, joined)
+    column = _columns(sketch)
+    whole = _lay_out("", column, {box.name: box.use for box in sketch.boxes}, sketch.edges)
     at = {n: (EDGE + COLUMN * column[n], EDGE + y) for n, y in whole.steps.items()}
     right = max((x for x, _ in at.values()), default=0) + WIDTH + EDGE
     bottom = whole.height + 0.08 * right + 2 * EDGE
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right} {bottom}" '
         f'width="{right}" height="{bottom}" font-family="sans-serif" font-size="11">',
-        f"<title>{escape(plan.graph.name)}</title>",
+        f"<title>{escape(sketch.title)}</title>",
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" '
         'markerHeight="7" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
         f'<rect width="{right}" height="{bottom}" fill="white"/>',
     ]
     lines += [_drawn_frame(use, frame) for use, frame in whole.frames.items()]
-    lines += [_edge(at[a], at[b], port, "") for a, b, port in joined]
+    lines += [_edge(at[a], at[b], port, "") for a, b, port in sketch.edges]
     dashed = ' stroke-dasharray="4 3"'
-    lines += [_edge(at[a], at[b], f"previous {port}", dashed) for a, b, port in recalls(plan)]
-    for step in steps:
-        task = plan.tasks.get(step.name)
-        x, y = at[step.name]
-        lines += [
-            f'<g data-node="{escape(step.name)}">',
-            f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
-            f'fill="{COLOURS[step.backend]}" stroke="#555"/>',
-            _text(x + WIDTH / 2, y + 14, step.name if task else step.kind, ' font-weight="bold"'),
-            _text(x + WIDTH / 2, y + 27, _words(step, task, times), ""),
-            "</g>",
-        ]
+    lines += [_edge(at[a], at[b], f"previous {port}", dashed) for a, b, port in sketch.recalls]
+    for box in sketch.boxes:
+        lines += _drawn_box(box, *at[box.name], times or {})
     return "\n".join([*lines, "</svg>", ""])
 
 
-def _words(step: Step, task: Task | None, times: Mapping[str, float]) -> str:
-    """What a box says below its name."""
-    what = task.node.name if task else step.name.split(" ")[-1]
-    return f"{what}, {times[step.name]:.2g} ms" if times.get(step.name) else what
+def _drawn_box(box: Box, x: int, y: int, times: Mapping[str, float]) -> list[str]:
+    title, words = box.name, box.what
+    if box.is_transfer:
+        title, _, words = box.name.partition(" ")
+    if times.get(box.name):
+        words = f"{words}, {times[box.name]:.2g} ms"
+    return [
+        f'<g data-node="{escape(box.name)}">',
+        f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
+        f'fill="{COLOURS[box.backend]}" stroke="#555"/>',
+        _text(x + WIDTH / 2, y + 14, title, ' font-weight="bold"'),
+        _text(x + WIDTH / 2, y + 27, words, ""),
+        "</g>",
+    ]
 
 
 class _Frame(NamedTuple):
@@ -88,16 +84,16 @@ class _Area:
     height: int = 0
 
 
-def _columns(steps: Sequence[Step], joined: Iterable[tuple[str, str, str]]) -> dict[str, int]:
+def _columns(sketch: Sketch) -> dict[str, int]:
     """The column of each step: one behind the last that it reads."""
-    before = _before(joined)
+    before = _before(sketch.edges)
     column: dict[str, int] = {}
-    for step in steps:  # in order: what a step reads comes before it
-        column[step.name] = 1 + max((column[a] for a in before.get(step.name, ())), default=-1)
+    for box in sketch.boxes:  # in order: what a step reads comes before it
+        column[box.name] = 1 + max((column[a] for a in before.get(box.name, ())), default=-1)
     return column
 
 
-def _before(joined: Iterable[tuple[str, str, str]]) -> dict[str, list[str]]:
+def _before(joined: Iterable[Edge]) -> dict[str, list[str]]:
     """What each step reads."""
     before: dict[str, list[str]] = {}
     for a, b, _ in joined:
@@ -109,7 +105,7 @@ def _lay_out(
     around: str,
     column: Mapping[str, int],
     uses: Mapping[str, str],
-    joined: Sequence[tuple[str, str, str]],
+    joined: Sequence[Edge],
 ) -> _Area:
     """Stack the steps of a use, and below them the uses inside it.
 

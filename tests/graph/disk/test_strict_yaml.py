@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactograph.graph import GraphError, InputError
-from tactograph.graph.files.strict_yaml import (
+from tactograph.graph.disk.strict_yaml import (
     MAX_BYTES,
     Document,
     dotted,

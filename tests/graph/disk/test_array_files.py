@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.files import array_files
-from tactograph.graph.files.array_files import load_array, load_arrays
+from tactograph.graph.disk import array_files
+from tactograph.graph.disk.array_files import load_array, load_arrays
 
 FOUR = np.arange(4, dtype=np.float32)
 

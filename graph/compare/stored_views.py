@@ -1,42 +1,23 @@
-"""What of a result can be looked at: picked by type, with no knowledge of its meaning.
+"""Views of a run, kept on disk, and the truth that belongs to each.
 
-A float array H x W is a map, an unsigned one whose unit speaks of bits holds labels, a float
-array K x H x W is a stack of images.  A view called ``truth_shadow`` is the truth for the view
-``shadow``; one whose name says nothing of that kind, such as ``truth``, is the truth for the
-first view of its kind and unit.
+A view called ``truth_shadow`` is the truth for the view ``shadow``; one whose name says nothing of
+that kind, such as ``truth``, is the truth for the first view of its kind and unit.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.files.array_files import load_arrays
+from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.whole_images import in_fractions
-
-Kind = Literal["map", "labels", "planes"]
-
-
-@dataclass(frozen=True)
-class View:
-    """An array that can be drawn."""
-
-    name: str
-    kind: Kind
-    unit: str
-    array: NDArray[Any]
-
-    @property
-    def is_truth(self) -> bool:
-        return self.name == "truth" or self.name.startswith("truth_")
+from tactograph.graph.show.views import View, kind_of
 
 
 def views_of(result: Result) -> list[View]:
@@ -45,9 +26,8 @@ def views_of(result: Result) -> list[View]:
     for value, array in result.item.items():
         task = result.plan.tasks[value.node]
         named[value.port] = in_fractions(task, array), task.node.outputs[value.port]
-    for name, value in result.plan.outputs.items():
-        port = result.plan.tasks[value.node].node.outputs[value.port]
-        named[name] = result.outputs[name], port
+    for name in result.plan.outputs:
+        named[name] = result.outputs[name], result.plan.port(name)
     return [
         View(name, kind, port.unit, array)
         for name, (array, port) in named.items()
@@ -86,15 +66,3 @@ def load_views(folder: Path) -> dict[str, View]:
         return {a["name"]: View(a["name"], a["kind"], a["unit"], arrays[a["name"]]) for a in about}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
-
-
-def kind_of(port: PortType) -> Kind | None:
-    """How the array of a port can be drawn, if it can."""
-    if port.kind != "array" or port.dtype is None or port.dims[-2:] != ("H", "W"):
-        return None
-    is_float = port.dtype.kind == "f"
-    if len(port.dims) == 2:
-        if is_float:
-            return "map"
-        return "labels" if port.unit.endswith("bits") else None
-    return "planes" if is_float and isinstance(port.dims[0], str) and len(port.dims) == 3 else None

@@ -17,8 +17,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from tactograph.graph.disk.yaml_errors import in_words
 from tactograph.graph.errors import GraphError, InputError, printable
-from tactograph.graph.files.yaml_errors import in_words
 
 Path_ = tuple[str | int, ...]
 MAX_BYTES = 100_000

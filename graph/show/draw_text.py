@@ -1,24 +1,22 @@
-"""Draw a plan: DOT for graphviz, Mermaid for web pages."""
+"""Draw a sketch as text: DOT for graphviz, Mermaid for web pages."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from tactograph.graph.backends import BACKENDS
-from tactograph.graph.plan.plan import Plan
-from tactograph.graph.plan.sketch import Box, folded_sketch, whole_sketch
+from tactograph.graph.show.sketch import Box, Sketch
 
 _SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box", "use": "box3d"}
 _BRACKETS = {"upload": ("([", "])"), "download": ("([", "])"), "use": ("[[", "]]")}
 COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 
 
-def to_dot(plan: Plan, *, every: bool = False) -> str:
-    """The plan as a DOT digraph, boxes coloured by back end; `every` step, or groups folded."""
-    sketch = whole_sketch(plan) if every else folded_sketch(plan)
+def to_dot(sketch: Sketch) -> str:
+    """The sketch as a DOT digraph, boxes coloured by back end."""
     lines = [
-        f'digraph "{_quoted(plan.graph.name)}" {{',
-        f"  rankdir={'LR' if every else 'TB'}; "
+        f'digraph "{_quoted(sketch.title)}" {{',
+        f"  rankdir={'TB' if sketch.folded else 'LR'}; "
         'node [fontname="sans-serif", fontsize=10, style="filled,rounded"];',
         '  edge [fontname="sans-serif", fontsize=8];',
     ]
@@ -38,11 +36,10 @@ def to_dot(plan: Plan, *, every: bool = False) -> str:
     return "\n".join([*lines, "}", ""])
 
 
-def to_mermaid(plan: Plan, *, every: bool = False) -> str:
-    """The plan as a Mermaid flow chart; `every` step, or groups folded."""
-    sketch = whole_sketch(plan) if every else folded_sketch(plan)
+def to_mermaid(sketch: Sketch) -> str:
+    """The sketch as a Mermaid flow chart."""
     ids = {box.name: f"n{index}" for index, box in enumerate(sketch.boxes)}
-    lines = [f"flowchart {'LR' if every else 'TB'}"]
+    lines = [f"flowchart {'TB' if sketch.folded else 'LR'}"]
     drawn: dict[str, list[str]] = {}
     for box in sketch.boxes:
         left, right = _BRACKETS.get(box.kind, ("[", "]"))
