@@ -48,6 +48,7 @@ class Pipeline:
         self._turn = Turn(plan.graph.name)
         self._stand_ins = StandIns(plan)
         self._items = Items(plan, device)
+        self._runner = self._items.runner
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
@@ -93,12 +94,12 @@ class Pipeline:
                 stacks = {name: own(stack) for name, stack in stacks.items()}
             self._items.prepare()
             self._items.begin()
-            self._items.notes += told
+            self._runner.notes += told
             self._has_run = False
             try:
                 result = self._items.item(self._stand_ins.item(stacks))
             finally:
-                raise_warnings(self._items.notes, self._raised)
+                raise_warnings(self._runner.notes, self._raised)
             # What a node passes on is still the caller's own memory.
             for name, value in result.outputs.items():
                 if isinstance(value, np.ndarray) and shares(value, stacks.values()):
@@ -156,21 +157,21 @@ class Pipeline:
         self, source: Task, repeats: int, mine: object, begun: SourceStream | None
     ) -> Iterator[Result]:
         self._rehearse(source)
-        keywords = {**source.settings, **self._items.host.told(source)}
+        keywords = {**source.settings, **self._runner.host.told(source)}
         self._items.ended = False
-        with collect_warnings(self._items.notes):
+        with collect_warnings(self._runner.notes):
             stream = self._stream = begun or SourceStream(source, keywords)
         while not self._items.ended and self._running is mine:
             with self._turn:
                 self._items.begin()
-                with collect_warnings(self._items.notes):
+                with collect_warnings(self._runner.notes):
                     item = stream.next()
                 if item is None:
                     self.closing_warnings += self._items.news
                     return
-                self._items.times[source.id] = stream.milliseconds
-                if self._items.trace is not None:
-                    self._items.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
+                self._runner.times[source.id] = stream.milliseconds
+                if self._runner.trace is not None:
+                    self._runner.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
                 self._has_run = False
                 try:
                     result = self._items.item({source.id: item}, repeats)
@@ -187,7 +188,7 @@ class Pipeline:
         if make is None or any(t.node.session for t in others if t is not source):
             return
         with self._turn, Blaming(source):
-            item = make(**source.settings, **self._items.host.told_of_images(source))
+            item = make(**source.settings, **self._runner.host.told_of_images(source))
         with self._turn:
             self._items.rehearse({source.id: item})
 
@@ -207,7 +208,7 @@ class Pipeline:
             return None
         given = {**self.plan.given, **values}
         settings = settings_of(source.entry, self.plan.graph, source.node, given)
-        return SourceStream(source, {**settings, **self._items.host.told(source)})
+        return SourceStream(source, {**settings, **self._runner.host.told(source)})
 
     def set(self, node: str, /, **settings: Any) -> None:
         """Change parameters of a node, for the items to come.
@@ -312,11 +313,11 @@ class Pipeline:
         >>> trace.write(Path("trace.json"))  # doctest: +SKIP
         """
         with self._turn:
-            self._items.trace = Trace(self.plan)
-            return self._items.trace
+            self._runner.trace = Trace(self.plan)
+            return self._runner.trace
 
     def _repr_svg_(self) -> str:
-        return to_folded_svg(sketch_of(self.plan), self._items.times)
+        return to_folded_svg(sketch_of(self.plan), self._runner.times)
 
     @property
     def buffers(self) -> int:
@@ -326,7 +327,7 @@ class Pipeline:
     @property
     def stage(self) -> str:
         """What is being done, for another thread to show; "" between items."""
-        name = self._items.stage
+        name = self._runner.stage
         task = self.plan.tasks.get(name)
         return name if task is None else f"{name} ({task.node.name})"
 
