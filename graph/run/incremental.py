@@ -55,6 +55,7 @@ class OnlyChanged:
         """The key of the value that lies at a spot."""
         self._before: dict[Value, str] = {}
         """The keys of the values that this item recalls."""
+        self._known_needs: dict[tuple[Spot, ...], set[str]] = {}
         self._captured: list[tuple[Spot, Kept]] = []
         self._to_run: set[str] = set()
         self._ran: set[str] = set()
@@ -90,7 +91,7 @@ class OnlyChanged:
         targets = [Spot(value, "host") for value in outputs.values() if value.node in names]
         targets += [spot for step in part.sinks for spot in read_by(self._plan, step)]
         targets += self._recalled if part.stream else []
-        needed = self._needed(targets)
+        needed = self._needed(tuple(targets))
         steps = [step for step in steps if step.name in needed]
         self._ran = set()
         start = time.perf_counter()
@@ -238,9 +239,11 @@ class OnlyChanged:
                 self._captured.append((spot, kept))
                 self._cache.put(kept, self._held(spot))
 
-    def _needed(self, targets: Iterable[Spot]) -> set[str]:
+    def _needed(self, targets: tuple[Spot, ...]) -> set[str]:
         """The steps that the targets come of, by name."""
-        needed: set[str] = set()
+        if targets in self._known_needs:
+            return self._known_needs[targets]
+        needed = self._known_needs[targets] = set[str]()
         waiting = list(targets)
         while waiting:
             step = self._maker[waiting.pop()]
