@@ -130,7 +130,7 @@ def store_place(out: str, job: Job) -> str:
 def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
     """The graph's nodes and settings, once it is sure that no param but the capture is missing."""
     each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
-    return names.bind(graph, {**given, **each}, sinks=sinks, stand_ins=frozenset())
+    return names.bind(graph, {**given, **each}, sinks=sinks)
 
 
 def _maps(draft: Draft, wanted: Sequence[str] | None) -> tuple[str, ...]:

@@ -141,6 +141,7 @@ class RunOptions:
         *,
         sinks: bool = True,
         cache: Cache | None = None,
+        outputs: Mapping[str, str] | None = None,
     ) -> Pipeline:
         """Plan and compile a graph where the options say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
@@ -153,6 +154,7 @@ class RunOptions:
             strict=self.strict,
             sinks=sinks,
             cache=cache,
+            outputs=outputs,
         )
 
 

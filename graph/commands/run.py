@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -129,72 +129,109 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
 
 
 def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
-    from tactograph.graph.errors import InputError
-    from tactograph.graph.run.keep_values import read_kept, with_kept, write_kept
+    from tactograph.graph.run.keep_values import read_kept
     from tactograph.graph.run.keys import key_of
     from tactograph.graph.run.typed_values import read_words
 
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
     kept = read_kept(wanted.keep) if wanted.keep is not None else {}
-    ported = with_kept(read, kept)
-    if wanted.until is not None:
-        ported = with_kept(read, {**_ports_of(read, wanted.until), **kept}, only=True)
-    pipeline = wanted.options.open(ported, given, sinks=wanted.until is None, cache=cache)
-    # What is looked at besides makes no other graph of it.
-    pipeline.plan.graph = replace(pipeline.plan.graph, outputs=read.outputs)
+    outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
+    pipeline = wanted.options.open(
+        read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}
+    )
     trace = pipeline.trace() if wanted.trace_file is not None else None
-    default = read.params["out"].default if "out" in read.params else "."
-    folder = Path(str(given.get("out", default))) / "kept"
-    for fallback in pipeline.plan.brief_fallbacks:
-        line.say(f"fallback: {fallback}", err=True)
-    if wanted.options.strict and not wanted.quiet and pipeline.plan.without_kernel:
-        nodes = ", ".join(pipeline.plan.without_kernel)
-        line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
+    report = _Report(line, pipeline, quiet=wanted.quiet)
+    report.plan(strict=wanted.options.strict)
     times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
     line.recall(times)
     line.stage_of = lambda: pipeline.stage
-    told: set[str] = set()
-    count = 0
     try:
-        with pipeline, _stoppable(pipeline) as stop_if_asked:
-            for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
-                _tell(line, result.warnings, told)
-                # A camera's fault is reported whenever it comes back.
-                told = {*(() if pipeline.endless else told), *result.warnings}
-                if kept:
-                    write_kept(result, kept, folder / str(count))
-                if not wanted.quiet and (not pipeline.endless or count == 1):
-                    line.say(_summary(count, result))
-                if count > 1:
-                    line.forget_times()
-                if pipeline.endless:
-                    line.end()
-                stop_if_asked()
-            # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
-            if not count:
-                raise InputError(f"{read.name}: its stream ended before a first item came")
-    except InputError as error:
-        if error.item and not pipeline.endless:
-            error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
-        raise
+        count = _run_items(pipeline, report, wanted.repeats, kept)
     finally:
-        _tell(line, pipeline.closing_warnings, told)
-        told.update(pipeline.closing_warnings)
+        report.warnings(pipeline.closing_warnings)
     line.end()
     if count == 1:
         line.keep(times)
     if trace is not None and wanted.trace_file is not None:
         trace.write(wanted.trace_file)
-    ending = _ending(pipeline, told) if wanted.until is None else ""
+    ending = _ending(pipeline, report.told) if wanted.until is None else ""
     if ending and not wanted.quiet:
         say(ending)
 
 
-def _tell(line: ProgressLine, warnings: Iterable[str], told: Collection[str]) -> None:
-    for warning in warnings:
-        if warning not in told:
-            line.say(f"warning: {warning}", err=True)
+def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> int:
+    """Run all items, write the values that are to be kept, and return how many items came."""
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.run.keep_values import write_kept
+
+    folder = _out_folder(pipeline) / "kept"
+    count = 0
+    try:
+        with pipeline, _stoppable(pipeline) as stop_if_asked:
+            for count, result in enumerate(pipeline.items(repeats), start=1):
+                if kept:
+                    write_kept(result, kept, folder / str(count))
+                report.item(count, result)
+                stop_if_asked()
+            # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
+            if not count:
+                name = pipeline.plan.graph.name
+                raise InputError(f"{name}: its stream ended before a first item came")
+    except InputError as error:
+        if error.item and not pipeline.endless:
+            error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
+        raise
+    return count
+
+
+def _out_folder(pipeline: Pipeline) -> Path:
+    graph = pipeline.plan.graph
+    default = graph.params["out"].default if "out" in graph.params else "."
+    return Path(str(pipeline.plan.given.get("out", default)))
+
+
+class _Report:
+    """The lines that a run prints.
+
+    Attributes
+    ----------
+    told
+        Warnings that were printed.
+    """
+
+    def __init__(self, line: ProgressLine, pipeline: Pipeline, *, quiet: bool) -> None:
+        self._line, self._pipeline, self._quiet = line, pipeline, quiet
+        self.told: set[str] = set()
+
+    def plan(self, *, strict: bool) -> None:
+        """Print where nodes run, if that is not where the graph prefers."""
+        plan = self._pipeline.plan
+        for fallback in plan.brief_fallbacks:
+            self._line.say(f"fallback: {fallback}", err=True)
+        if strict and not self._quiet and plan.without_kernel:
+            nodes = ", ".join(plan.without_kernel)
+            self._line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
+
+    def item(self, number: int, result: Result) -> None:
+        """Print the warnings and the figures of an item; of an endless stream, of the first."""
+        endless = self._pipeline.endless
+        self.warnings(result.warnings)
+        if endless:  # a camera's fault is reported whenever it comes back
+            self.told = {*result.warnings}
+        if not self._quiet and (not endless or number == 1):
+            self._line.say(_summary(number, result))
+        if number > 1:
+            self._line.forget_times()
+        if endless:
+            self._line.end()
+
+    def warnings(self, warnings: Iterable[str]) -> None:
+        """Print the warnings that were not printed yet."""
+        for warning in warnings:
+            if warning not in self.told:
+                self._line.say(f"warning: {warning}", err=True)
+                self.told.add(warning)
 
 
 @contextmanager

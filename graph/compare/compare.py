@@ -261,7 +261,7 @@ def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:
 def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
     """A hash of everything that makes the run: see `Origin`."""
     graph = job.changed
-    draft = names.bind(graph, values, sinks=True, stand_ins=frozenset())
+    draft = names.bind(graph, values, sinks=True)
     files = named_files(draft, values)
     return digest(
         {

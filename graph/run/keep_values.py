@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.run.result import Result
-
-
-def with_kept(graph: Graph, references: Mapping[str, str], *, only: bool = False) -> Graph:
-    """The graph with further values put out, by the names that they are written under."""
-    outputs = {} if only else dict(graph.outputs)
-    return replace(graph, outputs={**outputs, **references})
 
 
 def read_kept(text: str) -> dict[str, str]:

@@ -88,8 +88,6 @@ def load(
     read = read_graph(graph)
     read = replace(read, own={**read.own, **own_nodes(nodes)})
     graph = with_changes(read, changes or {})
-    if outputs is not None:
-        graph = _with_outputs(graph, outputs)
     pipeline = open_pipeline(
         graph,
         given,
@@ -99,6 +97,7 @@ def load(
         sinks=False,
         cache=cache,
         stand_ins=_ungiven_streams(graph, given),
+        outputs=None if outputs is None else _chosen_outputs(graph, outputs),
     )
     for line in pipeline.plan.brief_fallbacks:
         warnings.warn(f"fallback: {line}", stacklevel=2)
@@ -115,8 +114,9 @@ def open_pipeline(
     sinks: bool = True,
     cache: Cache | None = None,
     stand_ins: frozenset[str] = frozenset(),
+    outputs: Mapping[str, str] | None = None,
 ) -> Pipeline:
-    """Plan and compile a graph that has been read; see `load`.
+    """Plan and compile a graph that has been read; see `load` and `make_plan`.
 
     Raises
     ------
@@ -128,15 +128,23 @@ def open_pipeline(
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
     open_it = open_device if cache is None else cache.device
-    found, reason = open_it(graph.backends, device)
-    if found is None and backend not in (None, "numpy"):
+    opened, reason = open_it(graph.backends, device)
+    if opened is None and backend not in (None, "numpy"):
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, given)
-    plan = make_plan(graph, given, device=found, no_device=reason, sinks=sinks, stand_ins=stand_ins)
+    plan = make_plan(
+        graph,
+        given,
+        device=opened,
+        no_device=reason,
+        sinks=sinks,
+        stand_ins=stand_ins,
+        outputs=outputs,
+    )
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
-    return Pipeline(plan, found, cache)
+    return Pipeline(plan, opened, cache)
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
@@ -152,7 +160,7 @@ def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
             raise InputError(f"out={out}: is what {name}={place} reads; give another place")
 
 
-def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
+def _chosen_outputs(graph: Graph, wanted: Collection[str]) -> dict[str, str]:
     if isinstance(wanted, str | bytes) or not wanted:
         raise InputError(f"outputs={wanted!r}: a list of names is needed: {list(graph.outputs)}")
     for name in wanted:
@@ -163,7 +171,7 @@ def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
                 f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
                 f" (it has: {', '.join(graph.outputs) or 'none'})"
             )
-    return replace(graph, outputs={name: graph.outputs[name] for name in wanted})
+    return {name: graph.outputs[name] for name in wanted}
 
 
 def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
