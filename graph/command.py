@@ -118,32 +118,41 @@ def main() -> None:
         importlib.import_module("tactograph.graph.commands.completion")
     try:
         code: Any = _group.main(standalone_mode=False)
-    except click.ClickException as error:
-        error.show()
-        code = error.exit_code
-    except (click.Abort, KeyboardInterrupt):
-        click.echo(STOPPED, err=True)
-        code = 130
-    except TactographError as error:
-        click.echo(f"tactograph: {_one_line(error)}", err=True)
-        code = error.exit_code
-    except MemoryError:
-        click.echo("tactograph: out of memory", err=True)
-        code = 1
     except SystemExit:
         raise
     except BaseException as error:
-        error = error.__cause__ if isinstance(error, _BrokenPipe) and error.__cause__ else error
-        if isinstance(error, OSError) and is_of_printing(error):
-            sys.exit(_end_unheard(error))
-        if os.environ.get("TACTOGRAPH_TRACEBACK"):
-            raise
-        full = full_disk(error)
-        said = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
-        line = _one_line(full) if full else f"internal error: {said}"
-        click.echo(f"tactograph: {line}", err=True)
-        code = full.exit_code if full else 1
+        code = _report(error)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _report(error: BaseException) -> int:
+    """Say in one line why the command ended, and return its exit code."""
+    if isinstance(error, click.ClickException):
+        error.show()
+        return error.exit_code
+    if isinstance(error, click.Abort | KeyboardInterrupt):
+        click.echo(STOPPED, err=True)
+        return 130
+    if isinstance(error, MemoryError):
+        click.echo("tactograph: out of memory", err=True)
+        return 1
+    if isinstance(error, TactographError):
+        click.echo(f"tactograph: {_one_line(error)}", err=True)
+        return error.exit_code
+    return _report_unexpected(error)
+
+
+def _report_unexpected(error: BaseException) -> int:
+    error = error.__cause__ if isinstance(error, _BrokenPipe) and error.__cause__ else error
+    if isinstance(error, OSError) and is_of_printing(error):
+        return _end_unheard(error)
+    if os.environ.get("TACTOGRAPH_TRACEBACK"):
+        raise error
+    if full := full_disk(error):
+        return _report(full)
+    said = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
+    click.echo(f"tactograph: internal error: {said}", err=True)
+    return 1
 
 
 def _end_unheard(error: OSError) -> int:

@@ -12,15 +12,15 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import FunctionType
-from typing import Any, Literal
+from typing import Any
 
-import annotated_types
 import numpy as np
 from numpy.typing import NDArray
 from pydantic.fields import FieldInfo
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend, open_device
+from tactograph.graph.declare.limits import bare_type, choices_of, limits_of
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
@@ -216,15 +216,20 @@ def _on_device(
         for name, value in inputs.items()
         if node.inputs[name].kind != "object"
     }
-    there = [port for name, port in node.inputs.items() if name not in case.left_out]
-    known = {dim for port in (*there, *node.outputs.values()) for dim in port.dims}
-    sizes = {symbol: size for symbol, size in case.sizes.items() if symbol in known}
+    sizes = _known_sizes(node, case)
     outputs, _ = device.prepare(node, case.settings, sizes, wanted).launch(remote)
     found = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
     if whole is not None:
         after[whole] = after[whole] / np.float32(full)
     return found, after
+
+
+def _known_sizes(node: Node, case: Case) -> dict[str, int]:
+    """The sizes of the ports that are there."""
+    there = [port for name, port in node.inputs.items() if name not in case.left_out]
+    known = {dim for port in (*there, *node.outputs.values()) for dim in port.dims}
+    return {symbol: size for symbol, size in case.sizes.items() if symbol in known}
 
 
 def make_inputs(node: Node, case: Case) -> dict[str, Any]:
@@ -313,11 +318,11 @@ def _default(parameter: Parameter) -> Any:
 
 
 def _extremes(parameter: Parameter) -> list[tuple[str, Any]]:
-    base = _base(parameter)
+    base = bare_type(parameter.annotation)
     if base is bool:
         return [("false", False), ("true", True)]
-    if typing.get_origin(base) is Literal:
-        return [(str(choice), choice) for choice in typing.get_args(base)]
+    if choices := choices_of(base):
+        return [(str(choice), choice) for choice in choices]
     if base in (int, float):
         low, high = _bounds(parameter)
         return [("lowest", base(low)), ("highest", base(high))]
@@ -331,30 +336,14 @@ def _examples(parameter: Parameter) -> list[tuple[str, Any]]:
     return [(str(value), value) for values in stated for value in values]
 
 
-def _base(parameter: Parameter) -> Any:
-    annotation = parameter.annotation
-    if typing.get_origin(annotation) is typing.Annotated:
-        return typing.get_args(annotation)[0]
-    return annotation
-
-
 def _bounds(parameter: Parameter) -> tuple[float, float]:
     """The range of a parameter; where it is open, a decade around 1 or its default."""
-    low, high = -np.inf, np.inf
-    for mark in typing.get_args(parameter.annotation)[1:]:
-        for rule in mark if isinstance(mark, annotated_types.GroupedMetadata) else (mark,):
-            if isinstance(rule, annotated_types.Ge):
-                low = typing.cast("float", rule.ge)
-            elif isinstance(rule, annotated_types.Gt):
-                low = typing.cast("float", rule.gt) + 1e-3
-            elif isinstance(rule, annotated_types.Le):
-                high = typing.cast("float", rule.le)
-            elif isinstance(rule, annotated_types.Lt):
-                high = typing.cast("float", rule.lt) - 1e-3
+    limits = limits_of(parameter.annotation)
+    low = limits.at_least if limits.above is None else limits.above + 1e-3
+    high = limits.at_most if limits.below is None else limits.below - 1e-3
     middle = 1.0 if parameter.required else float(parameter.default)
-    if parameter.required and low > 0:
+    if low is None:
+        low = middle - 10
+    elif parameter.required and low > 0:
         low = max(low, 0.1)
-    return (
-        low if np.isfinite(low) else middle - 10,
-        high if np.isfinite(high) else max(10 * middle, low + 10),
-    )
+    return low, max(10 * middle, low + 10) if high is None else high

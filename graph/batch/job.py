@@ -78,34 +78,14 @@ def make_job(
     InputError
         If the graph lacks the parameter or a map, or `out` cannot be.
     """
-    if param not in graph.params:
-        raise InputError(
-            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
-            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
-        )
-    if graph.params[param].kind != "path":
-        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
-    for name, option in ((param, "--over"), ("out", "--out")):
-        if name in given:
-            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
-    if not out.strip():
-        raise InputError("--out is empty; give NAME.zarr, or a folder")
-    refuse_other_names(out)
-    folders = None if out.rstrip("/").endswith(".zarr") else absolute(out)
-    if folders is not None and (is_url(folders) or "out" not in graph.params):
-        raise InputError(
-            f"--out {out}: folders are written by the graph's sinks, to a local "
-            "place, through its parameter 'out'; else give a store, NAME.zarr"
-        )
+    _check_param(graph, given, param)
+    folders = _folders(graph, out)
     paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
-    fixed = {
-        name: absolute(value) if name in paths and value is not None else value
-        for name, value in given.items()
-    }
+    read = {n: absolute(v) for n, v in given.items() if n in paths and v is not None}
+    fixed = {**given, **read}
     draft = _draft(graph, fixed, param, sinks=folders is not None)
     kept = _maps(draft, maps)
     named = {n: str(file) for n, file in named_files(draft, {*fixed, param, "out"}).items()}
-    read = {n: str(v) for n, v in fixed.items() if n in paths and v is not None}
     return Job(
         graph=dump_graph(graph),
         name=graph.name,
@@ -120,6 +100,36 @@ def make_job(
         folders=folders,
         below="" if folders is None else below,
     )
+
+
+def _check_param(graph: Graph, given: Mapping[str, Any], param: str) -> None:
+    """Refuse a param that takes no capture, and values that the batch gives itself."""
+    if param not in graph.params:
+        raise InputError(
+            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
+            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
+        )
+    if graph.params[param].kind != "path":
+        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
+    for name, option in ((param, "--over"), ("out", "--out")):
+        if name in given:
+            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
+
+
+def _folders(graph: Graph, out: str) -> str | None:
+    """The folder for result folders; None if `out` is a store."""
+    if not out.strip():
+        raise InputError("--out is empty; give NAME.zarr, or a folder")
+    refuse_other_names(out)
+    if out.rstrip("/").endswith(".zarr"):
+        return None
+    folders = absolute(out)
+    if is_url(folders) or "out" not in graph.params:
+        raise InputError(
+            f"--out {out}: folders are written by the graph's sinks, to a local "
+            "place, through its parameter 'out'; else give a store, NAME.zarr"
+        )
+    return folders
 
 
 def store_place(out: str, job: Job) -> str:

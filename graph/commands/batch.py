@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from tactograph.graph.commands import (
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
+    from tactograph.graph.batch.entry import Entry
     from tactograph.graph.batch.job import Job
     from tactograph.graph.batch.store import Store
     from tactograph.graph.batch.worker import Tally
@@ -245,8 +246,7 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, say how it went, and return how many failed."""
     from tactograph.graph.batch.captures import is_url
-    from tactograph.graph.batch.entry import DONE, FAILED, STATUS
-    from tactograph.graph.disk.atomic_files import atomic_file
+    from tactograph.graph.batch.entry import DONE, FAILED
     from tactograph.graph.show.warning_lines import first_lines, warning_lines
 
     captures, entries = store.captures, store.read_all()
@@ -258,21 +258,26 @@ def _conclude(store: Store, out: str) -> int:
     for line in (*failed, *warning_lines(warnings)):
         say(line, err=True)
     if not is_url(out):
-        figures = sorted({name for entry in entries for name in entry.figures})
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
-        with atomic_file(table) as file, file.open("w", newline="") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(
-                ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
-            )
-            for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
-                row = [entry.figures.get(name, "") for name in figures]
-                writer.writerow(
-                    [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
-                     "; ".join(entry.warnings), entry.reason]
-                )  # fmt: skip
+        _write_table(table, captures, entries)
         say(f"table: {table}")
     done = sum(entry.status == DONE for entry in entries)
     warned = sum(bool(entry.warnings) for entry in entries)
     say(f"{done} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else ""))
     return len(failures)
+
+
+def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -> None:
+    """Write a line for each capture."""
+    from tactograph.graph.batch.entry import STATUS
+    from tactograph.graph.disk.atomic_files import atomic_file
+
+    figures = sorted({name for entry in entries for name in entry.figures})
+    headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
+    with atomic_file(file) as target, target.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(headings)
+        for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
+            start = [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}"]
+            row = [entry.figures.get(name, "") for name in figures]
+            writer.writerow([*start, *row, "; ".join(entry.warnings), entry.reason])

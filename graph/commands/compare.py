@@ -95,7 +95,6 @@ def _read_study(
     seed: str | None,
     repeats: int,
 ) -> Study:
-    from tactograph.graph.backends import BACKENDS
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
@@ -103,32 +102,47 @@ def _read_study(
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.run.typed_values import read_words
 
-    missing = [word for word in over if not Path(word).is_dir()]
-    if missing:
-        raise InputError(f"--over {missing[0]}: there is no such folder")
-    folders = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
-    captures = [capture for folder in folders for capture in captures_in(folder)]
-    names = [w for w in words if "=" not in w and not Path(w).is_dir()]
+    values = [word for word in words if "=" in word]
+    others = [word for word in words if "=" not in word]
+    folders = _folders(others, over)
+    names = [word for word in others if not Path(word).is_dir()]
     if not names:
         raise InputError(
             "compare needs at least one graph; 'tactograph graphs' lists those that ship"
         )
-    wanted: list[str | None] = list(backends.split(",")) if backends else [None]
-    for backend in wanted:
-        if backend not in (*BACKENDS, None):
-            raise InputError(f"--backends {backends}: there are {', '.join(BACKENDS)}")
     graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
-    values = [word for word in words if "=" in word]
     return Study(
         graphs=graphs,
         given={graph.name: read_words(graph, values) for graph in graphs},
-        captures=captures,
-        backends=wanted,
+        captures=[capture for folder in folders for capture in captures_in(folder)],
+        backends=_read_backends(backends),
         device=device,
         sweeps=[read_sweep(word) for word in sweeps],
         seed=seed,
         repeats=repeats,
     )
+
+
+def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
+    """The folders of captures, those of ``--over`` first."""
+    from tactograph.graph.errors import InputError
+
+    for word in over:
+        if not Path(word).is_dir():
+            raise InputError(f"--over {word}: there is no such folder")
+    return [Path(word) for word in (*over, *words) if Path(word).is_dir()]
+
+
+def _read_backends(text: str | None) -> list[str | None]:
+    from tactograph.graph.backends import BACKENDS
+    from tactograph.graph.errors import InputError
+
+    if not text:
+        return [None]
+    names = text.split(",")
+    if not {*names} <= {*BACKENDS}:
+        raise InputError(f"--backends {text}: there are {', '.join(BACKENDS)}")
+    return [*names]
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:

@@ -56,21 +56,25 @@ def complete_value(
         return []
     name, equals, text = begun.partition("=")
     if equals and name in read.params:
-        found = _words(read.params[name])
-        found = _files(text) if found is None else found
-        return [CompletionItem(f"{name}={value}") for value in found if value.startswith(text)]
-    before = said[-2] if len(said) > 1 and said[-1] == "=" else said[-1] if said else ""
+        values = _words(read.params[name])
+        values = _files(text) if values is None else values
+        return [CompletionItem(f"{name}={value}") for value in values if value.startswith(text)]
+    before = next((word for word in reversed(said) if word != "="), "")
     if before in read.params:
-        found = _words(read.params[before])
-        if found is None:
-            return [CompletionItem(begun, type="file")]
-        return [CompletionItem(value) for value in found if value.startswith(begun)]
+        return _values(read.params[before], begun)
     taken = {word.partition("=")[0] for word in said}
     return [
         CompletionItem(f"{name}=", help=param.help)
         for name, param in read.params.items()
         if name.startswith(begun) and name not in taken
     ]
+
+
+def _values(param: Param, begun: str) -> list[CompletionItem]:
+    values = _words(param)
+    if values is None:
+        return [CompletionItem(begun, type="file")]
+    return [CompletionItem(value) for value in values if value.startswith(begun)]
 
 
 def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:

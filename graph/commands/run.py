@@ -310,13 +310,6 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 
 def _summary(number: int, result: Result) -> str:
     """Where and how long an item ran, and the figures and sentences among its outputs."""
-    steps = [step for step in result.plan.steps if step.name in result.times]
-    by_backend: dict[str, float] = {}
-    for step in [step for step in steps if step.stream] or steps:
-        task = result.plan.tasks.get(step.name)
-        if task is None or not (task.node.sink or task.node.source):
-            by_backend[step.backend] = by_backend.get(step.backend, 0) + result.times[step.name]
-    times = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
     figures = {
         name: figure
         for value in result.outputs.values()
@@ -328,7 +321,18 @@ def _summary(number: int, result: Result) -> str:
     width = max(map(len, shown), default=0)
     lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     head = " ".join(filter(None, [str(number), _name_of(result)]))
-    return "\n".join([f"{head}: {times or 'done'}", *lines])
+    return "\n".join([f"{head}: {_times(result) or 'done'}", *lines])
+
+
+def _times(result: Result) -> str:
+    """Milliseconds on each back end, sources and sinks left out."""
+    steps = [step for step in result.plan.steps if step.name in result.times]
+    by_backend: dict[str, float] = {}
+    for step in [step for step in steps if step.stream] or steps:
+        task = result.plan.tasks.get(step.name)
+        if task is None or not (task.node.sink or task.node.source):
+            by_backend[step.backend] = by_backend.get(step.backend, 0) + result.times[step.name]
+    return ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
 
 
 def _name_of(result: Result) -> str:

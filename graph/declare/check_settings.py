@@ -103,17 +103,19 @@ def _lenient(annotation: Any) -> Any:
     parts = _parts(annotation)
     if Path in parts:
         annotation = Annotated[annotation, BeforeValidator(_at_home)]
+    before = _validator_for(parts)
+    return annotation if before is None else Annotated[annotation, BeforeValidator(before)]
+
+
+def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
+    """The check that a value passes before pydantic's own, if a type needs one."""
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
         members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
-        split = _split_numbers if {int, float} & members else _split_commas
-        return Annotated[annotation, BeforeValidator(split)]
+        return _split_numbers if {int, float} & members else _split_commas
     if float in parts or (int in parts and bool not in parts):
-        text = str in parts or Path in parts
-        return Annotated[annotation, BeforeValidator(_refuse_bool if text else _only_number)]
-    if bool in parts and not {str, int} & {*parts}:
-        return Annotated[annotation, BeforeValidator(_only_flag)]
-    return annotation
+        return _refuse_bool if {str, Path} & {*parts} else _only_number
+    return _only_flag if bool in parts and not {str, int} & {*parts} else None
 
 
 def _at_home(value: Any) -> Any:

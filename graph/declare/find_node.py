@@ -77,25 +77,28 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
         return own[name]
     points = plugin_entry_points().get(name, [])
     room = builtin_rooms().get(name)
-    packages = [_package(point) for point in points]
-    if room is not None and packages:
-        warnings.warn(
-            f"'{name}' of {' and '.join(sorted(packages))} is not used: a shipped node has that "
-            "name; rename it there, or uninstall it",
-            stacklevel=2,
-        )
-    if room is None and not packages:
-        known = [*(own or ()), *node_names()]
-        raise GraphError(f"no node is called '{name}'{did_you_mean(name, known)}")
-    if room is None and len(packages) > 1:
-        both = " and ".join(sorted(packages))
-        raise InputError(f"two nodes are called '{name}', in {both}; uninstall one of them")
+    packages = " and ".join(sorted(map(_package, points)))
     if room is not None:
+        if points:
+            warnings.warn(
+                f"'{name}' of {packages} is not used: a shipped node has that name; rename it "
+                "there, or uninstall it",
+                stacklevel=2,
+            )
         module = importlib.import_module(f"{GROUP}.{room.replace('/', '.')}.{name}")
         return _checked(getattr(module, name, None), name)
-    point = points[0]
+    if not points:
+        known = [*(own or ()), *node_names()]
+        raise GraphError(f"no node is called '{name}'{did_you_mean(name, known)}")
+    if len(points) > 1:
+        raise InputError(f"two nodes are called '{name}', in {packages}; uninstall one of them")
+    return _plugin_node(points[0], name)
+
+
+def _plugin_node(point: EntryPoint, name: str) -> Node:
+    """Load the node of a third-party package."""
     try:
-        found = point.load()
+        loaded = point.load()
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit, too: it would end the command as if it was done
@@ -103,14 +106,12 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
             f"node '{name}' of package {_package(point)} cannot be loaded: "
             f"{message_of(error) or type(error).__name__}"
         ) from error
-    node = _checked(found, name)
+    node = _checked(loaded, name)
     node.package = _package(point)
     # A plug-in's kernel lies in the package folder of the module that declares the node.
-    node.kernel_package = (
-        point.module
-        if _is_package(point.module)
-        else (point.module.rpartition(".")[0] or point.module)
-    )
+    is_package = _is_package(point.module)
+    node.kernel_package = point.module if is_package else point.module.rpartition(".")[0]
+    node.kernel_package = node.kernel_package or point.module
     return node
 
 

@@ -59,33 +59,22 @@ def bind(
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
     edges = {n: _reads(names, n) for n in graph.nodes if n not in names.passed}
-    reads = {n: reads for n, (reads, _) in edges.items()}
-    recalls = {n: recalls for n, (_, recalls) in edges.items()}
-    dag = _dag(reads)
+    dag = _dag({n: reads for n, (reads, _) in edges.items()})
+    needs = nx.compose(dag, _dag({n: recalls for n, (_, recalls) in edges.items()}))
     _refuse_cycles(graph, dag)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
     wanted = {value.node for value in values.values()}
-    wanted |= {n for n in reads if sinks and names.nodes[n].sink}
-    live = _needed(graph, wanted, nx.compose(dag, _dag(recalls)))
-    tasks = {
-        n: Task(
-            id=n,
-            node=names.nodes[n],
-            entry=graph.nodes[n],
-            settings={}
-            if n in stand_ins
-            else settings_of(graph.nodes[n], graph, names.nodes[n], given),
-            reads=reads[n],
-            recalls=recalls[n],
-            stand_in=n in stand_ins,
-        )
-        for n in graph.nodes
-        if n in live
-    }
+    wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
+    live = _needed(graph, wanted, needs)
+    tasks: dict[str, Task] = {}
+    for name in filter(live.__contains__, graph.nodes):
+        node, entry, handed_in = names.nodes[name], graph.nodes[name], name in stand_ins
+        settings = {} if handed_in else settings_of(entry, graph, node, given)
+        tasks[name] = Task(name, node, entry, settings, *edges[name], stand_in=handed_in)
     _mark_streams(tasks, dag)
     _check_recalls(tasks)
-    return Draft(graph, tasks, values, names.passed, [n for n in reads if n not in live])
+    return Draft(graph, tasks, values, names.passed, [n for n in edges if n not in live])
 
 
 class _Names(NamedTuple):
