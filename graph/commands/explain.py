@@ -38,7 +38,8 @@ def command(
     given = {**read.placeholders, **read_words(read, values)}
     plan = options.open(read, given).plan
     moves = [step for step in plan.steps if step.is_transfer]
-    _print_steps(plan, [step for step in plan.steps if transfers or step not in moves])
+    title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
+    _print_steps(title, plan, [step for step in plan.steps if transfers or step not in moves])
     if moves and not transfers:
         each = sum(step.stream for step in moves)
         click.echo(
@@ -53,12 +54,11 @@ def command(
         say(f"fallback: {line}")
 
 
-def _print_steps(plan: Plan, steps: Iterable[Step]) -> None:
+def _print_steps(title: str, plan: Plan, steps: Iterable[Step]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    graph = plan.graph
-    table = Table(title=f"{graph.name} [{graph.hash}] on {plan.device or 'the host alone'}")
+    table = Table(title=title)
     for heading in ("node", "op", "back end", "when", "why"):
         table.add_column(heading, overflow="fold")
     for step in steps:
