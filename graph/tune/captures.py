@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.files.captures_in import captures_in
 from tactograph.graph.files.flat_graph import Graph
 
 CAPTURE = "capture"
@@ -17,7 +18,4 @@ def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:
     if CAPTURE not in graph.params or not isinstance(given.get(CAPTURE), str):
         return []
     folder = Path(given[CAPTURE])
-    if not folder.is_dir():
-        return []
-    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    return inside if inside and all(path.is_dir() for path in inside) else [folder]
+    return captures_in(folder) if folder.is_dir() else []

@@ -15,7 +15,8 @@ pytest.importorskip("nicegui", reason="'make test-all' installs it")
 from nicegui import Client, ui
 from nicegui.page import page
 
-from tactograph.graph.tune.page import REPLACE, _Page
+from tactograph.graph.tune.page import Page
+from tactograph.graph.tune.save_dialog import REPLACE
 
 pytestmark = pytest.mark.slow
 HOSTILE = 'x" autofocus onfocus="alert(1)" data-y="'
@@ -28,17 +29,17 @@ class Seen:
     def __init__(self, tuning: Tuning) -> None:
         self.client = Client(page("/"))
         with self.client:
-            self.page = _Page(tuning)
+            self.page = Page(tuning)
 
     def choose(self, node: str) -> None:
         with self.client:
-            self.page._choose(node)
+            self.page.choose(node)
 
     def look(self) -> None:
         """What the page's timers do."""
         with self.client:
-            self.page._take_up(self.page.tuning.settled())
-            self.page._seldom()
+            self.page.take_up(self.page.tuning.settled())
+            self.page.take_up_late()
 
     def click(self, name: str) -> None:
         with self.client:
