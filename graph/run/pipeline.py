@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import InputError, TactographError, collect_warnings
-from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.groups import meant_nodes
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
+from tactograph.graph.plan.new_settings import with_parameters, with_values
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.cache import Cache
@@ -233,25 +232,11 @@ class Pipeline:
         --------
         >>> pipeline.set("shadow", threshold=4)  # doctest: +SKIP
         """
-        changes = {f"{node}.{name}": value for name, value in settings.items()}
-        before = self.plan.graph
-        graph = with_changes(before, changes, "set")
-        if not meant_nodes(graph, node):
-            graph.entry(node)
-        changed = [n for n in self.plan.tasks if graph.nodes[n] != before.nodes[n]]
+        new = with_parameters(self.plan, node, settings)
         with self._turn:
-            tasks = [self.plan.tasks[n] for n in changed if not self.plan.tasks[n].stand_in]
-            found = {
-                task.id: settings_of(graph.nodes[task.id], graph, task.node, self.plan.given)
-                for task in tasks
-            }
-            for task in tasks:
-                task.entry, task.settings = graph.nodes[task.id], found[task.id]
-            self.plan.graph = graph
-            if not self._items.keeps:
-                self._items.keep(Cache())
-                self._has_run = False
-            self._items.settings_changed(changed)
+            new.apply(self.plan)
+            self._keep()
+            self._items.settings_changed(new.settings)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
         """Run the last item once more: settings as they are now, its sources as they were.
@@ -293,11 +278,15 @@ class Pipeline:
         """
         value = self.plan.value(reference)
         with self._turn:
-            if not self._items.keeps:
-                self._items.keep(Cache())
-                self._has_run = False
+            self._keep()
             self._refuse_without_item(f"inspect {reference}")
             return self._items.inspect(value)
+
+    def _keep(self) -> None:
+        """Keep the results of the items to come."""
+        if not self._items.keeps:
+            self._items.keep(Cache())
+            self._has_run = False
 
     def _refuse_without_item(self, what: str) -> None:
         if not self._has_run:
@@ -347,27 +336,10 @@ class Pipeline:
         InputError
             If the graph has no such param, or a node outside the stream depends on it.
         """
-        graph, given = self.plan.graph, {**self.plan.given, **values}
-        for name in values:
-            if name not in graph.params:
-                raise InputError(f"{graph.name} has no parameter '{name}'")
-        words = {f"${name}" for name in values}
-        settings: dict[str, dict[str, Any]] = {}
-        for task in self.plan.tasks.values():
-            used = [v for v in task.entry.settings.values() if isinstance(v, str) and v in words]
-            if used and not task.stream:
-                raise InputError(
-                    f"{graph.name}: '{task.id}' runs once and takes {used[0]}; "
-                    "it cannot differ from item to item"
-                )
-            if used:
-                settings[task.id] = settings_of(task.entry, graph, task.node, given)
-        # Only now that nothing is refused.
+        new = with_values(self.plan, values)
         with self._turn:
-            self.plan.given = given
-            for name, found in settings.items():
-                self.plan.tasks[name].settings = found
-            self._items.settings_changed(settings)
+            new.apply(self.plan)
+            self._items.settings_changed(new.settings)
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
