@@ -94,9 +94,19 @@ def _complete_overlay(
 
 
 graph_argument = click.argument("graph", type=GraphName())
-values_argument = click.argument(
-    "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
-)
+
+
+def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
+    """Make a function a command that takes a graph and values for its params."""
+    values = click.argument(
+        "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
+    )
+
+    def make(function: Callable[..., None]) -> click.Command:
+        command = click.command(name, cls=GraphCommand, short_help=short_help)
+        return command(graph_argument(values(function)))
+
+    return make
 
 
 with_option = click.option(

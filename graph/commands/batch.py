@@ -12,14 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -35,11 +28,7 @@ MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
 
 
-@click.command(
-    "batch", cls=GraphCommand, short_help="Run a graph over many captures, into one store."
-)
-@graph_argument
-@values_argument
+@graph_command("batch", short_help="Run a graph over many captures, into one store.")
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
     help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",

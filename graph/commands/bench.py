@@ -12,22 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
-@click.command("bench", cls=GraphCommand, short_help="Time a graph on every back end and device.")
-@graph_argument
-@values_argument
+@graph_command("bench", short_help="Time a graph on every back end and device.")
 @run_options
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."

@@ -7,22 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.plan.plan import Plan, Step
 
 
-@click.command("explain", cls=GraphCommand, short_help="Say where each node would run, and why.")
-@graph_argument
-@values_argument
+@graph_command("explain", short_help="Say where each node would run, and why.")
 @click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
 @run_options
 def command(

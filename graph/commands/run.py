@@ -13,14 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -32,9 +25,7 @@ if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
-@click.command("run", cls=GraphCommand, short_help="Run a graph.")
-@graph_argument
-@values_argument
+@graph_command("run", short_help="Run a graph.")
 @run_options
 @click.option(
     "--repeats",

@@ -7,14 +7,10 @@ import socket
 
 import click
 
-from tactograph.graph.commands import GraphCommand, graph_argument, say, values_argument
+from tactograph.graph.commands import graph_command, say
 
 
-@click.command(
-    "tune", cls=GraphCommand, short_help="Change a graph in the browser, and see what it gives."
-)
-@graph_argument
-@values_argument
+@graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
 @click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
 @click.option(
     "--backend",

@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-_VERSIONS = (
+_PACKAGES = (
     "tactograph",
     "numpy",
     "scipy",
@@ -53,16 +54,14 @@ class Provenance:
 
 def versions() -> dict[str, str]:
     """The versions a result depends on."""
-    return {"python": platform.python_version(), **_installed()}
+    return {"python": platform.python_version(), **installed(_PACKAGES)}
 
 
 @cache
-def _installed() -> Mapping[str, str]:
-    """Looked up once: every item of a stream asks."""
+def installed(packages: tuple[str, ...]) -> Mapping[str, str]:
+    """The versions of those packages that are installed; every item of a stream asks."""
     found: dict[str, str] = {}
-    for name in _VERSIONS:
-        try:
+    for name in packages:
+        with suppress(importlib.metadata.PackageNotFoundError):
             found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
     return found

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tactograph.graph.disk.folder_lock import lock_folder
 from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, WriteError
 
@@ -93,12 +94,10 @@ def _new_stage(folder: Path) -> tuple[Path, int | None]:
     while True:
         stage = Path(tempfile.mkdtemp(prefix=STAGE, dir=folder))
         try:
-            lock = _locked(stage)
+            lock = lock_folder(stage)
         except (BlockingIOError, FileNotFoundError):
             continue  # another writer has taken it for a leftover
-        except (ImportError, OSError):
-            return stage, None
-        if stage.exists():
+        if lock is None or stage.exists():
             return stage, lock
         os.close(lock)
 
@@ -106,23 +105,11 @@ def _new_stage(folder: Path) -> tuple[Path, int | None]:
 def _remove_leftovers(folder: Path) -> None:
     """Remove temporary folders whose writers are dead: nobody holds their locks."""
     for stage in folder.glob(f"{STAGE}*"):
-        with suppress(ImportError, OSError):
-            lock = _locked(stage)
-            shutil.rmtree(stage, ignore_errors=True)
-            os.close(lock)
-
-
-def _locked(folder: Path) -> int:
-    """Lock a folder for as long as the number that is returned stays open."""
-    import fcntl  # not on Windows
-
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(number)
-        raise
-    return number
+        with suppress(OSError):
+            lock = lock_folder(stage)
+            if lock is not None:
+                shutil.rmtree(stage, ignore_errors=True)
+                os.close(lock)
 
 
 def _refuse_special(path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.strict_yaml import Place
-from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.show.draw_folded import to_folded_svg
 from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
 
@@ -186,6 +186,14 @@ class Graph:
                 f"{self.name}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
             )
         return self.nodes[node_id]
+
+    def check_param(self, name: str) -> None:
+        """Refuse a value for a param that the graph does not have."""
+        if name not in self.params:
+            raise InputError(
+                f"{self.name} has no parameter '{name}'{did_you_mean(name, self.params)}"
+                f" (it takes: {', '.join(self.params) or 'none'})"
+            )
 
     def check_node(self, node_id: str, where: str) -> None:
         """Refuse what is read at `where` if there is no such node.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactograph.graph.declare.node import Node
@@ -39,6 +40,18 @@ class Task:
     def filled(self) -> bool:
         """Whether a constant stands in for the node."""
         return self.entry.neutral
+
+    @property
+    def looks_outside(self) -> bool:
+        """Whether its values may change though its settings and inputs do not.
+
+        It yields items, keeps a session, is told of the run, or names a file.
+        """
+        if self.filled:
+            return False
+        node, settings = self.node, self.settings.values()
+        is_told = bool(node.session or node.provenance)
+        return node.source or self.stand_in or is_told or any(isinstance(v, Path) for v in settings)
 
     @property
     def edges(self) -> dict[str, Value]:

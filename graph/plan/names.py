@@ -54,7 +54,8 @@ def bind(
         For a value given to a param that the graph does not have, or one that is needed
         and missing.
     """
-    _refuse_unknown_params(graph, given)
+    for name in given:
+        graph.check_param(name)
     names = _Names(graph, {node_id: _find(graph, node_id) for node_id in graph.nodes}, {})
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
@@ -125,15 +126,6 @@ def _find(graph: Graph, node_id: str) -> Node:
         return find_node(entry.op, graph.own)
     except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
-
-
-def _refuse_unknown_params(graph: Graph, given: Iterable[str]) -> None:
-    for name in given:
-        if name not in graph.params:
-            raise InputError(
-                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
-                f" (it takes: {', '.join(graph.params) or 'none'})"
-            )
 
 
 def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:

@@ -47,8 +47,7 @@ def with_values(plan: Plan, values: Mapping[str, Any]) -> NewSettings:
     """Give other values to params of the graph; see `Pipeline.aim`."""
     graph, given = plan.graph, {**plan.given, **values}
     for name in values:
-        if name not in graph.params:
-            raise InputError(f"{graph.name} has no parameter '{name}'")
+        graph.check_param(name)
     words = {f"${name}" for name in values}
     settings: dict[str, dict[str, Any]] = {}
     for task in plan.tasks.values():

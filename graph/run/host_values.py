@@ -18,7 +18,6 @@ from tactograph.graph.errors import NodeError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
-from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
 from tactograph.graph.run.previous_values import recall, recalled_values
@@ -105,7 +104,7 @@ class HostValues:
         start = time.perf_counter()
         with Blaming(task):
             arguments = _positional(task, self._values, recalled, self._objects[task.id])
-            if step.stream or looks_outside(task):
+            if step.stream or task.looks_outside:
                 made = node(*arguments, **keywords)
             else:
                 make = partial(node, *arguments, **keywords)

@@ -21,7 +21,6 @@ from tactograph.graph.plan.sizes import Known
 from tactograph.graph.run.cache import Cache, Kept, Run
 from tactograph.graph.run.executor import Part, part_of
 from tactograph.graph.run.keys import content_key, key_of
-from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.spots import Spot, read_by, recalled_by, written_by
 from tactograph.graph.run.step_runner import StepRunner
@@ -271,7 +270,7 @@ class OnlyChanged:
 
     def _looks_outside(self, step: Step) -> bool:
         task = self._plan.tasks.get(step.name)
-        return task is not None and looks_outside(task)
+        return task is not None and task.looks_outside
 
     def _derive_keys(self, steps: Iterable[Step]) -> None:
         """Find the keys of nodes that compute, and what is known of runs with these keys."""

@@ -20,7 +20,7 @@ from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.provenance import versions
+from tactograph.graph.declare.provenance import installed, versions
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.module_imports import keep_imports, module_imports
@@ -192,11 +192,5 @@ def _versions_around(package: str) -> Mapping[str, str]:
         needs = importlib.metadata.requires(package) or []
     except importlib.metadata.PackageNotFoundError:
         return {}
-    found: dict[str, str] = {}
-    for need in (package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))):
-        name = re.split(r"[^\w.-]", need, maxsplit=1)[0]
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
+    wanted = [package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))]
+    return installed(tuple(re.split(r"[^\w.-]", need, maxsplit=1)[0] for need in wanted))

@@ -7,7 +7,7 @@ from typing import Any
 
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
-from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph, Param
 
 _WANTED = {
@@ -30,11 +30,7 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
         name, equals, text = word.partition("=")
         if not equals:
             raise InputError(f"'{word}': write values as name=value")
-        if name not in graph.params:
-            raise InputError(
-                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
-                f" (it takes: {', '.join(graph.params) or 'none'})"
-            )
+        graph.check_param(name)
         if name in given:
             raise InputError(f"{name} is given twice")
         given[name] = _read(name, text, graph.params[name])
