@@ -43,12 +43,12 @@ COMMANDS = (
 )
 
 
-STOPPED = (
+STOPPED_MESSAGE = (
     "tactograph: stopped; no file is half written. The same command starts again; "
     "'compare' and 'batch' go on where they were"
 )
 
-READER_GONE = 141
+SIGPIPE_EXIT_CODE = 141
 """What a shell calls the end of a program by SIGPIPE."""
 
 
@@ -131,7 +131,7 @@ def _report(error: BaseException) -> int:
         error.show()
         return error.exit_code
     if isinstance(error, click.Abort | KeyboardInterrupt):
-        click.echo(STOPPED, err=True)
+        click.echo(STOPPED_MESSAGE, err=True)
         return 130
     if isinstance(error, MemoryError):
         click.echo("tactograph: out of memory", err=True)
@@ -161,7 +161,7 @@ def _end_unheard(error: OSError) -> int:
     os.dup2(nowhere, sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):  # the reader, such as `| head`, has gone
         os.dup2(nowhere, sys.stderr.fileno())
-        return READER_GONE
+        return SIGPIPE_EXIT_CODE
     with suppress(OSError):
         reason = error.strerror or error
         click.echo(f"tactograph: what it prints cannot be written: {reason}", err=True)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from traceback import walk_tb
 
-MOST_LETTERS = 2000
+MAX_CHARACTERS = 2000
 """So much of a text out of a file is printed."""
 
 
@@ -78,18 +78,18 @@ def printable(text: str) -> str:
 
 def one_line(text: str) -> str:
     """Text out of a file, for one line: printable, without breaks, and not endless."""
-    start = text[:MOST_LETTERS].encode("utf-8", "backslashreplace").decode()
-    more = "…" if len(text) > MOST_LETTERS else ""
+    start = text[:MAX_CHARACTERS].encode("utf-8", "backslashreplace").decode()
+    more = "…" if len(text) > MAX_CHARACTERS else ""
     return printable(" ".join(start.splitlines())).replace("\t", " ") + more
 
 
 def _is_control(character: str) -> bool:
     """Control characters, and those that turn the direction of the text around."""
     kind = unicodedata.category(character)
-    return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _TURNS)
+    return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _BIDI_CLASSES)
 
 
-_TURNS = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
+_BIDI_CLASSES = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -15,8 +15,8 @@ from typing import Any
 
 Free = list[tuple[int, Any]]
 """A heap of the buffers of one size that nobody holds, by number."""
-STEPS = 4
-"""Buffers come in sizes of 2^STEPS steps from each power of two to the next."""
+SIZE_STEP_BITS = 4
+"""Buffers come in sizes of 2^SIZE_STEP_BITS steps from each power of two to the next."""
 
 
 class Memory:
@@ -89,5 +89,5 @@ class BufferPool:
 
 def _rounded(nbytes: int) -> int:
     """The size of the buffer that so many bytes are lent in."""
-    shift = max(nbytes.bit_length() - STEPS - 1, 0)
+    shift = max(nbytes.bit_length() - SIZE_STEP_BITS - 1, 0)
     return -(-nbytes >> shift) << shift

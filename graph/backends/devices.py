@@ -151,9 +151,9 @@ def _run_probe(handle: cl.Device) -> str | None:
     """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
-    from tactograph.graph.backends.programs import POCL, build, context_of
+    from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
 
-    if handle.platform.name == POCL:
+    if handle.platform.name == POCL_PLATFORM:
         pocl_cache.note_crash()
     context = context_of(handle)
     queue = cl.CommandQueue(context)

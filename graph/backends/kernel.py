@@ -99,7 +99,7 @@ class Kernel:
             self._typed = True
 
 
-_ELEMENTS = {
+_ELEMENT_DTYPES = {
     "float": ("float32", "complex64"),
     "uchar": ("uint8",),
     "ushort": ("uint16",),
@@ -108,7 +108,7 @@ _ELEMENTS = {
     "PIXEL": ("uint8", "uint16", "float32"),
 }
 """What an array may hold that a kernel reads as a type, or as vectors of it."""
-_WHOLE: dict[str, Callable[[int], Any]] = {
+_INTEGER_TYPES: dict[str, Callable[[int], Any]] = {
     "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
 }  # fmt: skip
 
@@ -116,12 +116,12 @@ _WHOLE: dict[str, Callable[[int], Any]] = {
 def converter(c_type: str) -> Callable[[Any], Any]:
     """What makes a kernel's argument of a value; it raises where the value is no such thing."""
     if c_type.endswith("*"):
-        dtypes = _ELEMENTS.get(c_type.rstrip("*").rstrip("0123456789"))
+        dtypes = _ELEMENT_DTYPES.get(c_type.rstrip("*").rstrip("0123456789"))
         known = None if dtypes is None else frozenset(map(np.dtype, dtypes))
         return partial(_buffer, known)
     if c_type == "float":
         return _float
-    return partial(_whole, _WHOLE[c_type]) if c_type in _WHOLE else _as_it_is
+    return partial(_whole, _INTEGER_TYPES[c_type]) if c_type in _INTEGER_TYPES else _as_it_is
 
 
 def in_words(value: Any) -> str:

@@ -29,10 +29,13 @@ from tactograph.graph.errors import InputError
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
 FILLS = ("random", "zero", "low", "high", "edges", "nan")
-WHOLE: dict[str, tuple[type, int]] = {"8 bits": (np.uint8, 255), "16 bits": (np.uint16, 65535)}
+INTEGER_FILLS: dict[str, tuple[type, int]] = {
+    "8 bits": (np.uint8, 255),
+    "16 bits": (np.uint16, 65535),
+}
 """Fills of nodes whose kernels read a camera's integers as they came."""
-RUBBISH = 0xA5
-SHOWN = 5
+POISON_BYTE = 0xA5
+MAX_DIFFERENCES = 5
 """Differences that a message tells."""
 
 
@@ -58,7 +61,7 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     That is every setting, inputs that may be absent left out, a part of the outputs wanted.
     """
     fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
-    fills += [] if node.kernels.whole is None else list(WHOLE)
+    fills += [] if node.kernels.whole is None else list(INTEGER_FILLS)
     settings = dict(_settings(node))
     default = settings["default"]
     found = [
@@ -115,9 +118,9 @@ def check(node: Node, device: str | None = None) -> int:
     compared = cases(node)
     differences = [(case, compare(node, opencl, case)) for case in compared]
     wrong = [f"  {case}: {what}" for case, what in differences if what]
-    more = [f"  and {len(wrong) - SHOWN} more"] if len(wrong) > SHOWN else []
+    more = [f"  and {len(wrong) - MAX_DIFFERENCES} more"] if len(wrong) > MAX_DIFFERENCES else []
     said = f"node '{node.name}' differs on {opencl.name} in {len(wrong)} of {len(compared)} cases:"
-    assert not wrong, "\n".join([said, *wrong[:SHOWN], *more])
+    assert not wrong, "\n".join([said, *wrong[:MAX_DIFFERENCES], *more])
     return len(compared)
 
 
@@ -152,7 +155,7 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
     if changed:
         return f"the NumPy function changed its input '{changed}'"
     for device in devices:
-        poisoned, device.poison = device.poison, RUBBISH
+        poisoned, device.poison = device.poison, POISON_BYTE
         try:
             launch = _named(f"the kernel of {node.name}, case {case}")
             found, after = launch(node, device, case, inputs, wanted)
@@ -207,9 +210,9 @@ def _on_device(
     node: Node, device: DeviceBackend, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs after the launch."""
-    whole = node.kernels.whole if case.fill in WHOLE else None
+    whole = node.kernels.whole if case.fill in INTEGER_FILLS else None
     if whole is not None:
-        dtype, full = WHOLE[case.fill]
+        dtype, full = INTEGER_FILLS[case.fill]
         inputs = {**inputs, whole: np.rint(inputs[whole] * full).astype(dtype)}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value
@@ -258,8 +261,8 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
         array = np.full(shape, low if case.fill == "low" else high)
     elif case.fill == "edges":
         array = rng.choice([low, high, (low + high) / 2, 0.0], shape)
-    elif case.fill in WHOLE and not whole:
-        full = WHOLE[case.fill][1]
+    elif case.fill in INTEGER_FILLS and not whole:
+        full = INTEGER_FILLS[case.fill][1]
         array = rng.integers(0, full + 1, shape) / np.float32(full)
     elif whole:
         array = rng.integers(int(low), int(high) + 1, shape)

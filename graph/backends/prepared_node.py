@@ -28,7 +28,7 @@ from tactograph.graph.backends.launch import Launch, Record
 from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import NodeError
 
-MOST_REMEMBERED = 4
+MAX_BUFFER_SETS = 4
 """Sets of buffers that a node's launch is kept for: what an item recalls comes in turns."""
 
 
@@ -124,7 +124,7 @@ class Prepared:
         record = Record() if key in self._known else None
         made = self._launched(inputs, outputs, record)
         self._known[key] = None if record is None else _repeatable(record)
-        if len(self._known) > MOST_REMEMBERED:
+        if len(self._known) > MAX_BUFFER_SETS:
             del self._known[next(iter(self._known))]
         return made
 

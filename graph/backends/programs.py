@@ -20,11 +20,11 @@ import pyopencl as cl
 
 from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
-MOST = 64
+MAX_PROGRAMS = 64
 """Of so many programs a process keeps what was built."""
-MOST_BYTES = 2 * 10**8
+MAX_PROGRAM_BYTES = 2 * 10**8
 """Of what is kept on disk: some two thousand programs."""
-POCL = "Portable Computing Language"
+POCL_PLATFORM = "Portable Computing Language"
 """The platform whose programs are kept on disk here."""
 
 
@@ -34,7 +34,7 @@ def context_of(handle: cl.Device) -> cl.Context:
     return cl.Context([handle])
 
 
-@lru_cache(MOST)
+@lru_cache(MAX_PROGRAMS)
 def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
     """Build a source, or return what was built of it before.
 
@@ -53,7 +53,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     program = _built(cl.Program(context, source), options)
     if file is not None:
         binaries: Any = program.get_info(cl.program_info.BINARIES)
-        write_cached(file, binaries[0], MOST_BYTES)
+        write_cached(file, binaries[0], MAX_PROGRAM_BYTES)
     return program
 
 
@@ -68,7 +68,7 @@ def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | No
     """Where the binary is kept; None if it is not."""
     folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
-    if folder is None or unwanted or device.platform.name != POCL:
+    if folder is None or unwanted or device.platform.name != POCL_PLATFORM:
         return None
     of = (
         device.platform.name, device.platform.version, device.name, device.version,

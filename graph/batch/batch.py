@@ -14,7 +14,7 @@ from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, 
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.run.result_origin import Origin
 
-TRIES = 20
+MAX_TRIED_CAPTURES = 20
 """So many captures are tried to find out what maps look like."""
 
 
@@ -147,7 +147,7 @@ def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterat
 
 def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str, MapType]:
     """What maps look like, from the first of the captures that can be done."""
-    reason, tried = "", captures[:TRIES]
+    reason, tried = "", captures[:MAX_TRIED_CAPTURES]
     for capture in tried:
         try:
             return workers.ask(find_map_types, job, capture)

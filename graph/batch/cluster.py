@@ -21,13 +21,13 @@ from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.extras import need
 from tactograph.graph.run.result_origin import find_origin
 
-DEATHS = 3
+MAX_WORKER_DEATHS = 3
 """So often may the workers that hold a chunk die (each time as often as Dask allows)."""
-ANSWER = 30.0
+ANSWER_TIMEOUT_S = 30.0
 """Seconds that a scheduler may take to answer."""
-PATIENCE = 300.0
+RECONNECT_TIMEOUT_S = 300.0
 """Seconds to wait for a scheduler that has gone."""
-AHEAD = 3
+CHUNKS_PER_THREAD = 3
 """Chunks handed out per worker thread: one running, the others on their way."""
 
 
@@ -90,7 +90,7 @@ class Cluster:
                     yield outcome
                 elif not isinstance(outcome, KilledWorker):
                     raise outcome
-                elif deaths[chunk] < DEATHS:
+                elif deaths[chunk] < MAX_WORKER_DEATHS:
                     deaths[chunk] += 1
                     waiting.appendleft(chunk)
                 else:
@@ -108,7 +108,7 @@ class Cluster:
     def _room(self) -> int:
         """How many chunks may be out; workers come and go."""
         threads: dict[str, int] = self._client.nthreads()
-        return max(AHEAD * sum(threads.values()), 2 * AHEAD)
+        return max(CHUNKS_PER_THREAD * sum(threads.values()), 2 * CHUNKS_PER_THREAD)
 
     def _ended(self, running: dict[Any, Chunk]) -> list[tuple[Any, Tally | Exception]]:
         """Futures that ended, with what they gave or raised.
@@ -137,7 +137,7 @@ class Cluster:
     def _reconnect(self, reason: Exception) -> None:
         self._tell(f"{self.name}: {reason}; waiting for it")
         self._client.close(timeout=2)
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + RECONNECT_TIMEOUT_S
         while True:
             try:
                 self._client = self._connect()
@@ -156,9 +156,9 @@ class Cluster:
         address = _address_in(self._file) if self._file is not None else self._address
         try:
             asyncio.run(_greet(str(address)))
-            return Client(address, timeout=ANSWER, set_as_default=False)
+            return Client(address, timeout=ANSWER_TIMEOUT_S, set_as_default=False)
         except Exception as error:  # whatever another program's answer is taken for
-            reason = message_of(error) or f"nothing came within {ANSWER:.0f} s"
+            reason = message_of(error) or f"nothing came within {ANSWER_TIMEOUT_S:.0f} s"
             raise InputError(
                 f"{self.name}: no scheduler answers: {reason}; is it running there?"
             ) from None
@@ -170,7 +170,10 @@ async def _greet(address: str) -> None:
     from distributed.security import Security
 
     security = Security().get_connection_args("client")
-    async with asyncio.timeout(ANSWER), rpc(address, connection_args=security) as scheduler:
+    async with (
+        asyncio.timeout(ANSWER_TIMEOUT_S),
+        rpc(address, connection_args=security) as scheduler,
+    ):
         await scheduler.identity()
 
 

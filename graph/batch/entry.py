@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 PENDING, DONE, FAILED = 0, 1, 2
-STATUS = ("pending", "done", "failed")
+STATUS_NAMES = ("pending", "done", "failed")
 
 
 @dataclass

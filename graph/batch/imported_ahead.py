@@ -8,7 +8,7 @@ from tactograph.graph.run.collect_seldom import collect_seldom
 
 collect_seldom()
 
-LOOK_S = 0.2
+LOOK_EVERY_S = 0.2
 """Seconds between two looks whether that process is still there."""
 _imported = threading.Event()
 
@@ -16,7 +16,7 @@ _imported = threading.Event()
 def _end_with(parent: int) -> None:
     """End as soon as the process that this is for has: it may be killed in the meantime."""
     while os.getppid() == parent:
-        if _imported.wait(LOOK_S):
+        if _imported.wait(LOOK_EVERY_S):
             return
     os._exit(1)
 

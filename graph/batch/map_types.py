@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import zarr
 
-HELD = 2**26
+MAX_HELD_BYTES = 2**26
 """Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
-MOST_TOGETHER = 32
+MAX_CHUNK_CAPTURES = 32
 """Captures: more are lost at once when a worker dies, and leave others idle at the end."""
-AXES = {"H": "y", "W": "x"}
+AXIS_NAMES = {"H": "y", "W": "x"}
 """An image's dimensions, and what they are called outside: y runs down, x to the right."""
 
 
@@ -36,9 +36,9 @@ class MapType:
 
 
 def captures_together(types: Iterable[MapType]) -> int:
-    """How many captures to write together: as many as `HELD` holds the maps of, a power of two."""
-    fit = HELD // max(1, sum(kind.nbytes for kind in types))
-    return max(1, min(MOST_TOGETHER, 1 << max(0, fit.bit_length() - 1)))
+    """The number of captures to write together: a power of two whose maps a worker can hold."""
+    fit = MAX_HELD_BYTES // max(1, sum(kind.nbytes for kind in types))
+    return max(1, min(MAX_CHUNK_CAPTURES, 1 << max(0, fit.bit_length() - 1)))
 
 
 def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
@@ -48,7 +48,7 @@ def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
     for name, kind in types.items():
         found[name] = []
         for dim, size in zip(kind.dims, kind.shape, strict=True):
-            axis = AXES.get(dim, dim)
+            axis = AXIS_NAMES.get(dim, dim)
             if sizes.setdefault(axis, size) != size or axis in types:
                 axis = f"{name}_{axis}"
             found[name].append(axis)

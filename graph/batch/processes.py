@@ -13,11 +13,11 @@ from tactograph.graph.batch.fork_server import hand_over, start_processes, stop_
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
-TRIES = 2
+MAX_LONE_TRIES = 2
 """So often is a chunk done alone before it is held to be what kills its process."""
-DIED = (BrokenProcessPool, SystemExit)
+PROCESS_DEATHS = (BrokenProcessPool, SystemExit)
 """What a process leaves that was killed, or that ended by itself, while a chunk was under way."""
-ALONE = "run this capture alone to see why"
+RUN_ALONE_HINT = "run this capture alone to see why"
 
 
 class Processes:
@@ -59,9 +59,9 @@ class Processes:
         try:
             asked = [hand_over(pool, question, *about) for _ in range(self.number)]
             return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
-        except DIED:
+        except PROCESS_DEATHS:
             self._idle = None
-            raise InputError(f"{about[-1]}: its process died; {ALONE}") from None
+            raise InputError(f"{about[-1]}: its process died; {RUN_ALONE_HINT}") from None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield how each went.
@@ -82,10 +82,12 @@ class Processes:
         waiting, deaths = iter(suspects), Counter[Chunk]()
         while died := (yield from self._until_death(waiting, 1)):
             deaths.update(died)
-            if deaths[died[0]] < TRIES:
+            if deaths[died[0]] < MAX_LONE_TRIES:
                 waiting = chain(died, waiting)
             else:
-                yield fail_chunk(died[0], f"its process died {TRIES + 1} times; {ALONE}")
+                yield fail_chunk(
+                    died[0], f"its process died {MAX_LONE_TRIES + 1} times; {RUN_ALONE_HINT}"
+                )
 
     def _until_death(
         self, chunks: Iterator[Chunk], number: int
@@ -107,7 +109,7 @@ class Processes:
                         tally = future.result()
                         del running[future]
                         yield tally
-            except DIED:
+            except PROCESS_DEATHS:
                 return [*running.values(), *ready]
             except (KeyboardInterrupt, GeneratorExit):
                 stop_processes()

@@ -28,22 +28,22 @@ from zarr.codecs import BloscCodec
 from tactograph.graph.batch.captures import is_url
 from tactograph.graph.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.graph.batch.job import Job, identity_of
-from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
+from tactograph.graph.batch.map_types import AXIS_NAMES, MapType, add_places, axes_of
 from tactograph.graph.errors import InputError
 from tactograph.graph.run.result_origin import Origin
 
-FORMAT = 3
-MOST_CAPTURES = 10**7
-MOST_CHUNK = 4096
-MOST_PIXELS = 2**25
+STORE_FORMAT = 3
+MAX_CAPTURES = 10**7
+MAX_CHUNK = 4096
+MAX_PIXELS = 2**25
 """More than a batch can have: what a store's own description may make a reader allocate."""
-PIECE = 2**21
+COMPRESSED_BYTES = 2**21
 """Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
-_WORDS = ("capture", "reason", "figures", "warnings")
-_UNREACHABLE = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
+_TEXT_ARRAYS = ("capture", "reason", "figures", "warnings")
+_OPEN_ERRORS = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
 """What is raised where a store should be; TypeError by file systems that need more than a URL,
 the last two by Zarr at descriptions that it did not write."""
-_UNDECODABLE = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
+_DECODE_ERRORS = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 """What the codecs raise at bytes that they did not write."""
 
 
@@ -67,10 +67,10 @@ class Store:
         self._open: dict[str, zarr.Array[Any]] = {}
         try:
             about: Any = group.attrs["tactograph"]
-            if about["format"] != FORMAT:
+            if about["format"] != STORE_FORMAT:
                 raise InputError(
-                    f"{group.store_path}: format {about['format']}; this reads {FORMAT}; give "
-                    "another --out"
+                    f"{group.store_path}: format {about['format']}; this reads {STORE_FORMAT}; "
+                    "give another --out"
                 )
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
@@ -89,18 +89,18 @@ class Store:
     def _check_arrays(self) -> None:
         """Refuse a store that lacks an array, or speaks of more than a batch can have."""
         count = len(self)
-        for name in ("status", "milliseconds", *_WORDS):
+        for name in ("status", "milliseconds", *_TEXT_ARRAYS):
             if len(shape := self._array(name).shape) != 1 or shape[0] < count:
                 raise self._damage(f"'{name}' is not of length {count}")
         for name in self._by_capture():
             array = self._array(name)
             pixels = math.prod(array.shape[1:])
-            if count > MOST_CAPTURES or array.chunks[0] > MOST_CHUNK or pixels > MOST_PIXELS:
+            if count > MAX_CAPTURES or array.chunks[0] > MAX_CHUNK or pixels > MAX_PIXELS:
                 raise self._damage(f"'{name}' is of shape {array.shape}, chunks {array.chunks}")
 
     def _by_capture(self) -> list[str]:
         """The arrays whose first axis counts the captures: all but coordinates."""
-        axes = {*AXES.values()} - {*self.job.maps}
+        axes = {*AXIS_NAMES.values()} - {*self.job.maps}
         return [name for name in self._group.array_keys() if name not in axes]
 
     def _damage(self, what: str) -> InputError:
@@ -115,7 +115,7 @@ class Store:
         """Their places; if one is lost, nothing else tells whose results are whose."""
         try:
             found = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
-        except _UNDECODABLE as error:
+        except _DECODE_ERRORS as error:
             raise self._damage(f"'capture' cannot be read: {error}") from None
         if lost := found.count(""):
             raise self._damage(f"'capture' lacks {lost} of {len(found)} names")
@@ -154,7 +154,7 @@ class Store:
             entries = self.read_all(here)
             arrays = {name: self._reaching(name, here.stop) for name in self.job.maps}
             maps = {name: np.asarray(array[here]) for name, array in arrays.items()}
-        except _UNDECODABLE:
+        except _DECODE_ERRORS:
             if here.stop - here.start == 1:
                 return [False]
             middle = (here.start + here.stop) // 2
@@ -223,7 +223,7 @@ class Store:
             attributes={"unit": kind.unit, "units": kind.unit, "dims": list(kind.dims)},
         )
         for axis, size in zip(axes, kind.shape, strict=True):
-            if kind.pixel is not None and axis in AXES.values() and axis not in self._group:
+            if kind.pixel is not None and axis in AXIS_NAMES.values() and axis not in self._group:
                 add_places(self._group, axis, size, kind.pixel)
 
     def write(self, entries: Mapping[int, Entry]) -> None:
@@ -278,7 +278,7 @@ class Store:
         array = self._reaching(name, here.stop)
         try:
             return np.asarray(array[here])
-        except _UNDECODABLE:
+        except _DECODE_ERRORS:
             start, stop, _ = here.indices(array.shape[0])
             if stop - start == 1:
                 return np.full((1, *array.shape[1:]), array.fill_value, array.dtype)
@@ -323,7 +323,11 @@ class Store:
 def _captures_in_one(kind: MapType, chunk: int) -> int:
     """How many maps are compressed as one: as many as fit whole times into a shard."""
     nbytes = max(1, kind.nbytes)
-    return max(n for n in range(1, chunk + 1) if chunk % n == 0 and (n == 1 or n * nbytes <= PIECE))
+    return max(
+        n
+        for n in range(1, chunk + 1)
+        if chunk % n == 0 and (n == 1 or n * nbytes <= COMPRESSED_BYTES)
+    )
 
 
 def create_store(
@@ -353,7 +357,7 @@ def create_store(
             "status": ("uint8", 0),
             "milliseconds": ("float32", np.nan),
             "checksum": ("uint32", 0),
-            **dict.fromkeys(_WORDS, (str, "")),
+            **dict.fromkeys(_TEXT_ARRAYS, (str, "")),
         }
         for name, (dtype, fill) in columns.items():
             group.create_array(
@@ -364,10 +368,10 @@ def create_store(
                 fill_value=fill,
                 dimension_names=("capture",),
             )
-        about: dict[str, Any] = {"format": FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk}
+        about: dict[str, Any] = {"format": STORE_FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk}
         about |= {"job": asdict(job), "origin": asdict(origin)}
         group.attrs["tactograph"] = json.loads(json.dumps(about))
-    except _UNREACHABLE as error:
+    except _OPEN_ERRORS as error:
         raise InputError(f"{place}: cannot be made: {error}") from None
     return Store(group)
 
@@ -388,10 +392,10 @@ def open_store(place: str) -> Store | None:
             zarr.open(_at(place), mode="r", zarr_format=2)
         except FileNotFoundError:
             return None
-        except _UNREACHABLE:
+        except _OPEN_ERRORS:
             pass  # a damaged one
         raise InputError(f"{place}: no store of a batch, but of Zarr version 2") from None
-    except _UNREACHABLE as error:
+    except _OPEN_ERRORS as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.run.cores import cores
 
-FEWEST = 256
+MIN_CAPTURES_PER_PROCESS = 256
 """Captures that make up for the start of a process, which takes a second."""
 
 
@@ -29,4 +29,4 @@ def worker_count(backends: Sequence[str], device: str | None, captures: int) -> 
 
 def at_most(captures: int) -> int:
     """How many that can be, whatever the graph."""
-    return max(1, min(cores(), captures // FEWEST))
+    return max(1, min(cores(), captures // MIN_CAPTURES_PER_PROCESS))

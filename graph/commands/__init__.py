@@ -25,7 +25,7 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
-_WORDS = f"{__name__}.words"
+_WORDS_KEY = f"{__name__}.words"
 """Where a context keeps the words behind a command."""
 
 
@@ -35,7 +35,7 @@ class GraphCommand(click.Command):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
         # --help is dealt with before the other words are.
-        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS]))
+        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS_KEY]))
         if not isinstance(words.get("graph"), str):
             return
         from tactograph.graph.files.read_graph import read_graph, with_overlays
@@ -51,7 +51,7 @@ class GraphCommand(click.Command):
             )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta[_WORDS] = [*args]
+        ctx.meta[_WORDS_KEY] = [*args]
         return super().parse_args(ctx, args)
 
 

@@ -258,7 +258,7 @@ def _conclude(store: Store, out: str) -> int:
 
 def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -> None:
     """Write a line for each capture."""
-    from tactograph.graph.batch.entry import STATUS
+    from tactograph.graph.batch.entry import STATUS_NAMES
     from tactograph.graph.disk.atomic_files import atomic_file
 
     figures = sorted({name for entry in entries for name in entry.figures})
@@ -267,6 +267,6 @@ def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) 
         writer = csv.writer(stream)
         writer.writerow(headings)
         for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
-            start = [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}"]
+            start = [number, capture, STATUS_NAMES[entry.status], f"{entry.milliseconds:.1f}"]
             row = [entry.figures.get(name, "") for name in figures]
             writer.writerow([*start, *row, "; ".join(entry.warnings), entry.reason])

@@ -21,12 +21,12 @@ from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-START_S = 2.0
+MIN_SHOWN_S = 2.0
 """A run that ends sooner shows nothing."""
-EVERY_S = 0.2
-FOLDER = "times"
-"""In the cache: by graph, when each stage began, in s from the start; under END, the end."""
-END = ""
+REDRAW_EVERY_S = 0.2
+TIMES_FOLDER = "times"
+"""In the cache: by graph, when each stage began, in s from the start; under END_STAGE, the end."""
+END_STAGE = ""
 
 
 class ProgressLine:
@@ -53,16 +53,16 @@ class ProgressLine:
     def recall(self, key: str) -> None:
         """Know the times of the last run of this key."""
         folder = cache_folder()
-        body = folder and read_cached(folder / FOLDER / f"{key}{SUFFIX}")
+        body = folder and read_cached(folder / TIMES_FOLDER / f"{key}{SUFFIX}")
         with suppress(ValueError):
             self._before = json.loads(body or "{}")
 
     def keep(self, key: str) -> None:
         """Let the next run of this key know the times of this one."""
         folder, taken = cache_folder(), time.monotonic() - self._start
-        if folder is not None and self._shown and taken > START_S:
-            body = json.dumps({**self._begun, END: taken}).encode()
-            write_cached(folder / FOLDER / f"{key}{SUFFIX}", body)
+        if folder is not None and self._shown and taken > MIN_SHOWN_S:
+            body = json.dumps({**self._begun, END_STAGE: taken}).encode()
+            write_cached(folder / TIMES_FOLDER / f"{key}{SUFFIX}", body)
 
     def forget_times(self) -> None:
         """Tell no time left: what is done is not what was done before."""
@@ -83,16 +83,16 @@ class ProgressLine:
 
     def left(self, stage: str, now: float) -> float | None:
         """Seconds to the end of the run, `now` after its start; None if that is not known."""
-        if stage in self._before and END in self._before:
-            self._end = self._begun.get(stage, now) + self._before[END] - self._before[stage]
+        if stage in self._before and END_STAGE in self._before:
+            self._end = self._begun.get(stage, now) + self._before[END_STAGE] - self._before[stage]
         return None if self._end is None else max(self._end - now, 0.0)
 
     def _watch(self) -> None:
-        while not self._over.wait(EVERY_S):
+        while not self._over.wait(REDRAW_EVERY_S):
             now, stage = time.monotonic() - self._start, self.stage_of()
             self._begun.setdefault(stage, now)
             with self._lock:
-                if stage and now > START_S:
+                if stage and now > MIN_SHOWN_S:
                     self._draw(stage, now)
                 else:
                     self._hide()

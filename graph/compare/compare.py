@@ -27,7 +27,7 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.result_origin import digest, find_origin, named_files
 
-RUNS = 3
+REPEATS_PER_ITEM = 3
 """How often an item of a stream is computed, for the median of its times."""
 
 
@@ -193,7 +193,7 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     first: Result | None = None
     figures: dict[str, list[float]] = {}
     times: dict[str, list[float]] = {}
-    for result in pipeline.items(repeats=RUNS):
+    for result in pipeline.items(repeats=REPEATS_PER_ITEM):
         first = first or result
         for name, figure in figures_of(result).items():
             figures.setdefault(name, []).append(figure)

@@ -21,8 +21,8 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.typed_values import read_words
 
-FILE = "report.json"
-FORMAT = 1
+RECORD_FILE = "report.json"
+RECORD_FORMAT = 1
 
 
 @dataclass
@@ -43,7 +43,7 @@ class Record:
     repeats: int
     versions: dict[str, str] = field(default_factory=versions)
     code: dict[str, str] = field(default_factory=dict)
-    format: int = FORMAT
+    format: int = RECORD_FORMAT
 
 
 def make_record(
@@ -81,7 +81,7 @@ def write_record(record: Record, study: Study, out: Path) -> None:
     for graph in study.graphs:
         with atomic_file(out / "graphs" / f"{graph.name}.yaml") as file:
             file.write_text(dump_graph(graph))
-    with atomic_file(out / FILE) as file:
+    with atomic_file(out / RECORD_FILE) as file:
         file.write_text(json.dumps(asdict(record), indent=1) + "\n")
 
 
@@ -93,7 +93,7 @@ def read_record(folder: Path) -> Record:
     InputError
         If there is none, or it is damaged.
     """
-    file = folder / FILE
+    file = folder / RECORD_FILE
     try:
         record = Record(**json.loads(file.read_text()))
     except OSError as error:
@@ -102,8 +102,8 @@ def read_record(folder: Path) -> Record:
         ) from None
     except (ValueError, TypeError):
         raise InputError(f"{file}: damaged, or from another version") from None
-    if record.format != FORMAT:
-        raise InputError(f"{file}: format {record.format}; this version reads {FORMAT}")
+    if record.format != RECORD_FORMAT:
+        raise InputError(f"{file}: format {record.format}; this version reads {RECORD_FORMAT}")
     return record
 
 

@@ -32,7 +32,7 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.show.figures import short, words
 from tactograph.graph.show.pictures import (
-    CLIPPED,
+    ERROR_PERCENTILE,
     Curve,
     draw_curves,
     draw_errors,
@@ -44,9 +44,9 @@ from tactograph.graph.show.pictures import (
 from tactograph.graph.show.views import View
 from tactograph.graph.show.warning_lines import warning_lines
 
-FILE = "report.html"
-TRUTH = "truth"
-MOST_PANELS = 7
+REPORT_FILE = "report.html"
+TRUTH_LABEL = "truth"
+MAX_PANELS = 7
 """Runs of a capture that are drawn; of more, these are taken at even distances."""
 
 
@@ -94,9 +94,9 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         warnings=warning_lines(((line.label, line.warnings) for line in lines), None),
         repeats=study.repeats,
     )
-    with atomic_file(out / FILE) as file:
+    with atomic_file(out / REPORT_FILE) as file:
         file.write_text(page, encoding="utf-8")
-    return out / FILE
+    return out / REPORT_FILE
 
 
 def _template() -> Any:
@@ -219,9 +219,9 @@ def _job_label(job: Job, lines: Sequence[Line]) -> str:
 
 
 def _thinned(items: list[Any]) -> list[Any]:
-    if len(items) <= MOST_PANELS:
+    if len(items) <= MAX_PANELS:
         return items
-    chosen = np.linspace(0, len(items) - 1, MOST_PANELS).round().astype(int)
+    chosen = np.linspace(0, len(items) - 1, MAX_PANELS).round().astype(int)
     return [items[i] for i in chosen]
 
 
@@ -257,8 +257,11 @@ class _Shown:
     def panels(self) -> dict[str, NDArray[Any]]:
         """Every truth there is, and all runs."""
         if self.truth is not None:
-            return {TRUTH: self.truth, **self.found}
-        return {**{f"{TRUTH}, {k}": v for k, v in _distinct(self.truths).items()}, **self.found}
+            return {TRUTH_LABEL: self.truth, **self.found}
+        return {
+            **{f"{TRUTH_LABEL}, {k}": v for k, v in _distinct(self.truths).items()},
+            **self.found,
+        }
 
     @property
     def errors(self) -> dict[str, NDArray[Any]]:
@@ -296,12 +299,12 @@ def _draw_map(view: View, shown: _Shown) -> list[Picture]:
         uri, end = draw_errors(shown.errors, f"error / {view.unit}")
         caption = (
             f"Error of the {name}, one scale for all; it ends at ±{end:.3g} {view.unit}, which "
-            f"{CLIPPED:g} % of the pixels do not reach. Red is too high, blue too low."
+            f"{ERROR_PERCENTILE:g} % of the pixels do not reach. Red is too high, blue too low."
         )
         pictures.append(Picture(uri, caption))
     reference = np.where(np.isfinite(known[0]), known[0], np.nan)
     row = int(np.unravel_index(int(np.nanargmax(reference)), reference.shape)[0])
-    uri = draw_section(panels, axis, row, TRUTH if TRUTH in panels else None)
+    uri = draw_section(panels, axis, row, TRUTH_LABEL if TRUTH_LABEL in panels else None)
     pictures.append(Picture(uri, f"Section through the peak, row {row}."))
     return pictures
 

@@ -16,8 +16,10 @@ from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.groups import group_of, meant_nodes
 
-MOST_VALUES = 1000
-HOW = "write it as node.param=FROM..TO:COUNT, such as 0.01..0.2:10, log:0.01..1:5, or as a,b,c"
+MAX_VALUES = 1000
+SWEEP_SYNTAX = (
+    "write it as node.param=FROM..TO:COUNT, such as 0.01..0.2:10, log:0.01..1:5, or as a,b,c"
+)
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,12 @@ def read_sweep(word: str) -> Sweep:
     """
     target, equals, text = word.partition("=")
     if not equals or not _is_target(target):
-        raise InputError(f"--sweep {word}: {HOW}")
+        raise InputError(f"--sweep {word}: {SWEEP_SYNTAX}")
     log = text.startswith("log:")
     try:
         values = _range(text.removeprefix("log:"), log) if ".." in text else _list(text)
     except (ValueError, InputError) as error:
-        raise InputError(f"--sweep {word}: {error}; {HOW}") from None
+        raise InputError(f"--sweep {word}: {error}; {SWEEP_SYNTAX}") from None
     if len(set(map(repr, values))) < max(2, len(values)):
         raise InputError(f"--sweep {word}: at least two values, each once, are needed")
     return Sweep(target, values, log, word)
@@ -135,8 +137,8 @@ def _range(text: str, log: bool) -> tuple[float, ...]:
     if not colon:
         raise ValueError("the number of values is missing after ':'")
     count = int(count_text)
-    if not 2 <= count <= MOST_VALUES:
-        raise ValueError(f"from 2 to {MOST_VALUES} values")
+    if not 2 <= count <= MAX_VALUES:
+        raise ValueError(f"from 2 to {MAX_VALUES} values")
     if log and not (low > 0 and high > 0):
         raise ValueError("a logarithmic range starts and ends above 0")
     spaced = np.geomspace(low, high, count) if log else np.linspace(low, high, count)

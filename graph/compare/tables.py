@@ -18,8 +18,8 @@ from tactograph.graph.show.warning_lines import warning_lines
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
-TIME = "ms"
-STAR = "*"
+TIME_FIGURE = "ms"
+BEST_MARK = "*"
 """Marks the best figure on the terminal."""
 
 
@@ -105,7 +105,7 @@ def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
     if name not in line.figures:
         return False
     peers = [x.figures[name] for x in lines if x.capture == line.capture and name in x.figures]
-    if name == TIME and any(peer.count < 2 for peer in peers):
+    if name == TIME_FIGURE and any(peer.count < 2 for peer in peers):
         return False
     sizes = [_size(name, peer.mean) for peer in peers]
     best = max(sizes) if higher_is_better(name) else min(sizes)
@@ -138,8 +138,8 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
         for line in shown
     ]
     echo(fitting_table([*labels, *map(words, names)], table, len(labels), width))
-    if any(cell.endswith(STAR) for cells in table for cell in cells):
-        echo(f"{STAR} best of its capture: {_what_is_best(names)}")
+    if any(cell.endswith(BEST_MARK) for cells in table for cell in cells):
+        echo(f"{BEST_MARK} best of its capture: {_what_is_best(names)}")
     for line in lines:
         if line.error:
             echo(f"failed: {line.label}: {line.error}")
@@ -172,7 +172,7 @@ def _line(rows: Sequence[Row]) -> Line:
     figures = {n: estimate([r.figures[n] for r in good if n in r.figures]) for n in names}
     timed = [sum(row.milliseconds.values()) for row in good if row.milliseconds]
     if timed:
-        figures[TIME] = estimate(timed)
+        figures[TIME_FIGURE] = estimate(timed)
     first = rows[0]
     return Line(first.variant, first.capture, first.backend, first.sweep, rows, figures)
 
@@ -204,7 +204,7 @@ def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
 def _starred(line: Line, name: str, lines: Sequence[Line]) -> str:
     if name not in line.figures:
         return ""
-    return f"{line.figures[name]}{STAR if is_best(line, name, lines) else ' '}"
+    return f"{line.figures[name]}{BEST_MARK if is_best(line, name, lines) else ' '}"
 
 
 def _write_csv(lines: Sequence[Line], file: Path) -> None:

@@ -20,7 +20,7 @@ _WRAPPERS = (Annotated, Union, UnionType)
 
 NOT_GIVEN = object()
 """Value of a param where only the plan matters, not the data."""
-SMALLEST, LARGEST = 1e-12, 1e12
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
 """Magnitudes that a node's parameters may have."""
 
 
@@ -70,8 +70,10 @@ def _beyond_numbers(value: Any) -> str:
     for part in value if isinstance(value, list | tuple) else ():
         if reason := _beyond_numbers(part):
             return reason
-    if isinstance(value, float) and value and not SMALLEST <= abs(value) <= LARGEST:
-        return f"a number from {SMALLEST:g} to {LARGEST:g} (or 0) is needed, not {value:g}"
+    if isinstance(value, float) and value and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
+        return (
+            f"a number from {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g} (or 0) is needed, not {value:g}"
+        )
     if isinstance(value, int) and abs(value) >= 2**63:
         return "the whole number is too large"
     return ""

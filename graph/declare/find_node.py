@@ -22,9 +22,9 @@ import tactograph.nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_mean, message_of
 
-GROUP = "tactograph.nodes"
-DECLARED = re.compile(rb"^@node\b", re.MULTILINE)
-"""How a file of a node tells itself from one of functions that nodes share."""
+ENTRY_POINT_GROUP = "tactograph.nodes"
+NODE_DECORATOR = re.compile(rb"^@node\b", re.MULTILINE)
+"""The decorator that tells a node's file from one of shared functions."""
 
 
 @cache
@@ -33,7 +33,7 @@ def builtin_rooms() -> Mapping[str, str]:
     found: dict[str, str] = {}
     for root in map(Path, tactograph.nodes.__path__):
         for file in root.rglob("[!_]*.py"):
-            if DECLARED.search(file.read_bytes()):
+            if NODE_DECORATOR.search(file.read_bytes()):
                 found[file.stem] = file.parent.relative_to(root).as_posix()
     return {name: found[name] for name in sorted(found)}
 
@@ -52,7 +52,7 @@ def plugin_entry_points() -> Mapping[str, Sequence[EntryPoint]]:
 def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
     """What is installed on `path`, once for all: reading all packages' metadata takes long."""
     found: dict[str, list[EntryPoint]] = {}
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group=ENTRY_POINT_GROUP):
         found.setdefault(point.name, []).append(point)
     return found
 
@@ -85,7 +85,7 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
                 "there, or uninstall it",
                 stacklevel=2,
             )
-        module = importlib.import_module(f"{GROUP}.{room.replace('/', '.')}.{name}")
+        module = importlib.import_module(f"{ENTRY_POINT_GROUP}.{room.replace('/', '.')}.{name}")
         return _checked(getattr(module, name, None), name)
     if not points:
         known = [*(own or ()), *node_names()]

@@ -10,8 +10,8 @@ from typing import IO, Any
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-ZIP = b"PK\x03\x04"
-MOST_BYTES = 2**30
+ZIP_MAGIC = b"PK\x03\x04"
+MAX_BYTES = 2**30
 """Of one file's arrays together, once they are unpacked."""
 
 
@@ -26,7 +26,7 @@ def load_array(file: Path) -> NDArray[Any]:
         If it is no array of numbers, holds a pickle, or is shorter than its header says.
     """
     with file.open("rb") as stream:
-        if stream.read(len(ZIP)) == ZIP:
+        if stream.read(len(ZIP_MAGIC)) == ZIP_MAGIC:
             raise ValueError("it holds several arrays; one is needed")
         return _checked(stream, file.stat().st_size)
 
@@ -39,14 +39,14 @@ def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
     OSError
         If it cannot be read.
     ValueError
-        If it is damaged, holds a pickle, or unpacks to more than `MOST_BYTES`.
+        If it is damaged, holds a pickle, or unpacks to more than `MAX_BYTES`.
     """
     found: dict[str, NDArray[Any]] = {}
     try:
         with zipfile.ZipFile(file) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
-            if unpacked > MOST_BYTES:
-                raise ValueError(f"its arrays are {unpacked} bytes, {MOST_BYTES} are allowed")
+            if unpacked > MAX_BYTES:
+                raise ValueError(f"its arrays are {unpacked} bytes, {MAX_BYTES} are allowed")
             for member in archive.infolist():
                 with archive.open(member) as stream:
                     name = member.filename.removesuffix(".npy")

@@ -13,7 +13,7 @@ from tactograph.graph.disk.folder_lock import lock_folder
 from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, WriteError
 
-STAGE = ".writing-"
+STAGE_PREFIX = ".writing-"
 """How the names of temporary folders begin."""
 
 
@@ -92,7 +92,7 @@ def atomic_files(
 def _new_stage(folder: Path) -> tuple[Path, int | None]:
     """A temporary folder, and its lock where folders can be locked."""
     while True:
-        stage = Path(tempfile.mkdtemp(prefix=STAGE, dir=folder))
+        stage = Path(tempfile.mkdtemp(prefix=STAGE_PREFIX, dir=folder))
         try:
             lock = lock_folder(stage)
         except (BlockingIOError, FileNotFoundError):
@@ -104,7 +104,7 @@ def _new_stage(folder: Path) -> tuple[Path, int | None]:
 
 def _remove_leftovers(folder: Path) -> None:
     """Remove temporary folders whose writers are dead: nobody holds their locks."""
-    for stage in folder.glob(f"{STAGE}*"):
+    for stage in folder.glob(f"{STAGE_PREFIX}*"):
         with suppress(OSError):
             lock = lock_folder(stage)
             if lock is not None:

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import platformdirs
 
-FOLDER = "TACTOGRAPH_CACHE"
+FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
 """The environment variable that names another folder, or is ``off``."""
-MOST_BYTES = 10**9
+MAX_FOLDER_BYTES = 10**9
 """Of all files of a folder together."""
 SUFFIX = ".kept"
 _MAGIC = b"tactograph kept 1\n"
@@ -27,7 +27,7 @@ _ABANDONED_S = 3600.0
 
 def cache_folder() -> Path | None:
     """Where the cache lies; None if there is to be none."""
-    told = os.environ.get(FOLDER, "")
+    told = os.environ.get(FOLDER_VARIABLE, "")
     if told == "off":
         return None
     return Path(told or platformdirs.user_cache_dir("tactograph", appauthor=False))
@@ -52,7 +52,7 @@ def read_cached(file: Path) -> bytes | None:
 
 def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None:
     """Keep something; a full disk or a read-only one is no reason to fail."""
-    most = MOST_BYTES if most_bytes is None else most_bytes
+    most = MAX_FOLDER_BYTES if most_bytes is None else most_bytes
     if len(body) > most // 4:
         return
     stage: Path | None = None

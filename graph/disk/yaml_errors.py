@@ -8,7 +8,7 @@ from ruamel.yaml.error import MarkedYAMLError, StringMark
 
 from tactograph.graph.errors import printable
 
-_WORD = re.compile(r"found character '(.+)' that cannot start any token")
+_BAD_CHARACTER = re.compile(r"found character '(.+)' that cannot start any token")
 
 
 def in_words(error: MarkedYAMLError, name: str) -> str:
@@ -26,7 +26,7 @@ def in_words(error: MarkedYAMLError, name: str) -> str:
 
 def _sentence(problem: str, context: str, at: StringMark, begun: StringMark | None) -> str:
     """Say what is meant by one of the parser's phrases; empty for a rare one."""
-    word = _WORD.match(problem)
+    word = _BAD_CHARACTER.match(problem)
     if word is not None:
         if word[1] in ("\t", r"\t"):
             return "a tab; indent with spaces"

@@ -14,7 +14,7 @@ from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
-NAMED = 6
+MAX_NAMED_NODES = 6
 """At most so many nodes that fell back for one reason are all named on a terminal."""
 
 
@@ -121,7 +121,7 @@ class Plan:
         for line, (place, ids) in zip(self.fallbacks, fallen.items(), strict=True):
             if everywhere and len(ids) > 1 and len(fallen) == 1:
                 lines.append(f"every node runs on {place.backend}: {place.why}")
-            elif len(ids) <= NAMED:
+            elif len(ids) <= MAX_NAMED_NODES:
                 lines.append(line)
             else:
                 first = ", ".join(ids[:3])

@@ -16,13 +16,13 @@ from tactograph.graph.backends.device_backend import DeviceBackend, open_device
 from tactograph.graph.plan.sizes import Shapes
 
 Side = Literal["host", "device"]
-MEGABYTES = 512
+MAX_MEGABYTES = 512
 """What the values of one cache may take together, on host and device."""
-MOST_RUNS = 20_000
+MAX_RUNS = 20_000
 """Of so many nodes' runs a cache remembers shapes, time and warnings."""
-_ENTRY = 500
+_ENTRY_BYTES = 500
 """What the bookkeeping of a value takes, in bytes; an empty array still has a buffer."""
-_OPAQUE = 2**23
+_OBJECT_BYTES = 2**23
 """What an object of unknown size is taken for, in bytes."""
 
 
@@ -55,7 +55,7 @@ class Cache:
         What all values may take together, on host and device.
     """
 
-    def __init__(self, megabytes: float = MEGABYTES) -> None:
+    def __init__(self, megabytes: float = MAX_MEGABYTES) -> None:
         self.most = int(megabytes * 1e6)
         self.bytes = 0
         self._values: OrderedDict[Kept, tuple[Any, int]] = OrderedDict()
@@ -79,7 +79,7 @@ class Cache:
 
     def put(self, kept: Kept, value: Any) -> None:
         """Keep a value, unless it alone is too large."""
-        size = _ENTRY + _bytes(value)
+        size = _ENTRY_BYTES + _bytes(value)
         if size > self.most:
             return
         with self._lock:
@@ -105,7 +105,7 @@ class Cache:
         """Remember a run."""
         with self._lock:
             self._runs[key] = run
-            if len(self._runs) > MOST_RUNS:
+            if len(self._runs) > MAX_RUNS:
                 self._runs.popitem(last=False)
 
     def device(
@@ -132,4 +132,4 @@ def _bytes(value: Any) -> int:
     if isinstance(value, tuple | list):
         return 100 + sum(map(_bytes, value))
     plain = value is None or isinstance(value, bool | int | float | str | bytes)
-    return sys.getsizeof(value) if plain else _OPAQUE
+    return sys.getsizeof(value) if plain else _OBJECT_BYTES

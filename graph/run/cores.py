@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-OURS = "TACTOGRAPH_CORES"
+CORES_VARIABLE = "TACTOGRAPH_CORES"
 """The environment variable that says how many cores a process is to use."""
-OTHERS = (
+LIBRARY_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -20,7 +20,7 @@ OTHERS = (
 
 def cores() -> int:
     """How many cores this process may use: those it is bound to, or its share of them."""
-    told = os.environ.get(OURS, "")
+    told = os.environ.get(CORES_VARIABLE, "")
     if told.isdecimal() and int(told) > 0:
         return min(int(told), _bound_to())
     return _bound_to()
@@ -32,7 +32,7 @@ def share_of(workers: int) -> dict[str, str]:
     A variable that the user has set keeps its value.
     """
     share = str(max(1, cores() // workers))
-    return {**dict.fromkeys(OTHERS, share), **os.environ, OURS: share}
+    return {**dict.fromkeys(LIBRARY_VARIABLES, share), **os.environ, CORES_VARIABLE: share}
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
-_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+_BLOCK_FIELDS = ("body", "orelse", "finalbody", "handlers", "cases")
 """Where a statement holds others."""
 
 
@@ -91,7 +91,7 @@ def _imported(file: Path, module: str) -> list[str]:
 
 def _statements(tree: ast.AST) -> Iterator[ast.AST]:
     """All statements below one, at any depth, but no expressions, which are most of a file."""
-    for block in _BLOCKS:
+    for block in _BLOCK_FIELDS:
         for part in getattr(tree, block, ()):
             yield part
             yield from _statements(part)

@@ -14,7 +14,7 @@ from tactograph.graph.errors import (
 )
 from tactograph.graph.plan.draft import Task
 
-_MEANT = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
+_PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
 
 
 class Blaming:
@@ -34,7 +34,7 @@ class Blaming:
         pass
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if error is not None and not isinstance(error, _MEANT):
+        if error is not None and not isinstance(error, _PASSED_ON):
             if isinstance(error, OSError) and is_of_printing(error):
                 return
             task = self._task

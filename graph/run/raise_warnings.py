@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Iterable
 
-FIGURE = re.compile(r"(?<!LED )\b\d[\d.]*")
+NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
 """What differs between warnings of one kind; the number of an LED tells kinds apart."""
 
 
@@ -16,7 +16,7 @@ def raise_warnings(lines: Iterable[str], raised: set[str]) -> None:
     In a loop over a camera's frames the figures differ from frame to frame, so they do not count.
     """
     for line in lines:
-        kind = FIGURE.sub("", line)
+        kind = NUMBER_PATTERN.sub("", line)
         if kind not in raised:
             raised.add(kind)
             warnings.warn(line, stacklevel=3)

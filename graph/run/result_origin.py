@@ -25,8 +25,8 @@ from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.module_imports import keep_imports, module_imports
 
-ENGINE = "tactograph.graph"
-INSTALLED = ("site-packages", "dist-packages")
+ENGINE_PACKAGE = "tactograph.graph"
+PACKAGE_FOLDERS = ("site-packages", "dist-packages")
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
@@ -128,12 +128,12 @@ def _closure(node: Node) -> set[Path]:
 def _belongs(name: str, module: str) -> bool:
     """Whether a module is a part of the project, or of what a node's own module belongs to."""
     top, own = name.partition(".")[0], module.partition(".")[0]
-    if name == ENGINE or name.startswith(f"{ENGINE}."):
+    if name == ENGINE_PACKAGE or name.startswith(f"{ENGINE_PACKAGE}."):
         return False
     if top in ("tactograph", own):
         return True
     here = _folder(top)
-    return here is not None and here == _folder(own) and not {*INSTALLED} & {*here.parts}
+    return here is not None and here == _folder(own) and not {*PACKAGE_FOLDERS} & {*here.parts}
 
 
 @cache

@@ -12,7 +12,7 @@ from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.whole_images import as_fractions
 
-MOST_LIGHTS = 32
+MAX_LIGHTS = 32
 """More images than that are taken for the rows of one."""
 
 
@@ -72,7 +72,7 @@ def _images(array: Any) -> NDArray[Any]:
         raise InputError(
             f"no stack of images can be made of {type(array).__name__}: {message_of(error)}"
         ) from error
-    if found.ndim == 3 and found.shape[2] <= MOST_LIGHTS < found.shape[0]:
+    if found.ndim == 3 and found.shape[2] <= MAX_LIGHTS < found.shape[0]:
         raise InputError(
             f"a stack of images is K x H x W; {found.shape} looks like H x W x K: "
             "np.moveaxis(stack, -1, 0) puts the lights first"

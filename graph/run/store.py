@@ -20,9 +20,9 @@ from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, 
 from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.run.keys import content_key, key_of
 
-SLOW_MS = 200.0
+MIN_STORED_MS = 200.0
 """What is made faster than that is not worth a file."""
-_ARRAYS = {"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"}
+_ARRAY_CLASSES = {"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"}
 
 
 def recall_or_make(
@@ -49,7 +49,7 @@ def recall_or_make(
     finally:
         for warning in told:
             warn(warning)
-    if not told and 1e3 * (time.perf_counter() - start) > SLOW_MS:
+    if not told and 1e3 * (time.perf_counter() - start) > MIN_STORED_MS:
         _write(file or _file(folder, node, settings, arguments), node, made)
     return made
 
@@ -88,6 +88,6 @@ class _Reader(pickle.Unpickler):
     """Reads arrays and plain data, and runs no code that a file names."""
 
     def find_class(self, module: str, name: str) -> Any:
-        if module.partition(".")[0] == "numpy" and name in _ARRAYS:
+        if module.partition(".")[0] == "numpy" and name in _ARRAY_CLASSES:
             return super().find_class(module, name)
         raise pickle.UnpicklingError(f"{module}.{name} is not kept on disk")

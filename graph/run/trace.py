@@ -11,7 +11,7 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import warn
 from tactograph.graph.plan.plan import Plan, Step
 
-MOST_EVENTS = 200_000
+MAX_EVENTS = 200_000
 """A trace of a stream without an end stops there."""
 _LANES = {"device": 1, "transfers": 2}
 
@@ -58,8 +58,8 @@ class Trace:
             )
 
     def _add(self, name: str, lane: str, start: float, end: float) -> None:
-        if len(self._events) >= MOST_EVENTS:
-            warn(f"the trace ends after {MOST_EVENTS} spans")
+        if len(self._events) >= MAX_EVENTS:
+            warn(f"the trace ends after {MAX_EVENTS} spans")
             return
         self._events.append(
             {

@@ -10,7 +10,7 @@ from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph, Param
 
-_WANTED = {
+_PARAM_TYPES = {
     "number": ((int, float), "a number"),
     "integer": ((int,), "a whole number"),
     "flag": ((bool,), "true or false"),
@@ -66,7 +66,7 @@ def _read(name: str, text: str, param: Param) -> Any:
     if param.kind == "numbers":
         return [_number(name, part) for part in text.split(",")]
     value = _scalar(name, text)
-    types, wanted = _WANTED[param.kind]
+    types, wanted = _PARAM_TYPES[param.kind]
     if not isinstance(value, types) or (isinstance(value, bool) and param.kind != "flag"):
         raise InputError(f"{name}={text}: {wanted} is needed")
     return value

@@ -10,7 +10,7 @@ from typing import Any
 
 from tactograph.graph.files.flat_graph import Graph
 
-EVERY_S = 0.25
+LOOK_EVERY_S = 0.25
 Stamp = tuple[tuple[str, int, int], ...]
 
 
@@ -43,10 +43,10 @@ def stamp(files: Collection[Path]) -> Stamp:
 def wait_for_change(files: Collection[Path], before: Stamp) -> None:
     """Return when something changed, and has not gone on changing for a moment."""
     while stamp(files) == before:
-        time.sleep(EVERY_S)
+        time.sleep(LOOK_EVERY_S)
     now = stamp(files)
     while True:
-        time.sleep(EVERY_S)
+        time.sleep(LOOK_EVERY_S)
         settled, now = now, stamp(files)
         if settled == now:
             return

@@ -9,20 +9,26 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from html import escape
 
-from tactograph.graph.show.draw_text import COLOURS
 from tactograph.graph.show.sketch import Box, Edge, Sketch, fold
+from tactograph.graph.show.svg import (
+    DASHED,
+    HEIGHT_PX,
+    MARGIN_PX,
+    TIP,
+    WIDTH_PX,
+    drawing,
+    drawn_box,
+    drawn_edge,
+)
 
-WIDTH, HEIGHT = 150, 34
-"""Of a box, in px."""
-BETWEEN = 30
-"""From one layer to the next."""
-GAP, LANE = 16, 14
-"""Between boxes of a layer, and the width that a passing edge takes."""
-EDGE = 20
-"""Around the drawing."""
-SWEEPS = 12
+LAYER_GAP_PX = 30
+"""Space between two layers."""
+BOX_GAP_PX, LANE_PX = 16, 14
+"""Space between boxes of a layer, and the width that a passing edge takes."""
+RECALL_PX = 60
+"""Space at the right for edges to the next item."""
+ORDER_SWEEPS = 12
 """How often all layers are gone through, down and up, to bring what is joined together."""
 
 Spot = tuple[str, int]
@@ -38,32 +44,26 @@ def to_folded_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> s
     segments = _segments(layer, sketch.edges)
     layers = _ordered(layer, segments)
     centre = _centres(layers, layer, segments)
-    left = min((x for x in centre.values()), default=0.0) - WIDTH / 2 - EDGE
+    left = min((x for x in centre.values()), default=0.0) - WIDTH_PX / 2 - MARGIN_PX
     centre = {spot: x - left for spot, x in centre.items()}
-    right = max(centre.values(), default=0.0) + WIDTH / 2 + EDGE + (60 if sketch.recalls else 0)
-    bottom = 2 * EDGE + len(layers) * (HEIGHT + BETWEEN) - BETWEEN
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right:.0f} {bottom}" '
-        f'width="{right:.0f}" height="{bottom}" font-family="sans-serif" font-size="11">',
-        f"<title>{escape(sketch.title)}</title>",
-        '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="6" '
-        'markerHeight="6" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
-        f'<rect width="{right:.0f}" height="{bottom}" fill="white"/>',
-    ]
+    right = max(centre.values(), default=0.0) + WIDTH_PX / 2 + MARGIN_PX
+    right += RECALL_PX if sketch.recalls else 0
+    bottom = 2 * MARGIN_PX + len(layers) * (HEIGHT_PX + LAYER_GAP_PX) - LAYER_GAP_PX
+    lines: list[str] = []
     for (upper, lower), ports in segments.items():
         arrives = upper[0] != lower[0]
-        start = centre[upper], _top(upper[1]) + HEIGHT
-        end = centre[lower], _top(lower[1]) + (0 if arrives else HEIGHT)
+        start = centre[upper], _top(upper[1]) + HEIGHT_PX
+        end = centre[lower], _top(lower[1]) + (0 if arrives else HEIGHT_PX)
         lines.append(_drawn_segment(start, end, ports, arrives=arrives))
     for a, b, port in sketch.recalls:
         lines.append(_drawn_recall((a, layer[a]), (b, layer[b]), port, centre))
     for box in sketch.boxes:
         lines += _drawn_box(box, centre[box.name, layer[box.name]], layer[box.name], times or {})
-    return "\n".join([*lines, "</svg>", ""])
+    return drawing(sketch.title, right, bottom, lines)
 
 
 def _top(layer: int) -> int:
-    return EDGE + layer * (HEIGHT + BETWEEN)
+    return MARGIN_PX + layer * (HEIGHT_PX + LAYER_GAP_PX)
 
 
 def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
@@ -110,7 +110,7 @@ def _ordered(
     for spot in spots:
         layers[spot[1]].append(spot)
     joined = _neighbours(segments)
-    for sweep in range(SWEEPS):
+    for sweep in range(ORDER_SWEEPS):
         up = sweep % 2
         for number in range(len(layers))[:: -1 if up else 1]:
             place = {s: (i + 0.5) / len(row) for row in layers for i, s in enumerate(row)}
@@ -129,7 +129,7 @@ def _centres(
     joined = _neighbours(segments)
 
     def apart(a: Spot, b: Spot) -> float:
-        sizes = [WIDTH + GAP if layer[spot[0]] == spot[1] else LANE for spot in (a, b)]
+        sizes = [WIDTH_PX + BOX_GAP_PX if layer[spot[0]] == spot[1] else LANE_PX for spot in (a, b)]
         return sum(sizes) / 2
 
     centre: dict[Spot, float] = {}
@@ -140,7 +140,7 @@ def _centres(
             centre[spot] = at
         for spot in row:
             centre[spot] -= at / 2
-    for sweep in range(SWEEPS):
+    for sweep in range(ORDER_SWEEPS):
         for row in layers[:: -1 if sweep % 2 else 1]:
             wanted = []
             for spot in row:
@@ -171,35 +171,21 @@ def _drawn_segment(
     start: tuple[float, float], end: tuple[float, float], ports: str, *, arrives: bool
 ) -> str:
     (x1, y1), (x2, y2) = start, end
-    bend = y1 + BETWEEN
+    bend = y1 + LAYER_GAP_PX
     # Straight down past the boxes of a layer, and across between two.
     way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}V{y2}"
-    tip = ' marker-end="url(#tip)"' if arrives else ""
-    return f'<path d="{way}" fill="none" stroke="#777"{tip}><title>{escape(ports)}</title></path>'
+    return drawn_edge(way, ports, TIP if arrives else "")
 
 
 def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float]) -> str:
-    x1, y1 = centre[start], _top(start[1]) + HEIGHT - 8
-    x2, y2 = centre[end], _top(end[1]) + 8
-    out = max(x1, x2) + WIDTH / 2 + 60
-    way = f"M{x1 + WIDTH / 2:.1f} {y1}C{out:.1f} {y1} {out:.1f} {y2} {x2 + WIDTH / 2:.1f} {y2}"
-    return (
-        f'<path d="{way}" fill="none" stroke="#777" stroke-dasharray="4 3" '
-        f'marker-end="url(#tip)"><title>previous {escape(port)}</title></path>'
-    )
+    x1, y1 = centre[start] + WIDTH_PX / 2, _top(start[1]) + HEIGHT_PX - 8
+    x2, y2 = centre[end] + WIDTH_PX / 2, _top(end[1]) + 8
+    out = max(x1, x2) + RECALL_PX
+    way = f"M{x1:.1f} {y1}C{out:.1f} {y1} {out:.1f} {y2} {x2:.1f} {y2}"
+    return drawn_edge(way, f"previous {port}", DASHED + TIP)
 
 
 def _drawn_box(box: Box, x: float, layer: int, times: Mapping[str, float]) -> list[str]:
-    y, name = _top(layer), escape(box.name)
     inside = [ms for node, ms in times.items() if f"{node}.".startswith(f"{box.name}.")]
-    what = f"{box.what}, {sum(inside):.2g} ms" if any(inside) else box.what
-    rim = ' stroke-width="2.5"' if box.kind == "use" else ""
-    middle = f'x="{x:.1f}" text-anchor="middle"'
-    return [
-        f'<g data-node="{name}">',
-        f'<rect x="{x - WIDTH / 2:.1f}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
-        f'fill="{COLOURS[box.backend]}" stroke="#555"{rim}/>',
-        f'<text {middle} y="{y + 14}" font-weight="bold">{name}</text>',
-        f'<text {middle} y="{y + 27}">{escape(what)}</text>',
-        "</g>",
-    ]
+    words = f"{box.what}, {sum(inside):.2g} ms" if any(inside) else box.what
+    return drawn_box(box, x - WIDTH_PX / 2, _top(layer), box.name, words)

@@ -10,16 +10,22 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import NamedTuple
 
-from tactograph.graph.show.draw_text import COLOURS
-from tactograph.graph.show.sketch import Box, Edge, Sketch
+from tactograph.graph.show.sketch import Edge, Sketch
+from tactograph.graph.show.svg import (
+    DASHED,
+    HEIGHT_PX,
+    MARGIN_PX,
+    TIP,
+    WIDTH_PX,
+    drawing,
+    drawn_box,
+    drawn_edge,
+)
 
-WIDTH, HEIGHT = 150, 34
-"""Of a box, in px."""
-COLUMN, ROW = 210, 52
-"""From one box to the next."""
-EDGE = 20
-HEAD, PAD = 18, 6
-"""Of a frame around the steps of a use: above them for its name, and around them."""
+COLUMN_PX, ROW_PX = 210, 52
+"""Distance from one box to the next."""
+HEAD_PX, PAD_PX = 18, 6
+"""Height of a frame's name, and the space around the steps in it."""
 
 
 def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
@@ -29,40 +35,22 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
     """
     column = _columns(sketch)
     whole = _lay_out("", column, {box.name: box.use for box in sketch.boxes}, sketch.edges)
-    at = {n: (EDGE + COLUMN * column[n], EDGE + y) for n, y in whole.steps.items()}
-    right = max((x for x, _ in at.values()), default=0) + WIDTH + EDGE
-    bottom = whole.height + 0.08 * right + 2 * EDGE
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right} {bottom}" '
-        f'width="{right}" height="{bottom}" font-family="sans-serif" font-size="11">',
-        f"<title>{escape(sketch.title)}</title>",
-        '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="7" '
-        'markerHeight="7" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
-        f'<rect width="{right}" height="{bottom}" fill="white"/>',
+    at = {n: (MARGIN_PX + COLUMN_PX * column[n], MARGIN_PX + y) for n, y in whole.steps.items()}
+    right = max((x for x, _ in at.values()), default=0) + WIDTH_PX + MARGIN_PX
+    bottom = whole.height + 0.08 * right + 2 * MARGIN_PX
+    lines = [_drawn_frame(use, frame) for use, frame in whole.frames.items()]
+    lines += [_edge(at[a], at[b], port, TIP) for a, b, port in sketch.edges]
+    lines += [
+        _edge(at[a], at[b], f"previous {port}", DASHED + TIP) for a, b, port in sketch.recalls
     ]
-    lines += [_drawn_frame(use, frame) for use, frame in whole.frames.items()]
-    lines += [_edge(at[a], at[b], port, "") for a, b, port in sketch.edges]
-    dashed = ' stroke-dasharray="4 3"'
-    lines += [_edge(at[a], at[b], f"previous {port}", dashed) for a, b, port in sketch.recalls]
     for box in sketch.boxes:
-        lines += _drawn_box(box, *at[box.name], times or {})
-    return "\n".join([*lines, "</svg>", ""])
-
-
-def _drawn_box(box: Box, x: int, y: int, times: Mapping[str, float]) -> list[str]:
-    title, words = box.name, box.what
-    if box.is_transfer:
-        title, _, words = box.name.partition(" ")
-    if times.get(box.name):
-        words = f"{words}, {times[box.name]:.2g} ms"
-    return [
-        f'<g data-node="{escape(box.name)}">',
-        f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
-        f'fill="{COLOURS[box.backend]}" stroke="#555"/>',
-        _text(x + WIDTH / 2, y + 14, title, ' font-weight="bold"'),
-        _text(x + WIDTH / 2, y + 27, words, ""),
-        "</g>",
-    ]
+        title, words = box.name, box.what
+        if box.is_transfer:
+            title, _, words = box.name.partition(" ")
+        if times and times.get(box.name):
+            words = f"{words}, {times[box.name]:.2g} ms"
+        lines += drawn_box(box, *at[box.name], title, words)
+    return drawing(sketch.title, right, bottom, lines)
 
 
 class _Frame(NamedTuple):
@@ -123,20 +111,20 @@ def _lay_out(
     for number in sorted({column[name] for name in own}):
         for name in sorted([n for n in own if column[n] == number], key=place_read):
             area.steps[name] = filled.get(number, 0)
-            filled[number] = area.steps[name] + ROW
+            filled[number] = area.steps[name] + ROW_PX
     for use in _inside(around, uses.values()):
         inner = _lay_out(use, column, uses, joined)
         columns = [column[name] for name in inner.steps]
         spanned = range(min(columns), max(columns) + 1)
         top = max(filled.get(number, 0) for number in spanned)
-        height = HEAD + inner.height + PAD
+        height = HEAD_PX + inner.height + PAD_PX
         deep = 1 + max((frame.deep for frame in inner.frames.values()), default=0)
         area.frames[use] = _Frame(min(columns), max(columns), top, height, deep)
         for name, frame in inner.frames.items():
-            area.frames[name] = frame._replace(top=frame.top + top + HEAD)
-        area.steps |= {name: y + top + HEAD for name, y in inner.steps.items()}
-        filled |= dict.fromkeys(spanned, top + height + ROW - HEIGHT)
-    area.height = max(filled.values(), default=0) - (ROW - HEIGHT)
+            area.frames[name] = frame._replace(top=frame.top + top + HEAD_PX)
+        area.steps |= {name: y + top + HEAD_PX for name, y in inner.steps.items()}
+        filled |= dict.fromkeys(spanned, top + height + ROW_PX - HEIGHT_PX)
+    area.height = max(filled.values(), default=0) - (ROW_PX - HEIGHT_PX)
     return area
 
 
@@ -149,26 +137,19 @@ def _inside(around: str, uses: Iterable[str]) -> list[str]:
 
 
 def _drawn_frame(use: str, frame: _Frame) -> str:
-    x, y = EDGE + COLUMN * frame.first - PAD * frame.deep, EDGE + frame.top
-    width = COLUMN * (frame.last - frame.first) + WIDTH + 2 * PAD * frame.deep
+    x, y = MARGIN_PX + COLUMN_PX * frame.first - PAD_PX * frame.deep, MARGIN_PX + frame.top
+    width = COLUMN_PX * (frame.last - frame.first) + WIDTH_PX + 2 * PAD_PX * frame.deep
     return (
         f'<rect x="{x}" y="{y}" width="{width}" height="{frame.height}" rx="5" fill="#f6f6f6" '
-        f'stroke="#999"/><text x="{x + PAD}" y="{y + 13}" fill="#555">{escape(use)}</text>'
+        f'stroke="#999"/><text x="{x + PAD_PX}" y="{y + 13}" fill="#555">{escape(use)}</text>'
     )
 
 
 def _edge(start: tuple[int, int], end: tuple[int, int], port: str, more: str) -> str:
-    x1, y1 = start[0] + WIDTH, start[1] + HEIGHT / 2
-    x2, y2 = end[0], end[1] + HEIGHT / 2
+    x1, y1 = start[0] + WIDTH_PX, start[1] + HEIGHT_PX / 2
+    x2, y2 = end[0], end[1] + HEIGHT_PX / 2
     bend = max(30.0, abs(x2 - x1) / 2)
-    # What goes past other columns hangs below their boxes, which would hide it.
-    sag = 0.1 * max(0, x2 - x1 - COLUMN)
-    path = f"M{x1} {y1}C{x1 + bend} {y1 + sag} {x2 - bend} {y2 + sag} {x2} {y2}"
-    return (
-        f'<path d="{path}" fill="none" stroke="#777"{more} marker-end="url(#tip)">'
-        f"<title>{escape(port)}</title></path>"
-    )
-
-
-def _text(x: float, y: float, words: str, more: str) -> str:
-    return f'<text x="{x}" y="{y}" text-anchor="middle"{more}>{escape(words)}</text>'
+    # An edge that passes other columns hangs below their boxes, which would hide it.
+    sag = 0.1 * max(0, x2 - x1 - COLUMN_PX)
+    way = f"M{x1} {y1}C{x1 + bend} {y1 + sag} {x2 - bend} {y2 + sag} {x2} {y2}"
+    return drawn_edge(way, port, more)

@@ -9,7 +9,7 @@ from tactograph.graph.show.sketch import Box, Sketch
 
 _SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box", "use": "box3d"}
 _BRACKETS = {"upload": ("([", "])"), "download": ("([", "])"), "use": ("[[", "]]")}
-COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
+BACKEND_COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 
 
 def to_dot(sketch: Sketch) -> str:
@@ -24,7 +24,7 @@ def to_dot(sketch: Sketch) -> str:
     for box in sketch.boxes:
         drawn.setdefault(box.use, []).append(
             f'"{box.name}" [label="{_label(box, chr(92) + "n")}", '
-            f'shape={_SHAPES[box.kind]}, fillcolor="{COLOURS[box.backend]}"];'
+            f'shape={_SHAPES[box.kind]}, fillcolor="{BACKEND_COLOURS[box.backend]}"];'
         )
     cluster = 'subgraph "cluster_{use}" {{ label="{use}"; color="#999999"; fontsize=10;'
     lines += _in_clusters(drawn, cluster, "}")
@@ -49,7 +49,7 @@ def to_mermaid(sketch: Sketch) -> str:
     lines += _in_clusters(drawn, 'subgraph use_{id}["{use}"]', "end")
     lines += [f"  {ids[a]} -->|{port}| {ids[b]}" for a, b, port in sketch.edges]
     lines += [f"  {ids[a]} -.->|previous {port}| {ids[b]}" for a, b, port in sketch.recalls]
-    lines += [f"  classDef {name} fill:{colour}" for name, colour in COLOURS.items()]
+    lines += [f"  classDef {name} fill:{colour}" for name, colour in BACKEND_COLOURS.items()]
     return "\n".join([*lines, ""])
 
 

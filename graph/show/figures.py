@@ -10,7 +10,7 @@ from typing import Any
 
 from scipy.special import stdtrit
 
-CONFIDENCE = 0.95
+CONFIDENCE_LEVEL = 0.95
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def estimate(values: Sequence[float]) -> Estimate:
     mean = fmean(values)
     if len(values) < 2:
         return Estimate(mean, mean, mean, len(values))
-    quantile = float(stdtrit(len(values) - 1, 0.5 + CONFIDENCE / 2))
+    quantile = float(stdtrit(len(values) - 1, 0.5 + CONFIDENCE_LEVEL / 2))
     half = quantile * stdev(values) / math.sqrt(len(values))
     return Estimate(mean, mean - half, mean + half, len(values))
 

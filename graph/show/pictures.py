@@ -22,15 +22,15 @@ from tactograph.graph.show.views import View, kind_of
 BIT_COLOURS = (
     "#e6a03c", "#3c8fe6", "#d1495b", "#4caf7a", "#8e6bbf", "#c9c13b", "#5bc0be", "#b07d62",
 )  # fmt: skip
-SEVERAL = "#3a3a3a"
+SEVERAL_COLOUR = "#3a3a3a"
 LINE_COLOURS = (
     "#1f5fa8", "#d1495b", "#2d8a5f", "#b57614", "#6f4fa3", "#0f8b8d", "#8a5a44", "#a3306f",
 )  # fmt: skip
-ACROSS = 4
+MAX_PANELS_ACROSS = 4
 """Panels in a row."""
-WIDTH = 10.4
+PAGE_WIDTH_IN = 10.4
 """Inches of a picture as wide as the page."""
-CLIPPED = 99.5
+ERROR_PERCENTILE = 99.5
 """Percentile of the absolute errors at which the common scale ends: a few pixels on an edge
 would otherwise leave all others white."""
 
@@ -84,7 +84,7 @@ def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
     """
     everything = np.abs(_finite(panels))
     end = (
-        float(np.percentile(everything, CLIPPED)) or float(everything.max()) or 1.0
+        float(np.percentile(everything, ERROR_PERCENTILE)) or float(everything.max()) or 1.0
         if everything.size
         else 1.0
     )
@@ -102,7 +102,7 @@ def draw_labels(panels: Panels, unit: str) -> str:
     count = max(int(array.max()).bit_length() for array in panels.values()) or 1
     name = unit.removesuffix("bits").strip() or "bit"
     figure, axes = _grid(panels, bar=True)
-    colours = ListedColormap(["#f2f2f0", *BIT_COLOURS[:count], SEVERAL])
+    colours = ListedColormap(["#f2f2f0", *BIT_COLOURS[:count], SEVERAL_COLOUR])
     norm = BoundaryNorm(np.arange(-0.5, count + 2), colours.N)
     for ax, (title, array) in zip(axes, panels.items(), strict=True):
         ax.imshow(_numbers(array, count), cmap=colours, norm=norm, interpolation="nearest")
@@ -198,10 +198,10 @@ def _numbers(labels: NDArray[Any], count: int) -> NDArray[np.int64]:
 
 def _grid(panels: Panels, bar: bool = False) -> tuple[Figure, list[Axes]]:
     """A figure with a bare panel for each array, in rows of equal size."""
-    across = min(ACROSS, len(panels))
+    across = min(MAX_PANELS_ACROSS, len(panels))
     down = -(-len(panels) // across)
     rows, columns = next(iter(panels.values())).shape
-    width = min(WIDTH, 4.6 * across)
+    width = min(PAGE_WIDTH_IN, 4.6 * across)
     figure = _figure(down * (width * (0.9 if bar else 1) / across * rows / columns + 0.3), width)
     axes = list(figure.subplots(down, across, squeeze=False).ravel())
     for ax in axes:
@@ -209,7 +209,7 @@ def _grid(panels: Panels, bar: bool = False) -> tuple[Figure, list[Axes]]:
     return figure, axes[: len(panels)]
 
 
-def _figure(height: float, width: float = WIDTH) -> Figure:
+def _figure(height: float, width: float = PAGE_WIDTH_IN) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure

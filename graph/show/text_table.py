@@ -7,7 +7,7 @@ from textwrap import wrap
 
 from rich.cells import cell_len
 
-GAP = "  "
+COLUMN_GAP = "  "
 
 
 def fitting_table(
@@ -59,7 +59,7 @@ def _blocks(
     block: list[Sequence[str]] = []
     left = width - _width(head)
     for column in columns:
-        needed = len(GAP) + _width(column)
+        needed = len(COLUMN_GAP) + _width(column)
         if block and needed > left:
             yield block
             block, left = [], width - _width(head)
@@ -70,7 +70,7 @@ def _blocks(
 
 def _drawn(columns: Sequence[Sequence[str]], labels: int) -> str:
     padded = [_padded(column, number >= labels) for number, column in enumerate(columns)]
-    return "\n".join(GAP.join(cells).rstrip() for cells in zip(*padded, strict=True))
+    return "\n".join(COLUMN_GAP.join(cells).rstrip() for cells in zip(*padded, strict=True))
 
 
 def _padded(column: Sequence[str], right: bool) -> list[str]:

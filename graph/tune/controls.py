@@ -11,7 +11,7 @@ from typing import Any, Literal
 from tactograph.graph.declare.limits import Limits, bare_type, limits_of
 from tactograph.graph.declare.node import Parameter
 
-DECADES = 2.5
+MIN_LOG_DECADES = 2.5
 """A range of positive numbers that is wider gets a logarithmic slider."""
 Kind = Literal["slider", "choice", "flag", "text"]
 
@@ -65,7 +65,7 @@ def control_of(parameter: Parameter, value: Any) -> Control:
         return Control("text")
     default = value if parameter.required else parameter.default
     low, high = _range(limits_of(parameter.annotation), float(value), default)
-    log = low > 0 and high / low >= 10**DECADES
+    log = low > 0 and high / low >= 10**MIN_LOG_DECADES
     if low >= high:
         return Control("text")
     return Control("slider", low, high, annotation is int, log)

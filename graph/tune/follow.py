@@ -10,7 +10,7 @@ from nicegui import Client, ui
 
 from tactograph.graph.tune.picture_view import PictureView
 
-ANSWER_S = 3.0
+SHOW_TIMEOUT_S = 3.0
 """So long a page may take to show a picture before it is sent the next, as one in the back does."""
 
 
@@ -56,6 +56,6 @@ class Follow:
         self._sent.update(new)
         changes = json.dumps([[*key, *words] for key, words in new.items()])
         try:
-            await self._client.run_javascript(f"return follow({changes})", timeout=ANSWER_S)
+            await self._client.run_javascript(f"return follow({changes})", timeout=SHOW_TIMEOUT_S)
         except TimeoutError:
             return  # it will show them when it comes to the front

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from nicegui import ui
 
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.draw_text import COLOURS
+from tactograph.graph.show.draw_text import BACKEND_COLOURS
 from tactograph.graph.tune.tuning import Tuning
 
-PICK = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(g.dataset.node) }"
+EMIT_NODE_JS = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(g.dataset.node) }"
 
 
 class GraphView:
@@ -29,7 +30,7 @@ class GraphView:
         with ui.column().classes("t-card w-full gap-1"):
             with ui.row().classes("w-full items-center gap-3 no-wrap"):
                 ui.label("Graph").classes("t-title")
-                for backend, colour in COLOURS.items():
+                for backend, colour in BACKEND_COLOURS.items():
                     ui.label(backend).classes("t-backend").style(f"background: {colour}")
                 ui.label("click a node").classes("t-help")
                 ui.space()
@@ -48,7 +49,7 @@ class GraphView:
                 self._zoom.style("width: 110px")
             self._drawing = ui.html("", sanitize=False).classes("t-graph")
             self._drawing.props("data-testid=graph")
-            self._drawing.on("click", lambda e: choose(e.args), js_handler=PICK)
+            self._drawing.on("click", lambda e: choose(e.args), js_handler=EMIT_NODE_JS)
 
     def draw(self) -> None:
         """Draw the plan with the times of the last result, and mark the chosen node."""
@@ -61,11 +62,9 @@ class GraphView:
         svg = to_svg(sketch_of(shown.plan), shown.result.times)
         zoom = float(self._zoom.value) / 100
         head, _, rest = svg.partition(">")
-        width, height = (
-            float(head.split(f'{side}="')[1].split('"')[0]) for side in ("width", "height")
-        )
-        head = head.replace(f'width="{width:g}"', "").replace(f'height="{height}"', "")
-        style = f' style="width:{width * zoom:.0f}px;height:{height * zoom:.0f}px"'
+        width, height = re.findall(r'(?<=width=")\d+|(?<=height=")\d+', head)
+        head = head.replace(f'width="{width}" height="{height}"', "")
+        style = f' style="width:{int(width) * zoom:.0f}px;height:{int(height) * zoom:.0f}px"'
         chosen = self._tuning.asked.node
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
         self._drawing.set_content(f"{head}{style}>{mark if chosen else ''}{rest}")

@@ -27,9 +27,9 @@ MAX_ENTRIES = 30
 """Entries of a mapping that are listed."""
 MAX_PLANES = 4
 """Planes of a stack that are drawn beside each other."""
-AS_FILE = "as the graph says"
-KEEP = "(e) => { Vue.toRaw(element).props.value = e.target.value"
-TELL = "emit(e.target.value)"
+FILE_BACKEND = "as the graph says"
+KEEP_TEXT_JS = "(e) => { Vue.toRaw(element).props.value = e.target.value"
+EMIT_TEXT_JS = "emit(e.target.value)"
 
 
 class NodePanel:
@@ -97,10 +97,10 @@ class NodePanel:
                 every.props("dense data-testid=every").bind_value(tuning, "every")
                 every.tooltip("what changes here changes in every use of the group")
             ui.select(
-                [AS_FILE, *sorted(node.backends)],
-                value=entry.backend or AS_FILE,
+                [FILE_BACKEND, *sorted(node.backends)],
+                value=entry.backend or FILE_BACKEND,
                 on_change=lambda e: self._do(
-                    tuning.set_backend, name, None if e.value == AS_FILE else e.value
+                    tuning.set_backend, name, None if e.value == FILE_BACKEND else e.value
                 ),
             ).props("dense options-dense borderless data-testid=backend")
             if node.neutral is not None:
@@ -155,7 +155,12 @@ class NodePanel:
                 self._follow.value(field, _words(number))
                 self._set(node, name, number)
 
-            slider.on("input", moved, throttle=SLIDE_EVERY_S, js_handler=f"{KEEP}; {TELL} }}")
+            slider.on(
+                "input",
+                moved,
+                throttle=SLIDE_EVERY_S,
+                js_handler=f"{KEEP_TEXT_JS}; {EMIT_TEXT_JS} }}",
+            )
 
         def typed(event: events.GenericEventArguments) -> None:
             text = str(event.args)
@@ -168,8 +173,8 @@ class NodePanel:
                 self._follow.value(slider, str(round(control.place(float(now)))))
 
         # Half-typed text must survive other updates of the page.
-        field.on("input", js_handler=f"{KEEP} }}")
-        field.on("change", typed, js_handler=f"(e) => {{ {TELL} }}")
+        field.on("input", js_handler=f"{KEEP_TEXT_JS} }}")
+        field.on("change", typed, js_handler=f"(e) => {{ {EMIT_TEXT_JS} }}")
 
     def _set(self, node: str, name: str, value: Any) -> None:
         self._do(self._tuning.set, node, name, value)

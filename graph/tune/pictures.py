@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.show.pictures import BIT_COLOURS, SEVERAL
+from tactograph.graph.show.pictures import BIT_COLOURS, SEVERAL_COLOUR
 
-UNKNOWN = 255
+NAN_LEVEL = 255
 """The level of NaN; what is known has those below."""
 
 
@@ -66,7 +66,7 @@ def draw_difference(array: NDArray[Any], unit: str) -> Picture:
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
     count = max(int(array.max(initial=0)).bit_length(), 1)
-    table = np.full((256, 3), _rgb(SEVERAL), np.uint8)
+    table = np.full((256, 3), _rgb(SEVERAL_COLOUR), np.uint8)
     table[0] = _rgb("#f2f2f0")
     for bit in range(min(count, 8)):
         table[1 << bit] = _rgb(BIT_COLOURS[bit])
@@ -77,15 +77,15 @@ def _labels(array: NDArray[Any], unit: str) -> Picture:
 def _coloured(
     array: NDArray[Any], finite: NDArray[np.bool_], low: float, high: float, colours: str
 ) -> str:
-    last = UNKNOWN - 1
+    last = NAN_LEVEL - 1
     levels = np.clip((array - low) * (last / ((high - low) or 1.0)), 0, last)
-    levels[~finite] = UNKNOWN
+    levels[~finite] = NAN_LEVEL
     return _uri(levels.astype(np.uint8), _table(colours))
 
 
 def gradient(colours: str) -> str:
     """The colours as a CSS gradient from bottom to top."""
-    stops = _table(colours)[:UNKNOWN:15]
+    stops = _table(colours)[:NAN_LEVEL:15]
     return ", ".join(f"rgb({r},{g},{b})" for r, g, b in stops.tolist())
 
 
@@ -94,7 +94,7 @@ def _table(colours: str) -> NDArray[np.uint8]:
     """The colours of levels 0 to 254, and grey for what is unknown."""
     from matplotlib import colormaps
 
-    rgb = colormaps[colours](np.linspace(0, 1, UNKNOWN))[:, :3]
+    rgb = colormaps[colours](np.linspace(0, 1, NAN_LEVEL))[:, :3]
     known = (255 * rgb).round().astype(np.uint8)
     return np.concatenate([known, np.full((1, 3), 128, np.uint8)])
 

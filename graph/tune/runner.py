@@ -13,7 +13,7 @@ from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
-from tactograph.graph.tune.captures import CAPTURE
+from tactograph.graph.tune.captures import CAPTURE_PARAM
 
 
 class Runner:
@@ -56,7 +56,7 @@ class Runner:
             return pipeline.again(only)
         if capture is not None and self._at[0] != capture:
             self._end()
-            pipeline.aim(**{CAPTURE: str(capture)})
+            pipeline.aim(**{CAPTURE_PARAM: str(capture)})
         if self._stream is None:
             self._stream = pipeline.items()
         result = next(self._stream, None)
@@ -74,7 +74,7 @@ class Runner:
         self.pipeline, self._graph = None, None
 
     def _open(self, graph: Graph, capture: Path | None) -> None:
-        given = self._given if capture is None else {**self._given, CAPTURE: str(capture)}
+        given = self._given if capture is None else {**self._given, CAPTURE_PARAM: str(capture)}
         given = {name: value for name, value in given.items() if name in graph.params}
         opened = open_pipeline(
             graph,

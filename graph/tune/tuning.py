@@ -30,7 +30,7 @@ from tactograph.graph.run.watch import Stamp, files_of, stamp
 from tactograph.graph.tune.captures import captures_of
 from tactograph.graph.tune.runner import Runner
 
-SECOND = 1.0
+RATE_WINDOW_S = 1.0
 REST_S = 0.12
 """So long a hand has to rest before figures and all else follow what it looks at."""
 
@@ -377,7 +377,7 @@ class Tuning:
     def _count(self) -> None:
         now = time.monotonic()
         self.rates.append(now)
-        while now - self.rates[0] > SECOND:
+        while now - self.rates[0] > RATE_WINDOW_S:
             self.rates.popleft()
 
     def _inspect(self, node: str | None) -> dict[str, Any]:

@@ -35,8 +35,8 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(progress_line, "START_S", 0.0)
-    monkeypatch.setattr(progress_line, "EVERY_S", 0.001)
+    monkeypatch.setattr(progress_line, "MIN_SHOWN_S", 0.0)
+    monkeypatch.setattr(progress_line, "REDRAW_EVERY_S", 0.001)
     monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
 
 

@@ -105,7 +105,7 @@ def test_nothing_that_a_buffer_held_before_reaches_the_height(
     device: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Springs of no stiffness lead beyond the frame: a product with zero, but for NaN."""
-    monkeypatch.setattr(parity, "RUBBISH", 0xFF)
+    monkeypatch.setattr(parity, "POISON_BYTE", 0xFF)
     node = find_node(name)
     for case in cases(node, shapes=((31, 37), (70, 131)))[:4]:
         assert compare(node, device, case) is None, str(case)

@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import POCL, build, context_of
+from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 
@@ -43,9 +43,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What is built is kept here, and nothing that was built before is known."""
     found, _ = choose_device()
     assert found is not None
-    if found.handle.platform.name != POCL:
+    if found.handle.platform.name != POCL_PLATFORM:
         pytest.skip("what this driver builds is not kept here")
-    monkeypatch.setenv(disk_cache.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()
     return tmp_path / "cache"
@@ -92,7 +92,7 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [(disk_cache.FOLDER, "off"), ("PYOPENCL_NO_CACHE", "1")]
+    ("name", "value"), [(disk_cache.FOLDER_VARIABLE, "off"), ("PYOPENCL_NO_CACHE", "1")]
 )
 def test_nothing_is_kept_where_that_is_not_wanted(
     folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str

@@ -48,7 +48,7 @@ def test_an_array_larger_than_its_archive_is_refused(tmp_path: Path) -> None:
 
 def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch) -> None:
     np.savez_compressed(tmp_path / "two.npz", a=np.zeros(300_000, np.float32))
-    monkeypatch.setattr(array_files, "MOST_BYTES", 1_000_000)
+    monkeypatch.setattr(array_files, "MAX_BYTES", 1_000_000)
     with pytest.raises(ValueError, match="are allowed"):
         load_arrays(tmp_path / "two.npz")
 

@@ -16,7 +16,7 @@ from nicegui import Client, ui
 from nicegui.page import page
 
 from tactograph.graph.tune.page import Page
-from tactograph.graph.tune.save_dialog import REPLACE
+from tactograph.graph.tune.save_dialog import REPLACE_LABEL
 
 pytestmark = pytest.mark.slow
 HOSTILE = 'x" autofocus onfocus="alert(1)" data-y="'
@@ -118,7 +118,7 @@ def test_a_file_of_others_is_asked_for_before_it_is_replaced(
     field.set_value(str(theirs))
     seen.click("write")
     assert theirs.read_text() == "theirs: 1\n"
-    assert seen.element("write").text == REPLACE
+    assert seen.element("write").text == REPLACE_LABEL
     field.set_value(str(mine))
     assert seen.element("write").text == "Save", "it was asked about another file"
     field.set_value(str(theirs))
