@@ -1,8 +1,7 @@
 """OpenCL devices: every one listed, none trusted before it has run a real kernel.
 
-A listed device is no proof: runtimes exist that enumerate a CPU and then cannot compile for
-it.  Each candidate compiles and runs a small kernel, and the verdict says why one was passed
-over.
+Some runtimes list a CPU and then cannot compile for it.  So each candidate compiles and runs a
+small kernel, and the verdict says why one was passed over.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
 
 
 def how_to_get_one() -> str:
-    """What to type on this system for an OpenCL device on its CPU."""
+    """The command that installs an OpenCL device for the CPU of this system."""
     if sys.platform == "darwin":
         return "macOS has one of its own; conda install -c conda-forge pyopencl pocl brings another"
     if intel_runtime.is_for_this_system():
@@ -120,7 +119,7 @@ def _handles() -> Iterator[cl.Device]:
         except cl.Error:
             continue
     gpu = cl.device_type.GPU
-    # Loaders list drivers in the order of a folder, which is none; by name Intel's comes first.
+    # Loaders list drivers in no order; by name Intel's comes first.
     yield from sorted(handles, key=lambda h: (0, "") if h.type & gpu else (1, h.platform.name))
 
 

@@ -27,7 +27,7 @@ _TYPE = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
 _KERNEL = re.compile(r"\b(?:__)?kernel\b[^{};]*?\bvoid\s+(\w+)\s*\(([^)]*)\)")
 
 Argument = tuple[str, str]
-"""(C type with a star for a buffer, name without the underscore that avoids a built-in)"""
+"""C type, with a star for a buffer, and name, without the underscore that avoids a built-in."""
 
 
 def kernel_source(node: Node) -> str:
@@ -44,7 +44,7 @@ def kernel_source(node: Node) -> str:
 
 
 def kernel_file(node: Node) -> str:
-    """What the node's ``.cl`` file is called in messages.
+    """The name of the node's ``.cl`` file in messages.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def kernel_file(node: Node) -> str:
 
 
 def kernel_text(node: Node) -> str:
-    """The same, without a look at the declaration.
+    """`kernel_source` without the comparison with the declaration.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def kernel_text(node: Node) -> str:
 def _with_headers(node: Node, file: str, written: set[str]) -> str:
     """The text of a file with each header written in where it is first included.
 
-    ``#line`` tells the compiler which file and line it reads, so that its messages do.
+    ``#line`` makes the compiler's messages name the original file and line.
     """
     name, text = _find(node, file)
     written.add(file)
@@ -85,7 +85,7 @@ def _with_headers(node: Node, file: str, written: set[str]) -> str:
 
 
 def _find(node: Node, file: str) -> tuple[str, str]:
-    """What a kernel's file or header is called in messages, and its text."""
+    """The name of a kernel's file or header in messages, and its text."""
     source = node.kernels.source
     if source is not None and file == f"{node.name}.cl":
         return _own(node, source)
@@ -103,7 +103,7 @@ def _find(node: Node, file: str) -> tuple[str, str]:
 
 
 def _own(node: Node, source: str | os.PathLike[str]) -> tuple[str, str]:
-    """The kernels that a declaration gives itself: their text, or a path."""
+    """Kernels that a declaration gives itself, as text or as a path."""
     if isinstance(source, str) and ("{" in source or "\n" in source):
         return f"source of {node.name}", source
     try:
@@ -115,7 +115,7 @@ def _own(node: Node, source: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def expected_arguments(node: Node) -> list[Argument]:
-    """What the kernel must take: inputs, outputs, sizes, parameters, in declared order."""
+    """The arguments of the kernel: inputs, outputs, sizes, parameters, in declared order."""
     arguments: list[Argument] = []
     for port in node.inputs.values():
         name = port.name.replace(".", "_")
@@ -134,7 +134,7 @@ def expected_arguments(node: Node) -> list[Argument]:
 
 
 def scalar_type(annotation: Any) -> tuple[str, int, tuple[Any, ...]] | None:
-    """(C type, how many, choices) of a parameter that a kernel can take, else None."""
+    """C type, count and choices of a parameter that a kernel can take; None for any other."""
     if typing.get_origin(annotation) is typing.Annotated:
         annotation = typing.get_args(annotation)[0]
     if annotation is float:
@@ -173,7 +173,7 @@ def kernel_signatures(text: str) -> dict[str, list[Argument]]:
     macros = _macros(plain)
     found: dict[str, list[Argument]] = {}
     for name, head in _KERNEL.findall(plain):
-        # Arguments that several kernels share are macros; vectors of LANES have a name.
+        # Arguments that several kernels share are macros; vectors of LANES are typedefs.
         written = re.sub(r"\w+", lambda word: macros.get(word[0], word[0]), head)
         found[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
     return found

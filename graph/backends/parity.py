@@ -1,8 +1,8 @@
 """Parity: the generated proof that a node's implementations agree.
 
-For every node with a kernel: every shape, fill and parameter setting below, the NumPy function
-against the kernel, judged by the node's own tolerance.  Outputs hold rubbish before the launch;
-inputs must be unchanged after it.
+For every node with a kernel, the NumPy function is compared with the kernel over every shape, fill
+and parameter setting below, within the node's own tolerance.  Outputs hold rubbish before the
+launch; inputs must be unchanged after it.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ INTEGER_FILLS: dict[str, tuple[type, int]] = {
     "8 bits": (np.uint8, 255),
     "16 bits": (np.uint16, 65535),
 }
-"""Fills of nodes whose kernels read a camera's integers as they came."""
+"""Fills for nodes whose kernels read a camera's integers."""
 POISON_BYTE = 0xA5
 MAX_DIFFERENCES = 5
-"""Differences that a message tells."""
+"""Differences that a message lists."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One comparison: `left_out` are inputs that are absent, `wanted` the outputs asked for."""
+    """A comparison: `left_out` are absent inputs, `wanted` the outputs asked for."""
 
     sizes: Mapping[str, int]
     fill: str
@@ -56,9 +56,10 @@ class Case:
 
 
 def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case]:
-    """Every shape with every fill at default parameters; on one shape the rest.
+    """Make the cases of a node.
 
-    That is every setting, inputs that may be absent left out, a part of the outputs wanted.
+    They are every shape with every fill at default parameters, and, on one shape, every other
+    setting, absent inputs, and parts of the outputs.
     """
     fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
     fills += [] if node.kernels.whole is None else list(INTEGER_FILLS)
@@ -99,7 +100,7 @@ def check(node: Node, device: str | None = None) -> int:
 
     Returns
     -------
-    How many cases were compared.
+    The number of cases.
 
     Raises
     ------
@@ -145,7 +146,7 @@ def compare(node: Node, device: DeviceBackend, case: Case) -> str | None:
 
 
 def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str | None:
-    """The same on several devices, with NumPy's result made once; the first difference."""
+    """Run a case on several devices, and on NumPy once; return the first difference."""
     inputs = make_inputs(node, case)
     kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
     wanted = EVERYTHING if case.wanted is None else Wanted(frozenset(case.wanted))
@@ -173,8 +174,8 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
 def _named(name: str) -> Callable[..., Any]:
     """`_on_device` under another name.
 
-    A kernel that goes out of bounds may end the process; all that Python's fault handler, which
-    pytest turns on, then tells are the names of the functions that were being run.
+    A kernel that goes out of bounds may end the process.  Python's fault handler, which pytest
+    turns on, then prints only the names of the running functions.
     """
     code = _on_device.__code__.replace(co_name=name, co_qualname=name)
     return FunctionType(code, globals())
@@ -274,15 +275,15 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
 
 
 def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
-    """What a node made, by output."""
+    """A node's results by output."""
     return dict(zip(node.outputs, node.results(made), strict=True))
 
 
 def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:
     """H and W as given, four lights or as many as the node needs, the rest H times W.
 
-    A part h x w of an image may be as large as it.  Sizes that the node derives from others are
-    what its parameters make of those.
+    A part h x w of an image may be as large as the image.  Derived sizes follow from the node's
+    rules.
     """
     sizes: dict[str, int] = {}
     for symbol in node.symbols:
@@ -299,7 +300,7 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
 
 
 def _fits(node: Node, shape: tuple[int, int], setting: dict[str, Any]) -> bool:
-    """Whether a setting is one for images of this shape: a window may be larger than they are."""
+    """Whether a setting suits images of this shape: a window may be larger than they are."""
     try:
         _sizes(node, shape, setting)
     except InputError:

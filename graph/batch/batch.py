@@ -1,4 +1,4 @@
-"""A batch: which captures are still to do, cut into chunks, handed to workers."""
+"""A batch: the captures that are still to do, in chunks for the workers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.run.result_origin import Origin
 
 MAX_TRIED_CAPTURES = 20
-"""So many captures are tried to find out what maps look like."""
+"""Captures that are tried to learn the types of the maps."""
 
 
 class Workers(Protocol):
-    """Whoever does the chunks."""
+    """Processes, threads or machines that do the chunks."""
 
     name: str
 
@@ -38,10 +38,9 @@ def open_batch(
 ) -> Store:
     """Make the store, or continue one of the same job; add new captures.
 
-    Where `chunk` does not say how many captures are written together, the size of their maps
-    does, which `workers` find out.  A store in which no capture was finished, as a mistake in
-    the first command leaves it, is made anew for another job or other captures.  A batch's own
-    folder is none of its captures.
+    Without `chunk`, the size of the maps, which `workers` find out, decides how many captures are
+    written together.  A store without a finished capture, as a mistake in the first command leaves
+    it, is made anew for another job or other captures.  The batch's own folder is not a capture.
 
     Raises
     ------
@@ -76,7 +75,7 @@ def open_batch(
 
 
 def _refuse_outside(captures: Sequence[str], job: Job, out: str) -> None:
-    """Refuse captures whose results would have no place among those of the first ones."""
+    """Refuse captures whose results would lie outside the folder of the first ones."""
     for capture in captures:
         if job.below and not capture.startswith(f"{job.below.rstrip('/')}/"):
             raise InputError(
@@ -86,7 +85,7 @@ def _refuse_outside(captures: Sequence[str], job: Job, out: str) -> None:
 
 
 def lies_in(capture: str, place: str, folders: str | None) -> bool:
-    """Whether a match is what this batch itself writes: its store or its table."""
+    """Whether a match is this batch's own store or table."""
     table = f"{folders}/captures.csv" if folders else f"{place.removesuffix('.zarr')}.csv"
     return capture == table or f"{capture}/".startswith(f"{place.rstrip('/')}/")
 
@@ -94,7 +93,7 @@ def lies_in(capture: str, place: str, folders: str | None) -> bool:
 def _holds_nothing_for(
     store: Store, identity: Mapping[str, Any], captures: Sequence[str], chunk: int
 ) -> bool:
-    """Whether nothing is lost, and something put right, if the store is made anew."""
+    """Whether the store differs from what is wanted, and holds no finished capture."""
     if store.statuses.any():
         return False
     differs = store.identity != identity or store.chunk != chunk
@@ -102,7 +101,7 @@ def _holds_nothing_for(
 
 
 def reopen_damaged(store: Store) -> int:
-    """Let what is called done, but is not there whole, count as never done; return how many."""
+    """Reopen the captures that are marked done but are not whole; return their number."""
     damaged = set(store.damaged())
     if store.job.folders is not None:
         done = zip(store.captures, store.statuses, strict=True)
@@ -132,7 +131,7 @@ def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
 
 
 def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterator[Tally]:
-    """Do the chunks, and yield how each went as soon as it is written.
+    """Do the chunks, and yield the tally of each as soon as it is written.
 
     Raises
     ------
@@ -146,7 +145,7 @@ def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterat
 
 
 def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str, MapType]:
-    """What maps look like, from the first of the captures that can be done."""
+    """The types of the maps, from the first capture that can be done."""
     reason, tried = "", captures[:MAX_TRIED_CAPTURES]
     for capture in tried:
         try:

@@ -1,4 +1,4 @@
-"""What came of one capture."""
+"""The result of one capture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STATUS_NAMES = ("pending", "done", "failed")
 
 @dataclass
 class Entry:
-    """What came of one capture."""
+    """The status, figures, warnings and maps of one capture."""
 
     status: int
     reason: str = ""
@@ -34,7 +34,7 @@ class Entry:
 
 
 def read_figures(text: str) -> dict[str, float]:
-    """Return the figures that were written as JSON; of what is none, as if never written."""
+    """Read figures that were written as JSON; damaged ones count as none."""
     try:
         return dict(json.loads(text or "{}"))
     except (ValueError, TypeError, RecursionError):

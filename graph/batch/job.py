@@ -1,4 +1,4 @@
-"""What is to be done with every capture of a batch."""
+"""The work on every capture of a batch."""
 
 from __future__ import annotations
 
@@ -19,12 +19,20 @@ from tactograph.graph.run.result_origin import Origin, named_files
 
 @dataclass(frozen=True)
 class Job:
-    """What to do with a capture.
+    """The work on a capture.
 
-    `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
-    capture; `inputs` what the files hold that all captures share; `folders` where results go
-    as folders, None if maps go into the store; `below` the folder whose folders they mirror,
-    "" for the root.
+    Attributes
+    ----------
+    graph
+        The text of the flat graph file.
+    param
+        The graph's parameter that takes a capture.
+    inputs
+        Content hashes of the files that all captures share.
+    folders
+        The folder for result folders; None if maps go into the store.
+    below
+        The folder whose layout the result folders mirror; "" for the root.
     """
 
     graph: str
@@ -42,7 +50,7 @@ class Job:
 
 
 def identity_of(job: Job, origin: Origin) -> dict[str, Any]:
-    """What decides what a capture gives, and must not change between the parts of one store."""
+    """All that decides a capture's results, and must not change between the parts of a store."""
     same = ("hash", "given", "inputs", "param", "maps", "backend", "folders")
     return {name: value for name, value in asdict(job).items() if name in same} | asdict(origin)
 
@@ -59,13 +67,13 @@ def make_job(
     strict: bool = False,
     below: str = "",
 ) -> Job:
-    """Say what is to be done with every capture.
+    """Make the job for every capture.
 
     Parameters
     ----------
     out
-        The store.  If its name does not end in ``.zarr`` it is a folder that takes what the
-        graph's own sinks write, by capture, and the store in it holds the rest.
+        The store.  If its name does not end in ``.zarr``, it is a folder for the files of the
+        graph's own sinks, by capture, and the store in it holds the rest.
     param
         The graph's parameter that takes a capture.
     maps
@@ -103,7 +111,7 @@ def make_job(
 
 
 def _check_param(graph: Graph, given: Mapping[str, Any], param: str) -> None:
-    """Refuse a param that takes no capture, and values that the batch gives itself."""
+    """Refuse a param that takes no capture, and values that the batch sets itself."""
     if param not in graph.params:
         raise InputError(
             f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
@@ -133,12 +141,12 @@ def _folders(graph: Graph, out: str) -> str | None:
 
 
 def store_place(out: str, job: Job) -> str:
-    """Where the store of a batch lies."""
+    """The place of a batch's store."""
     return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
 
 
 def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
-    """The graph's nodes and settings, once it is sure that no param but the capture is missing."""
+    """The graph's nodes and settings; refuses a missing param other than the capture."""
     each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
     return names.bind(graph, {**given, **each}, sinks=sinks)
 

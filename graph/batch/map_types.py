@@ -1,4 +1,4 @@
-"""What the maps in a store are: their types, the names of their dimensions, where pixels lie."""
+"""The maps in a store: their types, the names of their dimensions, the places of pixels."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 import zarr
 
 MAX_HELD_BYTES = 2**26
-"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
+"""Maps that a worker gathers before it writes them; it may hold twice as much."""
 MAX_CHUNK_CAPTURES = 32
-"""Captures: more are lost at once when a worker dies, and leave others idle at the end."""
+"""Captures of a chunk: with more, a dead worker loses more, and others idle at the end."""
 AXIS_NAMES = {"H": "y", "W": "x"}
-"""An image's dimensions, and what they are called outside: y runs down, x to the right."""
+"""The names of an image's dimensions in a store: y runs down, x to the right."""
 
 
 @dataclass(frozen=True)
 class MapType:
     """Shape, element type and unit of one of the graph's outputs.
 
-    `pixel` is the mm from pixel to pixel, where the graph says.
+    `pixel` is the pixel size in mm, where the graph states it.
     """
 
     shape: tuple[int, ...]
@@ -42,7 +42,7 @@ def captures_together(types: Iterable[MapType]) -> int:
 
 
 def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
-    """The names of each map's dimensions: one name is one size in all the store."""
+    """The names of each map's dimensions; a name stands for one size in the whole store."""
     sizes: dict[str, int] = {}
     found: dict[str, list[str]] = {}
     for name, kind in types.items():
@@ -56,7 +56,7 @@ def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
 
 
 def add_places(group: zarr.Group, axis: str, size: int, pixel: float) -> None:
-    """Add where an axis' pixels lie, in mm from the middle of the image, to a store."""
+    """Add the places of an axis' pixels to a store, in mm from the middle of the image."""
     direction = "right" if axis == "x" else "down"
     array = group.create_array(
         axis,

@@ -1,10 +1,10 @@
-"""What came of each capture, in one Zarr (version 3) store.
+"""The results of a batch in one Zarr (version 3) store.
 
 The arrays' first axis counts the captures.  ``capture`` (its place), ``status``, ``reason``,
-``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went, ``checksum`` what its
-maps and figures have to add up to; every map that the graph puts out (``height``, ``shadow``, …)
-is an array of that name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is
-one shard, so that one worker writes it alone, and a few captures can be read without the others.
+``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went; ``checksum`` is that of its
+maps and figures.  Every map that the graph puts out (``height``, ``shadow``, …) is an array of that
+name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is one shard, so that one
+worker writes it alone, and a few captures can be read without the others.
 
 Dimensions have names, so that xarray opens the store: an image's are ``y`` and ``x``, and where
 the graph puts out a pixel size, arrays of these names are its coordinates in mm.
@@ -36,15 +36,15 @@ STORE_FORMAT = 3
 MAX_CAPTURES = 10**7
 MAX_CHUNK = 4096
 MAX_PIXELS = 2**25
-"""More than a batch can have: what a store's own description may make a reader allocate."""
+"""Limits on what a store's description can make a reader allocate."""
 COMPRESSED_BYTES = 2**21
-"""Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
+"""Bytes that are compressed and read as one piece: Zarr takes as long for fewer."""
 _TEXT_ARRAYS = ("capture", "reason", "figures", "warnings")
 _OPEN_ERRORS = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
-"""What is raised where a store should be; TypeError by file systems that need more than a URL,
-the last two by Zarr at descriptions that it did not write."""
+"""Errors of opening a store; TypeError comes from file systems that need more than a URL, the last
+two from Zarr at descriptions that it did not write."""
 _DECODE_ERRORS = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
-"""What the codecs raise at bytes that they did not write."""
+"""Errors of the codecs at bytes that they did not write."""
 
 
 class Store:
@@ -53,13 +53,13 @@ class Store:
     Attributes
     ----------
     job
-        What is done with every capture.
+        The work on every capture.
     origin
-        By which code, in which versions, on which device.
+        Code, versions and device of the batch.
     chunk
-        So many captures are written together.
+        Number of captures that are written together.
     stamp
-        No other store has it.
+        Identifier that no other store has.
     """
 
     def __init__(self, group: zarr.Group) -> None:
@@ -83,11 +83,11 @@ class Store:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What must not change between its parts."""
+        """The properties that must not change between its parts."""
         return identity_of(self.job, self.origin)
 
     def _check_arrays(self) -> None:
-        """Refuse a store that lacks an array, or speaks of more than a batch can have."""
+        """Refuse a store that lacks an array, or describes more than a batch can have."""
         count = len(self)
         for name in ("status", "milliseconds", *_TEXT_ARRAYS):
             if len(shape := self._array(name).shape) != 1 or shape[0] < count:
@@ -112,7 +112,7 @@ class Store:
 
     @property
     def captures(self) -> list[str]:
-        """Their places; if one is lost, nothing else tells whose results are whose."""
+        """The captures' places; without them no result could be assigned."""
         try:
             found = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
         except _DECODE_ERRORS as error:
@@ -126,11 +126,11 @@ class Store:
         return self.statuses_of(slice(None))
 
     def statuses_of(self, here: slice) -> NDArray[np.uint8]:
-        """Of some of the captures, without reading the others'."""
+        """The statuses of some of the captures."""
         return np.asarray(self._read("status", here), np.uint8)
 
     def damaged(self) -> list[int]:
-        """The captures that are called done, but are not there whole.
+        """The captures that are marked done, but are not whole.
 
         Reads every map; a capture whose checksum does not hold, or a map that cannot be
         decoded, counts as damaged.
@@ -146,9 +146,9 @@ class Store:
         return [int(number) for number in done if not whole[number]]
 
     def _are_whole(self, here: slice) -> list[bool]:
-        """Whether what was written of captures is what is read; old stores say no checksum.
+        """Whether captures are read as they were written; old stores have no checksums.
 
-        All at once, which takes as long as one of them, unless something cannot be decoded.
+        They are read all at once, which takes as long as one, unless some cannot be decoded.
         """
         try:
             entries = self.read_all(here)
@@ -168,7 +168,7 @@ class Store:
         return [int(c) == e.checksum for c, e in zip(checksums, entries, strict=True)]
 
     def reopen(self, numbers: Sequence[int]) -> None:
-        """Let captures count as never done."""
+        """Mark captures as pending."""
         for number in numbers:
             first = number // self.chunk * self.chunk
             here = slice(first, min(first + self.chunk, len(self)))
@@ -190,11 +190,11 @@ class Store:
         return found
 
     def append(self, captures: Sequence[str]) -> None:
-        """Add captures, all pending, behind those that are there."""
+        """Add pending captures at the end."""
         start, stop = len(self), len(self) + len(captures)
         others = [name for name in self._by_capture() if name not in ("capture", "status")]
         with self._refusing():
-            # As many count as have a status: stopped before that, nothing was added.
+            # The status comes last: its length counts the captures.
             for name in ("capture", *others, "status"):
                 array = self._array(name)
                 array.resize((stop, *array.shape[1:]))
@@ -219,7 +219,7 @@ class Store:
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
             dimension_names=("capture", *axes),
-            # The second is the name that xarray and others know.
+            # xarray and others know `units`.
             attributes={"unit": kind.unit, "units": kind.unit, "dims": list(kind.dims)},
         )
         for axis, size in zip(axes, kind.shape, strict=True):
@@ -227,7 +227,7 @@ class Store:
                 add_places(self._group, axis, size, kind.pixel)
 
     def write(self, entries: Mapping[int, Entry]) -> None:
-        """Write captures of one chunk; their status last, so that only whole ones are done.
+        """Write captures of one chunk, their status last, so that only whole ones count as done.
 
         Raises
         ------
@@ -251,7 +251,7 @@ class Store:
 
     @contextmanager
     def _refusing(self) -> Iterator[None]:
-        """Say where it was that nothing more can be written: a disk is full, or gone."""
+        """Name the store if it cannot be written: a disk is full, or gone."""
         try:
             yield
         except OSError as error:
@@ -262,10 +262,10 @@ class Store:
             ) from None
 
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
-        """Put values among those of the chunk that are there, and write the chunk at once."""
+        """Put values among the present ones of the chunk, and write the chunk at once."""
         array = self._reaching(name, here.stop)
         if len(values) == here.stop - here.start:
-            # Nothing of the chunk that is there stays.
+            # The whole chunk is replaced.
             array[here] = np.array([values[n] for n in range(here.start, here.stop)], array.dtype)
             return
         block = np.array(self._read(name, here))
@@ -274,7 +274,7 @@ class Store:
         array[here] = block
 
     def _read(self, name: str, here: slice) -> NDArray[Any]:
-        """Part of an array; what of it cannot be decoded is as if never written."""
+        """Part of an array; parts that cannot be decoded count as never written."""
         array = self._reaching(name, here.stop)
         try:
             return np.asarray(array[here])
@@ -287,11 +287,11 @@ class Store:
         return np.concatenate(parts)
 
     def read(self, number: int) -> Entry:
-        """What came of one capture, without its maps."""
+        """The entry of one capture, without its maps."""
         return self.read_all(slice(number, number + 1))[0]
 
     def read_all(self, here: slice = slice(None)) -> list[Entry]:
-        """What came of the captures, without their maps."""
+        """The entries of the captures, without their maps."""
         here = slice(*here.indices(len(self)))
         names = ("status", "reason", "figures", "warnings", "milliseconds")
         columns = [self._read(name, here) for name in names]
@@ -308,12 +308,12 @@ class Store:
         array = self._group.get(name)
         if not isinstance(array, zarr.Array):
             raise self._damage(f"'{name}' is missing")
-        # To leave out pieces that hold nothing would mean to look for them.
+        # Searching for empty pieces, to leave them out, would cost time.
         self._open[name] = array.with_config({"write_empty_chunks": True})
         return self._open[name]
 
     def _reaching(self, name: str, stop: int | None) -> zarr.Array[Any]:
-        """An array as it was opened last, which takes a millisecond, if it went so far then."""
+        """An array that reaches `stop`, opened again, which takes a millisecond, only if needed."""
         known = self._open.get(name)
         if known is None or stop is None or known.shape[0] < stop:
             return self._array(name)
@@ -321,7 +321,7 @@ class Store:
 
 
 def _captures_in_one(kind: MapType, chunk: int) -> int:
-    """How many maps are compressed as one: as many as fit whole times into a shard."""
+    """The number of maps that are compressed as one piece; it divides the shard."""
     nbytes = max(1, kind.nbytes)
     return max(
         n
@@ -338,13 +338,13 @@ def create_store(
     Parameters
     ----------
     job
-        What is to be done with every capture.
+        The work on every capture.
     origin
-        By which code, in which versions, on which device.
+        Code, versions and device of the batch.
     chunk
         Captures that are written together.
     overwrite
-        Whether a store that is there is made anew.
+        Whether to replace a store.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How a node declares its OpenCL kernels: plain data, and where they can run."""
+"""The declaration of a node's OpenCL kernels, and of where they can run."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
 LaunchFunction = Callable[[Any], None]
-"""What is handed a `Launch`, for nodes of several launches."""
+"""A function that takes a `Launch`, for nodes of several launches."""
 Lanes = Literal["grid", "rows"]
-"""What a work-item goes along in steps of LANES: the whole grid, or one row of it."""
+"""The range that a work-item covers in steps of LANES: the whole grid, or one row of it."""
 
 
 class DeviceTraits(Protocol):
-    """What decides on a device whether a node's kernels run there."""
+    """The properties of a device that decide whether a node's kernels run there."""
 
     @property
     def lanes(self) -> int: ...
@@ -29,10 +29,10 @@ class Obstacle(NamedTuple):
     Attributes
     ----------
     missing
-        What they need and is not there, with the remedy; None if they could run.
+        A requirement that is not met, with the remedy; None if they could run.
     slower
-        Why the NumPy function is the faster one beside this device; None if it is not.  The
-        graph runs the node on NumPy then if it prefers numpy at all.
+        The reason why the NumPy function is faster than this device; None if it is not.  The
+        node then runs on NumPy if the graph prefers numpy at all.
     """
 
     missing: str | None = None
@@ -43,13 +43,13 @@ CanRun = Callable[[DeviceTraits], Obstacle | None]
 
 
 def can_run_anywhere(device: DeviceTraits) -> Obstacle | None:
-    """No device is an obstacle."""
+    """Accept every device."""
     return None
 
 
 @dataclass(frozen=True)
 class Kernels:
-    """What ``kernels/ROOM/NAME.cl`` holds for a node; see `Node.opencl` for the fields."""
+    """The kernels of a node in ``kernels/ROOM/NAME.cl``; see `Node.opencl` for the fields."""
 
     grid: tuple[str, ...] | None = None
     lanes: Lanes | None = None
