@@ -56,9 +56,9 @@ def do_chunk(chunk: Chunk) -> Tally:
 def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
     """Reconstruct the captures of chunks and write them into their store, chunk by chunk.
 
-    While a capture is computed, the next one is read and the chunk before is written.  Captures that
-    another worker has finished meanwhile are passed over.  A capture that fails is recorded with
-    its reason.
+    While a capture is computed, the next one is read and the chunk before is written.  Captures
+    that another worker has finished meanwhile are passed over.  A capture that fails is recorded
+    with its reason.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""What nodes made in this process, by what made it, so that equal work is done once."""
+"""Results of nodes in this process, by key, so that equal work is done once."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from tactograph.graph.plan.sizes import Shapes
 
 Side = Literal["host", "device"]
 MAX_MEGABYTES = 512
-"""What the values of one cache may take together, on host and device."""
+"""The most memory for the values of one cache, on host and device together."""
 MAX_RUNS = 20_000
-"""Of so many nodes' runs a cache remembers shapes, time and warnings."""
+"""The most runs whose shapes, time and warnings a cache remembers."""
 _ENTRY_BYTES = 500
-"""What the bookkeeping of a value takes, in bytes; an empty array still has a buffer."""
+"""Overhead of a value; an empty array still has a buffer."""
 _OBJECT_BYTES = 2**23
-"""What an object of unknown size is taken for, in bytes."""
+"""The assumed size of an object that is no array."""
 
 
 class Kept(NamedTuple):
-    """An output of a node's run that is kept: the run's key, the port, and where it lies."""
+    """A kept output of a node's run: the run's key, the port, and the side that it lies on."""
 
     run: str
     port: str
@@ -36,7 +36,7 @@ class Kept(NamedTuple):
 
 @dataclass(frozen=True)
 class Run:
-    """What is known of a node's run besides what it made."""
+    """Shapes, time and warnings of a node's run."""
 
     shapes: Shapes
     milliseconds: float
@@ -44,7 +44,7 @@ class Run:
 
 
 class Cache:
-    """Values that nodes made, up to a number of bytes: the one that was used longest ago goes.
+    """Results of nodes, up to a number of bytes; the one that was used longest ago goes first.
 
     Pipelines of one thread may share it: ``load("a.yaml", cache=cache)``.  They then also
     share the device, its compiled kernels and its buffers.
@@ -52,7 +52,7 @@ class Cache:
     Parameters
     ----------
     megabytes
-        What all values may take together, on host and device.
+        The most memory for all values, on host and device together.
     """
 
     def __init__(self, megabytes: float = MAX_MEGABYTES) -> None:
@@ -95,7 +95,7 @@ class Cache:
             self._drop(kept)
 
     def run(self, key: str) -> Run | None:
-        """What is known of a run, or None."""
+        """Shapes, time and warnings of a run, or None."""
         with self._lock:
             if key in self._runs:
                 self._runs.move_to_end(key)
@@ -124,7 +124,7 @@ class Cache:
 
 
 def _bytes(value: Any) -> int:
-    """What a value takes in memory, roughly for what is no array."""
+    """The memory of a value; an estimate for objects other than arrays."""
     if isinstance(value, np.ndarray | DeviceArray):
         return int(value.nbytes)
     if isinstance(value, dict):

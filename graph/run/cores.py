@@ -1,4 +1,4 @@
-"""How many threads are worth starting: cores that this process may use, shared with its kin."""
+"""The cores that this process may use, as one of several workers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 CORES_VARIABLE = "TACTOGRAPH_CORES"
-"""The environment variable that says how many cores a process is to use."""
+"""The environment variable that limits the cores of a process."""
 LIBRARY_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -15,11 +15,11 @@ LIBRARY_VARIABLES = (
     "POCL_MAX_PTHREAD_COUNT",
     "POCL_CPU_MAX_CU_COUNT",
 )
-"""The variables by which libraries and PoCL learn the same."""
+"""The variables that limit the threads of libraries and of PoCL."""
 
 
 def cores() -> int:
-    """How many cores this process may use: those it is bound to, or its share of them."""
+    """The number of cores that this process may use: those it is bound to, or its share."""
     told = os.environ.get(CORES_VARIABLE, "")
     if told.isdecimal() and int(told) > 0:
         return min(int(told), _bound_to())
@@ -27,9 +27,9 @@ def cores() -> int:
 
 
 def share_of(workers: int) -> dict[str, str]:
-    """Return this process' environment with what gives each of its workers a share of the cores.
+    """The environment of a worker that gets its share of this process' cores.
 
-    A variable that the user has set keeps its value.
+    Variables that the user has set keep their values.
     """
     share = str(max(1, cores() // workers))
     return {**dict.fromkeys(LIBRARY_VARIABLES, share), **os.environ, CORES_VARIABLE: share}
@@ -37,7 +37,7 @@ def share_of(workers: int) -> dict[str, str]:
 
 @contextmanager
 def environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Let processes that are started inside the block have such an environment."""
+    """Give these variables to the processes that are started inside the block."""
     before = dict(os.environ)
     take_over(values)
     try:
@@ -47,7 +47,7 @@ def environment(values: Mapping[str, str]) -> Iterator[None]:
 
 
 def take_over(values: Mapping[str, str]) -> None:
-    """Have this environment and no other."""
+    """Replace the environment."""
     for name in {*os.environ} - {*values}:
         del os.environ[name]
     os.environ.update(values)

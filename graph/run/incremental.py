@@ -1,8 +1,8 @@
 """The executor that runs only what changed: the steps of a plan whose results are not kept.
 
-A node's run has a key: the node, its back end and device, its settings and the keys of what it
-reads.  Equal keys are computed once.  What looks outside (a source, or what keeps a session or
-names a file) runs for every item; its key is what it made.
+A node's run has a key: the node, its back end and device, its settings and the keys of its inputs.
+Equal keys are computed once.  A node that looks outside (a source, or one that keeps a session or
+names a file) runs for every item; its key is the content that it made.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class OnlyChanged:
         tasks = self._plan.tasks
         if not again:
             if self._has_item:  # until now it could be run again
-                # A value that an attempt left half done is equal to no other.
+                # A value left half done by a failed attempt equals no other.
                 self._before = {
                     spot.value: self._here.get(spot) or content_key(object())
                     for spot in self._recalled
@@ -261,7 +261,7 @@ class OnlyChanged:
                 del self._here[spot]
 
     def _tell_warnings(self) -> None:
-        """Warn of what the nodes had to say, now or when they made what is kept."""
+        """Repeat the warnings of all nodes, also of those whose results are kept."""
         self._runner.notes[:] = self._of_source
         for step in self._plan.steps:
             if step.name in self._keys and step.name in self._runs:
@@ -273,7 +273,7 @@ class OnlyChanged:
         return task is not None and task.looks_outside
 
     def _derive_keys(self, steps: Iterable[Step]) -> None:
-        """Find the keys of nodes that compute, and what is known of runs with these keys."""
+        """Find the keys of nodes that compute, and the known runs with these keys."""
         for step in steps:
             task = self._plan.tasks.get(step.name)
             if task is None:
@@ -287,7 +287,7 @@ class OnlyChanged:
 
     def _key(self, task: Task, step: Step) -> str:
         node, device = task.node, self._runner.device
-        # A size that no input tells follows from what the sources gave.
+        # A size that no input has follows from the sources.
         is_free = task.filled or bool(node.free_symbols)
         sources = sorted((n, key) for n, key in self._outside.items() if n in self._keys)
         reads = {} if task.filled else task.reads
@@ -306,7 +306,7 @@ class OnlyChanged:
     ) -> dict[Spot, Any]:
         """Find, from the targets backwards, the steps to run, and the kept values to restore.
 
-        With `pin` also what a walk may release and the next one reads again.
+        `pin` also restores what a walk may release and the next one reads again.
         """
         waiting = list(targets)
         self._to_run = {outside} if outside else set()
@@ -341,7 +341,7 @@ class OnlyChanged:
         return restored
 
     def _take_back(self) -> None:
-        """Forget what was begun: it may never have been completed."""
+        """Forget the values of a walk that failed: they may be incomplete."""
         for spot, kept in self._captured:
             self._cache.drop(kept)
             self._here.pop(spot, None)

@@ -1,4 +1,4 @@
-"""Which modules a source file may import.  What was found is kept from start to start."""
+"""The modules that a source file may import, kept on disk from start to start."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import NamedTuple
 from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
 _BLOCK_FIELDS = ("body", "orelse", "finalbody", "handlers", "cases")
-"""Where a statement holds others."""
+"""The fields of a statement that hold other statements."""
 
 
 class _Found(NamedTuple):
-    """What a file imported when it was last looked at."""
+    """The imports of a file when it was last read."""
 
     changed: int
     size: int
@@ -25,9 +25,9 @@ class _Found(NamedTuple):
 
 
 def module_imports(file: Path, module: str) -> list[str]:
-    """The modules that a module's file may import, by their full names.
+    """The full names of the modules that a module's file may import.
 
-    A name may also be that of something in a module.
+    A name may also be that of an object in a module.
     """
     if file.suffix != ".py":
         return []
@@ -41,7 +41,7 @@ def module_imports(file: Path, module: str) -> list[str]:
 
 
 def keep_imports() -> None:
-    """Keep for other processes what was found since the last call."""
+    """Keep the new results for other processes."""
     if _new and (file := _kept_in()) is not None:
         known = list(_known().items())
         there = {key: found for key, found in known if Path(key.partition(" ")[2]).exists()}
@@ -50,12 +50,12 @@ def keep_imports() -> None:
 
 
 _new: list[str] = []
-"""What is not kept yet."""
+"""Keys of results that are not on disk yet."""
 
 
 @cache
 def _known() -> dict[str, _Found]:
-    """By module and file; nothing if another version of this package keeps it differently."""
+    """The results on disk, by module and file; none if another version wrote them."""
     file = _kept_in()
     body = None if file is None else read_cached(file)
     try:
@@ -65,7 +65,7 @@ def _known() -> dict[str, _Found]:
 
 
 def _kept_in() -> Path | None:
-    """Another Python may read a file differently."""
+    """The file with results, one for each version of Python."""
     folder = cache_folder()
     return None if folder is None else folder / f"imports-{sys.implementation.cache_tag}{SUFFIX}"
 
@@ -90,7 +90,7 @@ def _imported(file: Path, module: str) -> list[str]:
 
 
 def _statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """All statements below one, at any depth, but no expressions, which are most of a file."""
+    """All statements inside one, at any depth, without expressions, which are most of a file."""
     for block in _BLOCK_FIELDS:
         for part in getattr(tree, block, ()):
             yield part

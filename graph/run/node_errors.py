@@ -20,9 +20,9 @@ _PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
 class Blaming:
     """Turn an unexpected exception of a node into one line that names the node.
 
-    A node that calls ``sys.exit`` would else end the run as if all were well.
+    Otherwise a node that calls ``sys.exit`` would end the run as if all were well.
 
-    `device_error` is what the device's library raises, where the node runs on a device.
+    `device_error` is the exception type of the device's library, for a node on a device.
     """
 
     __slots__ = ("_device_error", "_task")

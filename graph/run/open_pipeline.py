@@ -44,7 +44,7 @@ def load(
         A graph file, the bare name of a pipeline that ships, ``package/name`` of one that a
         package brings, plain data such as a graph file holds, or a `Graph`.
     params
-        The graph's own params that are called like an argument here, such as ``device``.
+        The graph's own params that share their names with arguments here, such as ``device``.
     backend
         "numpy" or "opencl" in place of what the graph prefers.
     device
@@ -55,13 +55,13 @@ def load(
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
-        Names of those of the graph's outputs that are wanted; what only the others need is
-        not computed, nor copied from the device.
+        Names of the graph's outputs that are wanted; steps that only the others need do not
+        run.
     cache
-        Where results of nodes are kept, so that equal work is done once; pipelines of one
-        thread may share it.  Without it a pipeline gets one of its own at the first `set`.
+        Keeps results of nodes, so that equal work is done once; pipelines of one thread may
+        share it.  Without it a pipeline gets one of its own at the first `set`.
     nodes
-        Nodes of the script or notebook itself: functions under `node`.
+        Nodes of the script or notebook itself: functions decorated with `node`.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -69,7 +69,7 @@ def load(
     Returns
     -------
     Pipeline
-        Each fallback to another back end raises a warning that says why.
+        Each fallback to another back end raises a warning with the reason.
 
     Raises
     ------
@@ -148,14 +148,14 @@ def open_pipeline(
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
-    """Refuse to write results into what is read: they would be taken for images, or replace it."""
+    """Refuse to write results over the data that is read."""
     params = {name: param for name, param in graph.params.items() if param.kind == "path"}
     places = {name: given.get(name, param.default) for name, param in params.items()}
     out = places.pop("out", None)
     if not isinstance(out, str | Path):
         return
     for name, place in places.items():
-        # Not Path.resolve, which fails at links that run in a circle; what reads them says so.
+        # Not Path.resolve, which fails at circular links; their reader names them.
         if isinstance(place, str | Path) and os.path.realpath(place) == os.path.realpath(out):
             raise InputError(f"out={out}: is what {name}={place} reads; give another place")
 

@@ -33,9 +33,9 @@ from tactograph.graph.show.draw_folded import to_folded_svg
 class Pipeline:
     """A verified, planned and compiled graph that keeps its buffers from call to call.
 
-    One pipeline belongs to one thread; several threads use one each, and a second one at the
-    same time is refused.  Closing it, or leaving its ``with`` block, ends the stream for good and
-    closes what its nodes keep.  `closing_warnings` are those that came behind the last item.
+    A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
+    leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
+    `closing_warnings` are those that came after the last item.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Pipeline:
         self._running: object | None = None
 
     def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
-        """Run one item, arrays standing in for source nodes, and return its outputs.
+        """Run one item on arrays that stand in for source nodes, and return its outputs.
 
         The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
 
@@ -71,7 +71,7 @@ class Pipeline:
         Warns
         -----
         UserWarning
-            Of each kind that the result's ``warnings`` holds, once per pipeline.
+            For each kind of warning in the result, once per pipeline.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class Pipeline:
                 result = self._items.item(self._stand_ins.item(stacks))
             finally:
                 raise_warnings(self._runner.notes, self._raised)
-            # What a node passes on is still the caller's own memory.
+            # An array that a node passed on is still the caller's own memory.
             for name, value in result.outputs.items():
                 if isinstance(value, np.ndarray) and shares(value, stacks.values()):
                     result.outputs[name] = own(value)
@@ -115,10 +115,10 @@ class Pipeline:
         Parameters
         ----------
         repeats
-            How often each item is computed; sinks run once.  The times are medians over all runs
-            but the first, which compiles and fills caches.
+            Number of times that each item is computed; sinks run once.  Times are medians over
+            all runs but the first, which compiles and fills caches.
         stream
-            What `begin` began for the values that the pipeline has now.
+            The stream that `begin` began for the values that the pipeline has now.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class Pipeline:
             yield result
 
     def _rehearse(self, source: Task) -> None:
-        """Run an item before the source is begun, if that has one, and no node would keep it."""
+        """Run a dummy item before the source starts, if it makes one and no node would keep it."""
         make = source.node.make_rehearsal
         others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
         if make is None or any(t.node.session for t in others if t is not source):
@@ -192,10 +192,10 @@ class Pipeline:
             self._items.rehearse({source.id: item})
 
     def begin(self, /, **values: Any) -> SourceStream | None:
-        """Begin the stream that is there after `aim` with the same values.
+        """Begin the stream that the pipeline has after `aim` with the same values.
 
-        Another thread may do so, and read its first item ahead, while this pipeline is at
-        work.  None if the source keeps something from item to item.
+        Another thread may do so, and read the first item ahead, while this pipeline works.
+        None if the source has a session.
 
         Raises
         ------
@@ -212,8 +212,8 @@ class Pipeline:
     def set(self, node: str, /, **settings: Any) -> None:
         """Change parameters of a node, for the items to come.
 
-        From then on the pipeline keeps what its nodes make, up to 512 MB (see `Cache`), and
-        computes only what a change concerns.
+        From then on the pipeline keeps the results of its nodes, up to 512 MB (see `Cache`),
+        and computes only what a change affects.
 
         Parameters
         ----------
@@ -225,8 +225,8 @@ class Pipeline:
         Raises
         ------
         InputError
-            If there is no such node or parameter, or the value is not one that it takes;
-            then nothing has changed.
+            If there is no such node or parameter, or it does not take the value; then nothing
+            has changed.
 
         Examples
         --------
@@ -246,13 +246,13 @@ class Pipeline:
         Parameters
         ----------
         outputs
-            Of the graph's outputs, those that are wanted this time; sinks are then left out.
+            The graph's outputs that are wanted this time; sinks are then left out.
 
         Raises
         ------
         InputError
-            If there is no item yet of which results were kept (``load(…, cache=Cache())``, or
-            after the first `set`).
+            If no item has kept results yet (``load(…, cache=Cache())``, or after the first
+            `set`).
         """
         with self._turn:
             self._refuse_without_item("again")
@@ -274,7 +274,7 @@ class Pipeline:
         Raises
         ------
         InputError
-            If there is no such value, or no item yet of which results were kept.
+            If there is no such value, or no item has kept results yet.
         """
         value = self.plan.value(reference)
         with self._turn:
@@ -294,7 +294,7 @@ class Pipeline:
             raise InputError(f"{self.plan.graph.name}: {what}: {why}")
 
     def trace(self) -> Trace:
-        """Take down, from now on, what runs when; return what it is written into.
+        """Record from now on when each step runs; return the record.
 
         Examples
         --------
@@ -310,12 +310,12 @@ class Pipeline:
 
     @property
     def buffers(self) -> int:
-        """How many buffers were ever allocated on the device; a steady stream adds none."""
+        """The number of buffers ever allocated on the device; a steady stream adds none."""
         return self._device.buffers if self._device is not None else 0
 
     @property
     def stage(self) -> str:
-        """What is being done, for another thread to show; "" between items."""
+        """The step that runs now, for another thread to show; "" between items."""
         name = self._runner.stage
         task = self.plan.tasks.get(name)
         return name if task is None else f"{name} ({task.node.name})"
@@ -328,8 +328,8 @@ class Pipeline:
     def aim(self, /, **values: Any) -> None:
         """Give other values to params of the graph that only the stream's nodes take.
 
-        So a pipeline goes on to another capture, or another folder for its results, with
-        its calibration, plan and kernels kept.
+        A pipeline can so go on to another capture, or another folder for its results, with
+        the same calibration, plan and kernels.
 
         Raises
         ------
@@ -347,7 +347,7 @@ class Pipeline:
             self._items.forget()
 
     def close(self) -> None:
-        """End the stream, and close what the nodes keep; the pipeline is of no more use.
+        """End the stream and close the nodes' sessions; the pipeline cannot be used again.
 
         Raises
         ------
@@ -358,7 +358,7 @@ class Pipeline:
             self._end()
 
     def _end(self) -> None:
-        """End the stream, and close what the nodes keep."""
+        """End the stream and close the nodes' sessions."""
         running, self._stream, self._running = self._stream, None, None
         with collect_warnings(self.closing_warnings), ExitStack() as stack:
             stack.callback(self._items.end)

@@ -1,4 +1,4 @@
-"""Values of the item before: which a plan recalls, and whether one still fits."""
+"""Values of the item before: those that a plan recalls, if they still fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactograph.graph.plan.plan import Plan
 
 
 def recalled_values(plan: Plan) -> frozenset[Value]:
-    """The values that are kept from one item for the next."""
+    """The values that one item keeps for the next."""
     return frozenset(v for task in plan.tasks.values() for v in task.recalls.values())
 
 

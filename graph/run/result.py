@@ -1,4 +1,4 @@
-"""What one item of a run gave."""
+"""The result of one item."""
 
 from __future__ import annotations
 
@@ -15,12 +15,20 @@ from tactograph.graph.show.notebook import result_html
 
 @dataclass(eq=False, repr=False)
 class Result(Mapping[str, Any]):
-    """What one item gave: the graph's outputs by name, and how long each step took.
+    """The outputs of one item by name.
 
-    Arrays are read-only: the pipeline may still hold them, for the next item or for all.
-    `times` is in milliseconds, by step.  `item` is what the stream's source yielded; `total`
-    the milliseconds from there to the last output, as a clock on the wall sees them.
-    `kept` are the steps whose results were there already; their times are those of back then.
+    Arrays are read-only, since the pipeline may still hold them.
+
+    Attributes
+    ----------
+    times
+        Milliseconds by step; for `kept` steps those of their last run.
+    item
+        The values that the stream's source yielded.
+    total
+        Milliseconds from the source to the last output, on a wall clock.
+    kept
+        Steps that did not run, since their results were kept.
     """
 
     outputs: dict[str, Any]

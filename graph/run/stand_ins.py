@@ -1,4 +1,4 @@
-"""Arrays that a caller hands in, in place of the items of source nodes."""
+"""Arrays that a caller hands in for source nodes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.whole_images import as_fractions
 
 MAX_LIGHTS = 32
-"""More images than that are taken for the rows of one."""
+"""A stack of more images is taken for the rows of one image."""
 
 
 class StandIns:
@@ -29,12 +29,12 @@ class StandIns:
         return sorted(self._waiting)
 
     def check(self, arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-        """The caller's arrays as stacks of images: views of them wherever that is possible.
+        """The caller's arrays as stacks of images, as views where possible.
 
         Raises
         ------
         InputError
-            If one is missing, is not waited for, or is no stack of images.
+            If one is missing, unknown, or no stack of images.
         """
         if self._waiting != arrays.keys():
             raise InputError(
@@ -44,7 +44,7 @@ class StandIns:
         return {name: self._checked(name, array).view() for name, array in arrays.items()}
 
     def _checked(self, name: str, array: Any) -> NDArray[Any]:
-        """K x H x W: 8 or 16 bits as they came, everything else as float32."""
+        """A stack K x H x W: 8 or 16 bits stay as they are, all else becomes float32."""
         stack = _images(array)
         check = self._plan.tasks[name].node.check_handed_in
         if check is not None:
@@ -54,7 +54,7 @@ class StandIns:
         return as_fractions(stack) if stack.dtype.kind == "u" else np.asarray(stack, np.float32)
 
     def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-        """What the nodes would have yielded."""
+        """The items that the nodes would have yielded."""
         return {name: self._yielded(name, stack) for name, stack in stacks.items()}
 
     def _yielded(self, name: str, stack: NDArray[Any]) -> Any:
@@ -63,7 +63,7 @@ class StandIns:
 
 
 def _images(array: Any) -> NDArray[Any]:
-    """K x H x W, unsigned integers or finite floats."""
+    """A stack K x H x W of unsigned integers or finite floats."""
     if np.ma.is_masked(array):
         raise InputError("a stack of images has no masked pixels; stack.data holds all of them")
     try:

@@ -1,4 +1,4 @@
-"""What ran when, as Chrome's trace events: Perfetto (ui.perfetto.dev) and chrome://tracing."""
+"""Records of when each step ran, as Chrome trace events for Perfetto (ui.perfetto.dev)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tactograph.graph.errors import warn
 from tactograph.graph.plan.plan import Plan, Step
 
 MAX_EVENTS = 200_000
-"""A trace of a stream without an end stops there."""
+"""The most spans of a trace; an endless stream would fill the memory."""
 _LANES = {"device": 1, "transfers": 2}
 
 
@@ -32,7 +32,7 @@ class Trace:
         self._add(name, lane, end - 1e-3 * milliseconds, end)
 
     def on_device(self, name: str, start: float, end: float) -> None:
-        """A span that the device's own clock measured, brought to that of the host."""
+        """A span of the device's clock, converted to the host's."""
         moves = self._steps[name].is_transfer
         self._add(name, "transfers" if moves else "device", start, end)
 

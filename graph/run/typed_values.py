@@ -1,4 +1,4 @@
-"""Values as a user types them: ``name=value`` words turned into what a graph's params want."""
+"""Values as a user types them: ``name=value`` words, read for a graph's params."""
 
 from __future__ import annotations
 

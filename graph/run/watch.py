@@ -1,4 +1,4 @@
-"""Wait until files change: those of a graph, and those that it reads."""
+"""Wait for a change of a graph's files, or of the files that it reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Stamp = tuple[tuple[str, int, int], ...]
 
 
 def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
-    """The files that a graph was read from, and the files and folders that its user gave."""
+    """The files of a graph, and the files and folders that its user gave."""
     places = [*graph.places.values()]
     places += [place for entry in graph.nodes.values() for place in entry.places.values()]
     read = {Path(place.file) for place in places if place.line}
@@ -28,7 +28,7 @@ def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
 
 
 def stamp(files: Collection[Path]) -> Stamp:
-    """What changes when one of the files does, or a file of one of the folders."""
+    """A value that changes when one of the files does, or a file in one of the folders."""
     found: list[tuple[str, int, int]] = []
     for path in sorted(files):
         with suppress(OSError):
@@ -41,7 +41,7 @@ def stamp(files: Collection[Path]) -> Stamp:
 
 
 def wait_for_change(files: Collection[Path], before: Stamp) -> None:
-    """Return when something changed, and has not gone on changing for a moment."""
+    """Return after a change, once nothing has changed for a moment."""
     while stamp(files) == before:
         time.sleep(LOOK_EVERY_S)
     now = stamp(files)
