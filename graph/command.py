@@ -49,7 +49,7 @@ STOPPED_MESSAGE = (
 )
 
 SIGPIPE_EXIT_CODE = 141
-"""What a shell calls the end of a program by SIGPIPE."""
+"""The exit code of a shell for a program that SIGPIPE ended."""
 
 
 class _Lazy(click.Group):
@@ -82,7 +82,7 @@ class _Lazy(click.Group):
 
 
 def _meant(word: str) -> str:
-    """What a word may stand for that is no command."""
+    """A hint for a word that is no command."""
     from tactograph.graph.files.read_graph import shipped_names
 
     if word in shipped_names() or word.endswith((".yaml", ".yml")):
@@ -108,10 +108,10 @@ def run_command(words: list[str]) -> None:
 def main() -> None:
     """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else.
 
-    Where nobody reads what is printed any more, it ends like other programs, with 141.
+    If its output has no reader any more, it ends with 141 like other programs.
     """
     collect_seldom()
-    # Pictures are drawn into files; matplotlib refuses a name that it does not know late.
+    # Pictures go into files; matplotlib would refuse an unknown back end late.
     os.environ["MPLBACKEND"] = "agg"
     warnings.showwarning = _show_warning
     if "_TACTOGRAPH_COMPLETE" in os.environ:
@@ -156,7 +156,7 @@ def _report_unexpected(error: BaseException) -> int:
 
 
 def _end_unheard(error: OSError) -> int:
-    """Print nothing from now on, say why if anybody may want to know, and return the exit code."""
+    """Print nothing from now on, say why if that can be read, and return the exit code."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):  # the reader, such as `| head`, has gone

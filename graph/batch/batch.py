@@ -46,8 +46,7 @@ def open_batch(
     ------
     InputError
         If the store was made by another graph, other values or another calibration, or
-        cannot be written; or if none of the first captures can be done: then it is not the
-        captures.
+        cannot be written; or if none of the first captures can be done.
     """
     place = store_place(out, job)
     wanted = [capture for capture in captures if not lies_in(capture, place, job.folders)]

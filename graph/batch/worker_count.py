@@ -19,7 +19,7 @@ def worker_count(backends: Sequence[str], device: str | None, captures: int) -> 
     Raises
     ------
     InputError
-        If `device` is the name of none that works.
+        If `device` names no device that works.
     """
     opened = open_device(backends, device)[0]
     if opened is not None and not opened.is_cpu:

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 
 
 def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
-    """Print, with what a terminal would obey made visible: names and titles come from files."""
+    """Print text with control characters made visible: names and titles come from files."""
     click.echo(printable(text), err=err, nl=nl)
 
 
 _WORDS_KEY = f"{__name__}.words"
-"""Where a context keeps the words behind a command."""
+"""The key of a context's entry for the words after a command."""
 
 
 class GraphCommand(click.Command):
-    """A command that runs a graph; behind the graph's name, --help lists its params."""
+    """A command that runs a graph; after the graph's name, --help lists its params."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
-        # --help is dealt with before the other words are.
+        # --help is handled before the other words.
         words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS_KEY]))
         if not isinstance(words.get("graph"), str):
             return
@@ -97,7 +97,7 @@ graph_argument = click.argument("graph", type=GraphName())
 
 
 def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
-    """Make a function a command that takes a graph and values for its params."""
+    """Decorate a function as a command that takes a graph and values for its params."""
     values = click.argument(
         "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
     )
@@ -120,7 +120,7 @@ set_option = click.option(
 
 
 def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> Graph:
-    """A graph with what ``--with`` and ``--set`` say."""
+    """Apply ``--with`` and ``--set`` to a graph."""
     from tactograph.graph.files.changes import with_changes
     from tactograph.graph.files.read_graph import with_overlays
     from tactograph.graph.run.typed_values import read_settings
@@ -130,7 +130,7 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What the options of a command that plans a graph were set to."""
+    """The options of a command that plans a graph."""
 
     overlays: tuple[str, ...]
     settings: tuple[str, ...]
@@ -139,7 +139,7 @@ class RunOptions:
     strict: bool
 
     def read(self, graph: str) -> Graph:
-        """Read a graph with ``--with`` and ``--set`` worked in."""
+        """Read a graph and apply ``--with`` and ``--set``."""
         from tactograph.graph.files.read_graph import read_graph
 
         return changed(read_graph(graph), self.overlays, self.settings)
@@ -153,7 +153,7 @@ class RunOptions:
         cache: Cache | None = None,
         outputs: Mapping[str, str] | None = None,
     ) -> Pipeline:
-        """Plan and compile a graph where the options say."""
+        """Plan and compile a graph as the options say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(

@@ -67,21 +67,21 @@ def command(
 ) -> None:
     """Run GRAPH over every capture that a pattern matches.
 
-    In a folder of results these lie as the captures do below the folder in which the patterns
+    A folder of results has the layout of the captures below the folder in which the patterns
     begin.
 
-    Stopped anywhere, the same command goes on where it was.  A capture that fails is written
-    down with its reason; exit code 1 says that there are some.
+    The same command continues a batch that was stopped.  A capture that fails is recorded with
+    its reason; the exit code is then 1.
     """
     from tactograph.graph.batch.captures import find_captures
     from tactograph.graph.disk.text_names import at_home
 
-    # A shell leaves ~ alone within quotes, which patterns stand in, and behind --out=.
+    # A shell does not expand ~ within quotes, as of patterns, or after --out=.
     out = at_home(out)
     captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
-        # Whatever takes long is imported here while the processes import and open, not before.
+        # Slow imports follow here, while the processes import and open.
         if cluster is None:
             _start_importing(workers, len(captures))
         read = options.read(graph)
@@ -132,7 +132,7 @@ def command(
 
 
 def _before(store: Store, *, retry_failed: bool) -> str:
-    """How many captures there are, and how many were finished, or failed, before."""
+    """The numbers of captures, and of those that were finished, or failed, before."""
     from tactograph.graph.batch.entry import DONE, FAILED
 
     statuses = store.statuses
@@ -158,7 +158,7 @@ def _cluster(
 
 
 def _start_importing(number: int | None, captures: int) -> None:
-    """Have processes import what they need, should there be several."""
+    """Start the imports of processes, if there are to be several."""
     from tactograph.graph.batch.fork_server import start_importing
     from tactograph.graph.batch.worker_count import at_most
 
@@ -171,7 +171,7 @@ def _here(
 ) -> Workers:
     """This process, or several that open the job's pipeline while this one goes on.
 
-    Where a store is there, nothing may be left to do: they then wait until they are asked.
+    If a store exists, nothing may be left to do, so they open it only when asked.
     """
     from tactograph.graph.batch.fork_server import hand_over, start_processes
     from tactograph.graph.batch.open_job import open_ahead
@@ -204,7 +204,7 @@ def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
 
 
 def _show(tallies: Iterator[Tally], total: int) -> None:
-    """A bar with rate and time left, or a line now and then where nobody watches."""
+    """Show a bar with rate and time left; without a terminal, a line now and then."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
@@ -233,7 +233,7 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 
 
 def _conclude(store: Store, out: str) -> int:
-    """Write the table beside the store, say how it went, and return how many failed."""
+    """Write the table beside the store, print a summary, and return the number of failures."""
     from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED
     from tactograph.graph.show.warning_lines import first_lines, warning_lines

@@ -1,4 +1,4 @@
-"""What a shell may complete: graphs, their params, and values of these.
+"""Completion for a shell: graphs, their params, and values of these.
 
 A shell's script comes from click: ``eval "$(_TACTOGRAPH_COMPLETE=bash_source tactograph)"``.
 """
@@ -17,7 +17,7 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names, with_ov
 
 
 class _Bash(BashComplete):
-    """Click's script, but no blank follows a name whose value is still to come."""
+    """Click's script, without a blank after a name whose value is still to come."""
 
     source_template = BashComplete.source_template.replace(
         "    return 0", "    [[ $COMPREPLY == *= ]] && compopt -o nospace\n    return 0"
@@ -28,7 +28,7 @@ add_completion_class(_Bash)
 
 
 def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
-    """The graphs that ship and begin so, and the studies where these will do; else files."""
+    """The shipped graphs that begin so, with `studies` those too; else files."""
     names = [*shipped_names(), *(shipped_studies() if studies else ())]
     found = [CompletionItem(name) for name in names if name.startswith(begun)]
     return found or [CompletionItem(begun, type="file")]
@@ -47,9 +47,9 @@ def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
 def complete_value(
     graph: str | None, overlays: Sequence[str], said: Sequence[str], begun: str
 ) -> list[CompletionItem]:
-    """What can follow the words behind a graph: ``name=``, or a value.
+    """Completions after the words behind a graph: ``name=``, or a value.
 
-    zsh and fish give ``name=begun`` as one word; bash makes three of it.
+    zsh and fish give ``name=begun`` as one word, bash as three.
     """
     read = _read(graph, overlays)
     if read is None:
@@ -85,7 +85,7 @@ def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
 
 
 def _words(param: Param) -> list[str] | None:
-    """The values of a param, None where files are."""
+    """The values of a param, None for files."""
     if param.kind == "path":
         return None
     return ["true", "false"] if param.kind == "flag" else []

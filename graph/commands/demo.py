@@ -1,4 +1,4 @@
-"""``tactograph demo``: from no sensor at all to a height, by the commands that a user types."""
+"""``tactograph demo``: from a simulated sensor to a height, by the commands that a user types."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class _Wanted:
 
 
 def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
-    """Run once, say what is wrong, and wait until a file changes."""
+    """Run once, print any error, and wait until a file changes."""
     from tactograph.graph.errors import TactographError
     from tactograph.graph.files.read_graph import graph_file
     from tactograph.graph.run.typed_values import read_words
@@ -227,7 +227,7 @@ class _Report:
 
 @contextmanager
 def _without_output(quiet: bool) -> Iterator[None]:
-    """Let nodes print nothing, such as the figures of a live stream, if `quiet`."""
+    """Suppress the output of nodes, such as the figures of a live stream, if `quiet`."""
     with ExitStack() as closing:
         if quiet:
             nowhere = closing.enter_context(Path(os.devnull).open("w"))
@@ -236,7 +236,7 @@ def _without_output(quiet: bool) -> Iterator[None]:
 
 
 def _ports_of(graph: Graph, node: str) -> dict[str, str]:
-    """All that a node makes, by reference."""
+    """All outputs of a node, by reference."""
     from tactograph.graph.declare.find_node import find_node
     from tactograph.graph.errors import InputError
 
@@ -250,7 +250,7 @@ def _ports_of(graph: Graph, node: str) -> dict[str, str]:
 
 
 def _ending(pipeline: Pipeline, told: set[str]) -> str:
-    """Where the results are, and whether there was a warning."""
+    """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {
         str(plan.given.get(name[1:], param.default)): None
@@ -267,10 +267,10 @@ def _ending(pipeline: Pipeline, told: set[str]) -> str:
 
 @contextmanager
 def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
-    """Let Ctrl-C, or SIGTERM, end an endless stream as it should end.
+    """Let Ctrl-C or SIGTERM end an endless stream properly.
 
-    Python drops what is raised while it frees an object, an interrupt too. What is yielded
-    raises it again, between items.
+    Python drops an interrupt that arrives while it frees an object.  The yielded function raises it
+    again, between items.
     """
     asked = False
 
@@ -283,7 +283,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
         if asked:
             raise KeyboardInterrupt
 
-    # A shell lets its background jobs ignore Ctrl-C; they keep to that.
+    # A shell's background jobs ignore Ctrl-C, and go on doing so.
     signals = [signal.SIGTERM]
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signals.append(signal.SIGINT)
@@ -300,7 +300,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 
 
 def _summary(number: int, result: Result) -> str:
-    """Where and how long an item ran, and the figures and sentences among its outputs."""
+    """The time of an item on each back end, and the figures and texts among its outputs."""
     figures = {
         name: figure
         for value in result.outputs.values()
@@ -327,7 +327,7 @@ def _times(result: Result) -> str:
 
 
 def _name_of(result: Result) -> str:
-    """What the stream's source calls the item, if it puts out a name."""
+    """The name of the item, if the stream's source yields one."""
     found = (made for value, made in result.item.items() if value.port == "name")
     return next((name for name in found if isinstance(name, str)), "")
 

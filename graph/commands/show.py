@@ -1,4 +1,4 @@
-"""``tactograph show``: what is in a file, by the graph of that name."""
+"""``tactograph show``: print and draw the content of a file, by the graph of that name."""
 
 from __future__ import annotations
 

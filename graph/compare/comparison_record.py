@@ -1,4 +1,4 @@
-"""How a comparison was made, kept so that it can be made again."""
+"""The record of a comparison, from which it can be made again."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def read_rows(folder: Path) -> list[Row]:
 
 
 def study_again(record: Record, folder: Path) -> Study:
-    """The comparison a record speaks of.
+    """The study that a record describes.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def study_again(record: Record, folder: Path) -> Study:
 
 
 def what_changed(then: Record, now: Record) -> list[str]:
-    """Versions, devices and captures that are no longer the same, in words."""
+    """Versions, code, captures and devices that have changed, in words."""
     pairs = [
         *_pairs(then.versions, now.versions),
         *((f"code of {n}", a, b) for n, a, b in _pairs(then.code, now.code)),
@@ -170,7 +170,7 @@ def what_changed(then: Record, now: Record) -> list[str]:
 
 
 def deviation(then: Sequence[Row], now: Sequence[Row]) -> str:
-    """Say how far the figures of a repeated comparison are from the former ones."""
+    """Describe how far the figures of a repeated comparison are from the former ones."""
     former = {row.key: row.figures for row in then}
     count, worst, where = 0, 0.0, ""
     for row in now:

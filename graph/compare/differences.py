@@ -1,4 +1,4 @@
-"""What sets one graph apart from another, node by node: what exactly was ablated."""
+"""The differences between two graphs, node by node: what exactly was ablated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactograph.graph.files.flat_graph import Entry, Graph
 
 @dataclass(frozen=True)
 class Difference:
-    """One thing that is not the same: where, what it was, what it is."""
+    """A difference between two graphs: its place, and both values."""
 
     node: str
     what: str
@@ -20,7 +20,7 @@ class Difference:
 
 
 def differences(base: Graph, other: Graph) -> list[Difference]:
-    """What must be changed in `base` to make it compute what `other` does."""
+    """The changes that turn `base` into `other`."""
     found = [_removed(n, e) for n, e in base.nodes.items() if n not in other.nodes]
     for node_id, entry in other.nodes.items():
         if node_id not in base.nodes:

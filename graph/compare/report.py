@@ -47,7 +47,7 @@ from tactograph.graph.show.warning_lines import warning_lines
 REPORT_FILE = "report.html"
 TRUTH_LABEL = "truth"
 MAX_PANELS = 7
-"""Runs of a capture that are drawn; of more, these are taken at even distances."""
+"""Runs of a capture that are drawn; of more runs, evenly spaced ones."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +73,11 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
     Parameters
     ----------
     study, rows
-        What was compared, and what came of it.
+        The comparison and its results.
     record
-        How it was made, for the page's last part.
+        Its record, for the page's last part.
     out
-        Where the runs are kept: their views are drawn.
+        The folder of the runs, whose views are drawn.
     """
     lines = make_lines(rows)
     page = _template().render(
@@ -156,7 +156,7 @@ def _step_cell(line: Line, name: str) -> str:
 
 
 def _label(line: Line, lines: Iterable[Line]) -> str:
-    """The run in a few words: only what tells it from the others."""
+    """The run in a few words: only those that distinguish it from the others."""
     several = len({other.backend for other in lines}) > 1
     swept = [f"{target.rpartition('.')[2]} {short(v)}" for target, v in line.sweep.items()]
     return ", ".join([line.variant, *swept, *([line.backend] if several else [])])
@@ -238,7 +238,7 @@ def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
 
 
 class _Shown:
-    """One view of all runs, and its truth, which a swept scene changes from run to run."""
+    """A view of all runs, and its truth, which differs between runs of a swept scene."""
 
     def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
         found = {label: views[name] for label, views in runs.items() if name in views}
@@ -255,7 +255,7 @@ class _Shown:
 
     @property
     def panels(self) -> dict[str, NDArray[Any]]:
-        """Every truth there is, and all runs."""
+        """All truths and all runs."""
         if self.truth is not None:
             return {TRUTH_LABEL: self.truth, **self.found}
         return {
@@ -292,7 +292,7 @@ def _draw_map(view: View, shown: _Shown) -> list[Picture]:
     name, panels = words(view.name), shown.panels
     known = [panel for panel in panels.values() if np.isfinite(panel).any()]
     if not known:
-        return []  # nothing is known of it anywhere
+        return []
     axis = f"{name} / {view.unit}"
     pictures = [Picture(draw_maps(panels, axis), f"{name.capitalize()}, one scale for all.")]
     if shown.errors:

@@ -21,7 +21,7 @@ from tactograph.graph.show.views import View, kind_of
 
 
 def views_of(result: Result) -> list[View]:
-    """What the graph's source yielded and what its outputs hold, where it can be drawn."""
+    """Values of the graph's source and outputs that can be drawn."""
     named: dict[str, tuple[Any, PortType]] = {}
     for value, array in result.item.items():
         task = result.plan.tasks[value.node]
@@ -51,7 +51,7 @@ def _is_alike(one: View, other: View) -> bool:
 
 
 def save_views(views: list[View], folder: Path) -> None:
-    """Write ``views.npz`` and, what they are, ``views.json``."""
+    """Write ``views.npz`` and their description, ``views.json``."""
     about = [{"name": v.name, "kind": v.kind, "unit": v.unit} for v in views]
     (folder / "views.json").write_text(json.dumps(about, indent=1) + "\n")
     arrays: dict[str, Any] = {view.name: view.array for view in views}
@@ -59,7 +59,7 @@ def save_views(views: list[View], folder: Path) -> None:
 
 
 def load_views(folder: Path) -> dict[str, View]:
-    """Read what `save_views` wrote, by name; nothing where it is not there or damaged."""
+    """Read the views of `save_views`, by name; none if they are absent or damaged."""
     try:
         about = json.loads((folder / "views.json").read_text())
         arrays = load_arrays(folder / "views.npz")

@@ -1,4 +1,4 @@
-"""Sweeps: the values that a comparison tries for a parameter of a node, and its seeds."""
+"""Sweeps: the values that a comparison tries for a node's parameter, and its seeds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Sweep:
 def read_sweep(word: str) -> Sweep:
     """Read ``node.param=from..to:count``, the same with ``log:`` before it, or ``a,b,c``.
 
-    A range of whole numbers at whole distances gives whole numbers.
+    A range of whole numbers in whole steps gives whole numbers.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def _range(text: str, log: bool) -> tuple[float, ...]:
         raise ValueError("a logarithmic range starts and ends above 0")
     spaced = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
     whole = isinstance(low, int) and isinstance(high, int) and (spaced % 1 == 0).all()
-    # Six digits keep 0.1 from being written as 0.10000000000000002 into tables and folders.
+    # Six digits keep 0.10000000000000002 out of tables and folder names.
     return tuple(int(v) if whole else float(f"{v:.6g}") for v in spaced)
 
 

@@ -54,7 +54,7 @@ class Line:
 
     @property
     def where(self) -> str:
-        """The back ends that were in fact used."""
+        """The back ends that were used."""
         used = {backend for row in self.rows for backend in row.backends.values()}
         return " + ".join(sorted(used)) or self.backend
 
@@ -68,9 +68,9 @@ def make_lines(rows: Iterable[Row]) -> list[Line]:
 
 
 def over_all(lines: Sequence[Line]) -> list[Line]:
-    """The means over all captures, if there are several: what a paper would state.
+    """The means over all captures, if there are several, as a paper states them.
 
-    Errors of both signs do not cancel: the mean is that of their sizes, and says so.
+    Errors of both signs do not cancel: the mean is that of their sizes, and is labelled so.
     """
     if len({line.capture for line in lines}) < 2:
         return []
@@ -157,7 +157,7 @@ def _what_is_best(names: Iterable[str]) -> str:
 
 
 def fallback_lines(rows: Iterable[Row]) -> list[str]:
-    """Each fallback once, behind the names of the graphs that it concerns."""
+    """Each fallback once, after the names of the graphs that it concerns."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
         # Rows that an earlier version kept have no brief lines.
@@ -272,5 +272,5 @@ def _marked(line: Line, name: str, lines: Sequence[Line], mark: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Text with LaTeX's own characters made harmless."""
+    """Text with LaTeX's special characters escaped."""
     return "".join(f"\\{c}" if c in "&%$#_{}" else c for c in text.replace("\\", "/"))
