@@ -36,13 +36,12 @@ def check_settings(
     settings
         Their values.
     where
-        For a parameter's name, where its value stands.
+        Gives the place of a parameter's value by the parameter's name.
 
     Raises
     ------
     GraphError
-        If one is unknown, missing, of a wrong type or out of its range.  One that is
-        `NOT_GIVEN` yet is taken to be right.
+        If one is unknown, missing, of a wrong type or out of its range.  `NOT_GIVEN` passes.
     """
     for name in settings:
         if name not in node.parameters:
@@ -66,7 +65,7 @@ def check_settings(
 
 
 def _beyond_numbers(value: Any) -> str:
-    """Say if 32-bit floats cannot hold a number's square or inverse, or 64 bits a whole number."""
+    """A complaint if float32 cannot hold a number's square or inverse, or 64 bits an integer."""
     for part in value if isinstance(value, list | tuple) else ():
         if reason := _beyond_numbers(part):
             return reason
@@ -101,7 +100,7 @@ def model_of(node: Node) -> type[BaseModel]:
 
 
 def _lenient(annotation: Any) -> Any:
-    """Let ``160,120`` stand for a tuple and ``~`` for a home; keep true and false from numbers."""
+    """Accept ``160,120`` for a tuple and ``~`` for a home, but no flag for a number."""
     parts = _parts(annotation)
     if Path in parts:
         annotation = Annotated[annotation, BeforeValidator(_at_home)]
@@ -125,7 +124,7 @@ def _at_home(value: Any) -> Any:
 
 
 def _parts(annotation: Any) -> list[Any]:
-    """An annotation and all that its unions and `Annotated` wrap."""
+    """An annotation and all types that its unions and `Annotated` wrap."""
     inner = get_args(annotation) if get_origin(annotation) in _WRAPPERS else ()
     if get_origin(annotation) is Annotated:
         inner = inner[:1]
@@ -154,7 +153,7 @@ def _split_numbers(value: Any) -> Any:
 
 
 def _scalar_of(text: str) -> Any:
-    """A part of a text with commas, read as it would be read alone."""
+    """A part of a text with commas, read like a text of its own."""
     try:
         return _refuse_bool(parse_scalar(text))
     except InputError:
@@ -162,7 +161,7 @@ def _scalar_of(text: str) -> Any:
 
 
 def _only_number(value: Any) -> Any:
-    """Text is no number, whatever could be made of it."""
+    """Refuse text where a number is needed."""
     if isinstance(value, str):
         raise ValueError("a number is needed")
     return _refuse_bool(value)

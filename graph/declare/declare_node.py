@@ -1,4 +1,4 @@
-"""From a function to a `Node`: its signature, read and checked."""
+"""Make a `Node` of a function: read and check its signature."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def node(
     Parameters
     ----------
     neutral
-        What stands in when a variant takes the node out: a constant for the output, or the
-        name of the input that is passed on.  None: the node cannot be taken out.
+        Replaces the node when a variant takes it out: a constant output, or the name of the
+        input that is passed on.  None: the node cannot be taken out.
     tolerance
-        How far other back ends' output may differ from the NumPy one, and why.
+        The difference allowed between other back ends and NumPy, with the reason.
     sizes
-        Limits on size symbols, with the sentence a user reads when they are not met.
+        Limits on size symbols, each with the message for a size outside them.
     derived
         Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``, or by any
         rule, a `SizeRule`.
@@ -140,7 +140,7 @@ def _declare(
 
 
 def _kernel_package(module: str) -> str:
-    """Where the kernels of a module's node lie: ``kernels/`` has the same rooms as ``nodes/``."""
+    """The package of a module's kernels: ``kernels/`` has the same rooms as ``nodes/``."""
     package, _, _ = module.rpartition(".")
     room = package.removeprefix("tactograph.nodes")
     return f"tactograph.kernels{room}" if room != package else package or module

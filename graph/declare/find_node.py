@@ -2,8 +2,8 @@
 
 Built-in nodes lie in the rooms of ``tactograph.nodes``: ``op: x`` is function ``x`` of
 ``nodes/ROOM/x.py``, where a room may lie in another.  Third-party nodes come through the
-entry-point group ``tactograph.nodes`` (``x = package.module:x``).  Only what a graph names is
-ever imported.
+entry-point group ``tactograph.nodes`` (``x = package.module:x``).  Only the nodes that a graph
+names are imported.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ NODE_DECORATOR = re.compile(rb"^@node\b", re.MULTILINE)
 @cache
 def builtin_rooms() -> Mapping[str, str]:
     """The room of every built-in node, by the node's name; none of their modules is imported."""
-    found: dict[str, str] = {}
+    rooms: dict[str, str] = {}
     for root in map(Path, tactograph.nodes.__path__):
         for file in root.rglob("[!_]*.py"):
             if NODE_DECORATOR.search(file.read_bytes()):
-                found[file.stem] = file.parent.relative_to(root).as_posix()
-    return {name: found[name] for name in sorted(found)}
+                rooms[file.stem] = file.parent.relative_to(root).as_posix()
+    return {name: rooms[name] for name in sorted(rooms)}
 
 
 def builtin_names() -> list[str]:
@@ -50,7 +50,7 @@ def plugin_entry_points() -> Mapping[str, Sequence[EntryPoint]]:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
-    """What is installed on `path`, once for all: reading all packages' metadata takes long."""
+    """The entry points on `path`, cached: reading all packages' metadata takes long."""
     found: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=ENTRY_POINT_GROUP):
         found.setdefault(point.name, []).append(point)
@@ -58,18 +58,18 @@ def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
 
 
 def node_names() -> list[str]:
-    """Every name that `find_node` knows."""
+    """All names that `find_node` knows."""
     return sorted({*builtin_names(), *plugin_entry_points()})
 
 
 def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
-    """Import and return the node called `name`; one of `own`, where it is there, as it is.
+    """Import and return the node called `name`, or take it from `own`.
 
     Raises
     ------
     InputError
-        If no package has it, or several plug-ins have.  A shipped node goes before a plug-in's
-        of the same name, and a warning says so: graphs keep their meaning.
+        If no package has it, or several plug-ins have.  A shipped node has precedence over a
+        plug-in's of the same name, with a warning, so that graphs keep their meaning.
     NodeError
         If its module does not hold a node of that name.
     """
@@ -116,12 +116,12 @@ def _plugin_node(point: EntryPoint, name: str) -> Node:
 
 
 def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
-    """Nodes that a program hands over itself, by name.
+    """The nodes that a program hands over, by name.
 
     Raises
     ------
     InputError
-        If one is no node, or its name is that of a shipped one or of another: graphs keep
+        If one is no node, or has the name of a shipped or another node, so that graphs keep
         their meaning.
     """
     found: dict[str, Node] = {}

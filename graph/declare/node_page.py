@@ -1,4 +1,4 @@
-"""What a node's docstring says of its ports and parameters, and all of that as a page."""
+"""The page of a node: its docstring, ports and parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 
 _RETURNS = re.compile(r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
-"""The whole section: to the parser every line that is not indented is a value of its own."""
+"""The whole section; the parser would take every line without indent for a value."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def describe(node: Node) -> Description:
 
 
 def node_page(node: Node) -> str:
-    """Everything about a node, as Markdown: what flows in and out, what can be set."""
+    """All about a node as Markdown: its inputs, parameters, outputs and errors."""
     about = describe(node)
     lines = [f"# {node.name}", "", about.summary, ""]
     if about.text:

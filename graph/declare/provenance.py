@@ -1,4 +1,4 @@
-"""Where a result comes from: what the engine tells a sink that asks for it."""
+"""The provenance of a result, which the engine hands to a sink that asks for it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Provenance:
     warnings: list[str]
     fallbacks: list[str]
     given: dict[str, Any] = field(default_factory=dict)
-    """The value of each of the graph's params, given or by default."""
+    """The values of the graph's params, given or by default."""
 
     def as_dict(self) -> dict[str, Any]:
         return {

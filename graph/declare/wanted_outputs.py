@@ -1,4 +1,4 @@
-"""The outputs of a node that something reads: a node need not make the others."""
+"""The outputs of a node that are read: it need not make the others."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked of a node that has a keyword-only argument of this type.
+    """The names of the wanted outputs, for a node with a keyword-only argument of this type.
 
-    ``"variance" in wanted`` says whether the output of that name is read.  The NumPy function
-    returns None for one that it does not make; the kernel finds a null pointer.
+    ``"variance" in wanted`` says whether that output is read.  The NumPy function returns None for
+    an output that it does not make; the kernel gets a null pointer.
     """
 
     names: frozenset[str] | None = None

@@ -1,4 +1,4 @@
-"""NumPy files, read without pickle and without believing what a header says of their size."""
+"""NumPy files, read without pickle and without trust in the sizes of their headers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 ZIP_MAGIC = b"PK\x03\x04"
 MAX_BYTES = 2**30
-"""Of one file's arrays together, once they are unpacked."""
+"""The most bytes of a file's arrays after unpacking."""
 
 
 def load_array(file: Path) -> NDArray[Any]:
@@ -59,7 +59,7 @@ def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
 
 
 def _checked(stream: IO[bytes], size: int) -> NDArray[Any]:
-    """Read one array from a stream of `size` bytes, once its header is known to fit them."""
+    """Read an array from a stream of `size` bytes if its header fits them."""
     stream.seek(0)
     version = npy.read_magic(stream)
     if version not in ((1, 0), (2, 0), (3, 0)):

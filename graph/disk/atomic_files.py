@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written beside their place, then moved there."""
+"""Files that appear whole or not at all: written beside their place, then moved there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, WriteError
 
 STAGE_PREFIX = ".writing-"
-"""How the names of temporary folders begin."""
+"""The start of temporary folders' names."""
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     WriteError
         If `path` cannot be written.
     InputError
-        If its name is not UTF-8, or the block could not read a file from elsewhere.
+        If its name is not UTF-8, or the block could not read another file.
     """
     refuse_other_names(path)
     _refuse_special(path)
@@ -40,25 +40,25 @@ def atomic_files(
 ) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
 
-    A kill leaves the temporary folder, and, while files are moved, some of them new and some
-    old.  The next write into `folder` removes what a kill left.
+    A kill leaves the temporary folder, and possibly a mixture of new and old files.  The next
+    write into `folder` removes a killed writer's temporary folder.
 
     Parameters
     ----------
     folder
         Created if needed.
     last
-        The name of a file that is moved after all others: one that vouches for them.
+        The name of a file that vouches for the others, and so is moved after them.
     instead_of
-        Names of files in `folder` that go, before the last is moved, unless the block wrote
-        them anew.
+        Names of files in `folder` that are removed before the last is moved, unless the block
+        wrote them.
 
     Raises
     ------
     WriteError
         If `folder` cannot be made or written.
     InputError
-        If its name is not UTF-8, or the block could not read a file from elsewhere.
+        If its name is not UTF-8, or the block could not read another file.
     """
     refuse_other_names(folder)
     try:
@@ -103,7 +103,7 @@ def _new_stage(folder: Path) -> tuple[Path, int | None]:
 
 
 def _remove_leftovers(folder: Path) -> None:
-    """Remove temporary folders whose writers are dead: nobody holds their locks."""
+    """Remove temporary folders of dead writers, whose locks are free."""
     for stage in folder.glob(f"{STAGE_PREFIX}*"):
         with suppress(OSError):
             lock = lock_folder(stage)
@@ -126,7 +126,7 @@ def _refuse_special(path: Path) -> None:
 
 
 def _is_elsewhere(error: OSError, folder: Path) -> bool:
-    """Whether it was another file that failed, one that the block reads."""
+    """Whether the error is of another file, which the block reads."""
     if not isinstance(error.filename, str):
         return False
     return not Path(error.filename).absolute().is_relative_to(folder.absolute())

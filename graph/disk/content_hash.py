@@ -1,4 +1,4 @@
-"""What tells one content of a file or folder from another."""
+"""Hashes of the content of files and folders."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def content_hash(path: Path) -> str:
     files = sorted(f for f in path.rglob("*") if f.is_file()) if path.is_dir() else [path]
     try:
         stats = [(file, file.stat()) for file in files]
-    except OSError:  # the run itself will say what is wrong with it
+    except OSError:  # the run itself reports it
         return ""
     return _content_hash(path, tuple((f, stat.st_size, stat.st_mtime_ns) for f, stat in stats))
 

@@ -1,8 +1,8 @@
-"""A cache on disk: files that last from start to start, and may go at any time.
+"""A cache on disk, whose files last from start to start and may be removed at any time.
 
-A file is written beside its place and moved there, so two writers and a kill leave whole files;
-its content is checked when it is read.  The files of a folder that were read longest ago go when
-all together are too large.
+A file is written beside its place and moved there, so two writers or a kill leave whole files.  Its
+content is checked when it is read.  The files that were read longest ago go when a folder is too
+large.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from pathlib import Path
 import platformdirs
 
 FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
-"""The environment variable that names another folder, or is ``off``."""
+"""The environment variable with another folder, or ``off``."""
 MAX_FOLDER_BYTES = 10**9
-"""Of all files of a folder together."""
+"""The most bytes of a folder's files."""
 SUFFIX = ".kept"
 _MAGIC = b"tactograph kept 1\n"
 _ABANDONED_S = 3600.0
 
 
 def cache_folder() -> Path | None:
-    """Where the cache lies; None if there is to be none."""
+    """The folder of the cache; None if it is off."""
     told = os.environ.get(FOLDER_VARIABLE, "")
     if told == "off":
         return None
@@ -34,7 +34,7 @@ def cache_folder() -> Path | None:
 
 
 def read_cached(file: Path) -> bytes | None:
-    """What a file holds; None if it is absent, damaged or somebody else's."""
+    """The content of a file; None if it is absent, damaged or another user's."""
     try:
         if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
             return None
@@ -51,7 +51,7 @@ def read_cached(file: Path) -> bytes | None:
 
 
 def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None:
-    """Keep something; a full disk or a read-only one is no reason to fail."""
+    """Write a file; a full or read-only disk is no error."""
     most = MAX_FOLDER_BYTES if most_bytes is None else most_bytes
     if len(body) > most // 4:
         return
@@ -71,7 +71,7 @@ def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None
 
 
 def _make_room(new: Path, most: int) -> None:
-    """Delete what was read longest ago, and what a killed writer left."""
+    """Delete the files that were read longest ago, and a killed writer's leftovers."""
     stats = []
     for file in new.parent.iterdir():
         with suppress(OSError):

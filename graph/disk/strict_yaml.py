@@ -32,7 +32,7 @@ _DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 class Place:
     """A place in a graph file, counted from 1; line 0: not from a file.
 
-    `use` is the place that uses the group which this one is in.
+    `use` is the place that uses the group which holds this place.
     """
 
     file: str
@@ -57,7 +57,7 @@ class Document:
     """Where in its file the data stand."""
 
     def place(self, path: Path_) -> Place:
-        """The place of `path`, or of its closest parent that stands in the file."""
+        """The place of `path`, or of its closest parent in the file."""
         for length in range(len(path), -1, -1):
             if path[:length] in self.places:
                 found = self.places[path[:length]]
@@ -113,7 +113,7 @@ def parse_yaml(text: str, name: str) -> Document:
 
 @lru_cache(64)
 def _parsed(text: str, name: str) -> Document:
-    """Variants extend the same few graphs, and parsing one takes longer than the rest of it."""
+    """Parse YAML text, cached: variants extend the same few graphs."""
     if found := _DIRECTIVE.match(text):
         line = found[0].count("\n") + 1
         raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")
@@ -139,7 +139,7 @@ def parse_scalar(text: str) -> Any:
     Raises
     ------
     InputError
-        If it looks like a number and is none.
+        If it looks like a number but is none.
     """
     try:
         return _scalar(text, _implicit_tag(text, plain=True))
@@ -166,7 +166,7 @@ def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen:
 
 
 def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
-    """Refuse what plain data has no need of: sharing, tags and half characters."""
+    """Refuse sharing, tags and half characters, which plain data does not need."""
     if id(node) in seen or node.anchor is not None:
         raise GraphError(f"{place}: anchors and aliases are not allowed; use 'extends' to share")
     seen.add(id(node))

@@ -1,4 +1,4 @@
-"""Names of files that are text: others cannot be written down, and end some libraries at once."""
+"""File names that are text: others cannot be written down, and crash some libraries."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def refuse_other_names(place: str | Path) -> None:
     Raises
     ------
     InputError
-        With the name as far as it can be shown.
+        With the name, as far as it can be shown.
     """
     try:
         str(place).encode()
@@ -22,12 +22,12 @@ def refuse_other_names(place: str | Path) -> None:
 
 
 def at_home(place: str) -> str:
-    """A place whose ``~`` is the user's home, as a shell has it where it sees one.
+    """A place with ``~`` expanded as a shell does.
 
     Raises
     ------
     InputError
-        If ``~name`` is nobody's.
+        If there is no user ``~name``.
     """
     if not place.startswith("~"):
         return place

@@ -1,4 +1,4 @@
-"""What is wrong with YAML, in plain words: where, and what to do."""
+"""Errors of YAML in plain words: the place, and what to do."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BAD_CHARACTER = re.compile(r"found character '(.+)' that cannot start any token
 
 
 def in_words(error: MarkedYAMLError, name: str) -> str:
-    """``file:line:column`` and a sentence for what the parser stumbled over."""
+    """Describe a parser's error as ``file:line:column`` and a sentence."""
     problem = (error.problem or error.context or "").partition("\n")[0]
     context = error.context or ""
     at, begun = error.problem_mark or error.context_mark, error.context_mark
@@ -25,7 +25,7 @@ def in_words(error: MarkedYAMLError, name: str) -> str:
 
 
 def _sentence(problem: str, context: str, at: StringMark, begun: StringMark | None) -> str:
-    """Say what is meant by one of the parser's phrases; empty for a rare one."""
+    """Translate one of the parser's phrases; empty for a rare one."""
     word = _BAD_CHARACTER.match(problem)
     if word is not None:
         if word[1] in ("\t", r"\t"):
@@ -61,7 +61,7 @@ def _second_colon(at: StringMark) -> str:
 
 
 def _other_level(context: str, at: StringMark, begun: StringMark) -> str:
-    """What stands here belongs to nothing above it."""
+    """Describe a line that belongs to no level above it."""
     lines = _lines(at)
     if lines[at.line][: at.column].strip(" -"):
         return "this belongs to nothing before it in the line; put the value in quotes"

@@ -1,4 +1,4 @@
-"""What the passes hand on: the graph's values and tasks, resolved step by step."""
+"""The draft of a plan: values and tasks, which the passes resolve step by step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactograph.graph.files.flat_graph import Entry, Graph
 
 
 class Value(NamedTuple):
-    """What one output port of one node produces."""
+    """The value of one output port of a node."""
 
     node: str
     port: str
@@ -55,13 +55,13 @@ class Task:
 
     @property
     def edges(self) -> dict[str, Value]:
-        """Every value that the node takes, of this item or the one before, by input."""
+        """All values that the node takes, of this item or the one before, by input."""
         return {**self.reads, **self.recalls}
 
 
 @dataclass
 class Draft:
-    """What the passes hand on: the graph with all that is known of it so far."""
+    """A graph with its names resolved: its tasks, outputs, and nodes that do not run."""
 
     graph: Graph
     tasks: dict[str, Task]

@@ -1,4 +1,4 @@
-"""Make a plan from a graph: the passes, one after the other."""
+"""Make a plan of a graph by all passes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def make_plan(
     stand_ins: frozenset[str] = frozenset(),
     outputs: Mapping[str, str] | None = None,
 ) -> Plan:
-    """Verify `graph` and plan its run; nothing is run or written.
+    """Verify `graph` and plan its run, without running or writing anything.
 
     Parameters
     ----------

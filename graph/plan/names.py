@@ -79,7 +79,7 @@ def bind(
 
 
 class _Names(NamedTuple):
-    """The nodes that a graph's names stand for, and the values of those that are passed over."""
+    """The nodes behind a graph's names, and the values behind nodes that are taken out."""
 
     graph: Graph
     nodes: dict[str, Node]
@@ -224,7 +224,7 @@ def _output(names: _Names, name: str, reference: str) -> Value:
 
 
 def _check_recalls(tasks: Mapping[str, Task]) -> None:
-    """Only what changes from item to item has a value before."""
+    """Refuse a previous value of a node that does not change from item to item."""
     for task in tasks.values():
         for name, value in task.recalls.items():
             where = task.entry.where(f"in.{name}")

@@ -1,4 +1,4 @@
-"""What a plan is made of: placements, steps, and the plan itself."""
+"""Plans: placements, steps, and the plan itself."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
 MAX_NAMED_NODES = 6
-"""At most so many nodes that fell back for one reason are all named on a terminal."""
+"""The most nodes with one fallback that a terminal names."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a node runs and why; `fallback` if a preferred back end could not run it."""
+    """The back end of a node and why; `fallback` if a preferred one could not run it."""
 
     backend: str
     why: str
@@ -33,7 +33,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the plan."""
+    """A step of the plan: a node, a constant, or a transfer."""
 
     kind: Literal["run", "fill", "upload", "download"]
     name: str
@@ -70,7 +70,7 @@ class Plan:
     inspected: set[Value] = field(default_factory=set)
 
     def wanted(self, node: str) -> Wanted:
-        """The outputs of a node that another node reads, or the caller, or who inspects it."""
+        """The outputs of a node that nodes or the caller read, or that are inspected."""
         edges = [value for task in self.tasks.values() for value in task.edges.values()]
         read = {v.port for v in (*edges, *self.outputs.values(), *self.inspected) if v.node == node}
         return Wanted(frozenset(read))
@@ -106,7 +106,7 @@ class Plan:
 
     @property
     def fallbacks(self) -> list[str]:
-        """The nodes that fell back to another back end, all named, a line for each reason."""
+        """The nodes that fell back to another back end, a line for each reason."""
         return [
             f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} on {place.backend}: {place.why}"
             for place, ids in self._fallen().items()
@@ -114,7 +114,7 @@ class Plan:
 
     @property
     def brief_fallbacks(self) -> list[str]:
-        """The same for a terminal: of many nodes only the number and the first are named."""
+        """The fallbacks for a terminal, where many nodes are counted instead of named."""
         fallen = self._fallen()
         everywhere = len({placement.backend for placement in self.placements.values()}) == 1
         lines = []
@@ -133,7 +133,7 @@ class Plan:
 
     @property
     def without_kernel(self) -> list[str]:
-        """The nodes that the preferred back end has no kernel for; only the host reads and writes.
+        """The nodes without a kernel for the preferred back end, sources and sinks left out.
 
         They run on the host by design, which is no fallback.
         """
@@ -148,7 +148,7 @@ class Plan:
         return [node_id for node_id, node in made.items() if preferred not in node.implementations]
 
     def _fallen(self) -> dict[Placement, list[str]]:
-        """The nodes that fell back, by what became of them and why."""
+        """The nodes that fell back, by placement."""
         alike: dict[Placement, list[str]] = {}
         for node_id, placement in self.placements.items():
             if placement.fallback:

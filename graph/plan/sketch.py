@@ -1,4 +1,4 @@
-"""The picture of a plan: every step, or its nodes alone."""
+"""Sketches of plans: every step, or the nodes alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _box(plan: Plan, step: Step) -> Box:
 
 
 def _edges(plan: Plan) -> list[Edge]:
-    """Every edge between nodes."""
+    """The edges between nodes."""
     return [
         (value.node, name, value.port)
         for name, task in plan.tasks.items()
@@ -39,7 +39,7 @@ def _edges(plan: Plan) -> list[Edge]:
 
 
 def _edges_by_steps(plan: Plan) -> list[Edge]:
-    """Every edge between steps, through the transfer of its value if there is one."""
+    """The edges between steps, through the transfers of their values."""
     moves = {step.reads[0]: step for step in plan.steps if step.is_transfer}
     on_device = {step.name: step.on_device for step in plan.steps}
     edges: dict[Edge, None] = {}
