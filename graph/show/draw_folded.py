@@ -1,8 +1,8 @@
 """Draw a folded sketch as SVG for a page, in layers from top to bottom.
 
-Layered drawing as usual (Sugiyama): a box stands one layer below the last that it reads; an edge
-that passes layers goes through a place in each, and all edges from one box share these; sweeps
-order the layers so that few edges cross, and then move boxes towards their neighbours.
+This is the layered drawing of Sugiyama.  A box stands one layer below the last box that it reads.
+An edge that passes layers goes through a spot in each, shared by all edges from one box.  Sweeps
+order each layer so that few edges cross, and then move boxes towards their neighbours.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ BOX_GAP_PX, LANE_PX = 16, 14
 RECALL_PX = 60
 """Space at the right for edges to the next item."""
 ORDER_SWEEPS = 12
-"""How often all layers are gone through, down and up, to bring what is joined together."""
+"""Passes over all layers, down and up, that order and move boxes."""
 
 Spot = tuple[str, int]
-"""Where a box, or the trunk of edges from it, is in a layer."""
+"""A box, or the trunk of edges from it, in a layer."""
 Joined = dict[Spot, tuple[list[Spot], list[Spot]]]
-"""What each spot is joined to, above and below."""
+"""The spots that each spot is joined to, above and below."""
 
 
 def to_folded_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
@@ -67,7 +67,7 @@ def _top(layer: int) -> int:
 
 
 def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
-    """The layer of each box; one that reads nothing stands just above the first that reads it."""
+    """The layer of each box; a box that reads none stands just above its first reader."""
     before: dict[str, list[str]] = {}
     after: dict[str, list[str]] = {}
     for a, b, _ in edges:
@@ -83,7 +83,7 @@ def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
 
 
 def _segments(layer: Mapping[str, int], edges: Sequence[Edge]) -> dict[tuple[Spot, Spot], str]:
-    """The edges cut at each layer that they pass, with their ports; those of one box share."""
+    """The edges cut at each layer, with their ports; edges of one box share segments."""
     found: dict[tuple[Spot, Spot], dict[str, None]] = {}
     for a, b, port in edges:
         way = [(a, at) for at in range(layer[a], layer[b])] + [(b, layer[b])]
@@ -103,7 +103,7 @@ def _neighbours(segments: Mapping[tuple[Spot, Spot], str]) -> Joined:
 def _ordered(
     layer: Mapping[str, int], segments: Mapping[tuple[Spot, Spot], str]
 ) -> list[list[Spot]]:
-    """The spots of each layer, ordered by the mean place of what they are joined to."""
+    """The spots of each layer, ordered by the mean place of their neighbours."""
     spots = dict.fromkeys([(name, at) for name, at in layer.items()])
     spots |= dict.fromkeys(spot for pair in segments for spot in pair)
     layers: list[list[Spot]] = [[] for _ in range(1 + max(layer.values(), default=-1))]
@@ -125,7 +125,7 @@ def _centres(
     layer: Mapping[str, int],
     segments: Mapping[tuple[Spot, Spot], str],
 ) -> dict[Spot, float]:
-    """Where each spot's middle is, in px: near its neighbours', and apart from those beside it."""
+    """The middle of each spot in px: near its neighbours, and apart from the spots beside it."""
     joined = _neighbours(segments)
 
     def apart(a: Spot, b: Spot) -> float:
@@ -156,7 +156,7 @@ def _centres(
 
 
 def _increasing(wanted: Sequence[float]) -> list[float]:
-    """The numbers nearest to those wanted, by least squares, of which none is below the last."""
+    """The non-decreasing numbers nearest to those wanted, by least squares."""
     blocks: list[tuple[float, int]] = []
     for value in wanted:
         mean, size = value, 1
@@ -172,7 +172,7 @@ def _drawn_segment(
 ) -> str:
     (x1, y1), (x2, y2) = start, end
     bend = y1 + LAYER_GAP_PX
-    # Straight down past the boxes of a layer, and across between two.
+    # Straight down past the boxes of a layer, and across between two layers.
     way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}V{y2}"
     return drawn_edge(way, ports, TIP if arrives else "")
 

@@ -31,7 +31,7 @@ HEAD_PX, PAD_PX = 18, 6
 def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
     """The sketch as an SVG image, boxes coloured by back end, with `times` in ms where known.
 
-    The group of a node's box says in ``data-node`` which it is.
+    The ``data-node`` of a box names its step.
     """
     column = _columns(sketch)
     whole = _lay_out("", column, {box.name: box.use for box in sketch.boxes}, sketch.edges)
@@ -54,7 +54,7 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
 
 
 class _Frame(NamedTuple):
-    """Around a use: from one column to another, and so many frames within one another."""
+    """The frame around a use: its columns, top and height, and the frames nested in it."""
 
     first: int
     last: int
@@ -65,7 +65,7 @@ class _Frame(NamedTuple):
 
 @dataclass
 class _Area:
-    """What a use holds: the tops of its steps and frames, from its own."""
+    """The content of a use: the tops of its steps and frames, from its own top."""
 
     steps: dict[str, int] = field(default_factory=dict)
     frames: dict[str, _Frame] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class _Area:
 
 
 def _columns(sketch: Sketch) -> dict[str, int]:
-    """The column of each step: one behind the last that it reads."""
+    """The column of each step: one behind the last step that it reads."""
     before = _before(sketch.edges)
     column: dict[str, int] = {}
     for box in sketch.boxes:  # in order: what a step reads comes before it
@@ -82,7 +82,7 @@ def _columns(sketch: Sketch) -> dict[str, int]:
 
 
 def _before(joined: Iterable[Edge]) -> dict[str, list[str]]:
-    """What each step reads."""
+    """The steps that each step reads."""
     before: dict[str, list[str]] = {}
     for a, b, _ in joined:
         before.setdefault(b, []).append(a)
@@ -97,11 +97,11 @@ def _lay_out(
 ) -> _Area:
     """Stack the steps of a use, and below them the uses inside it.
 
-    Steps of a column stand in the order of the mean place of those that they read, so that few
-    edges cross.
+    Steps of a column are ordered by the mean place of the steps that they read, so that few edges
+    cross.
     """
     before, area = _before(joined), _Area()
-    filled: dict[int, int] = {}  # down to where, by column
+    filled: dict[int, int] = {}  # the lower end of the content, by column
 
     def place_read(name: str) -> float:
         places = [area.steps[a] for a in before.get(name, ()) if a in area.steps]

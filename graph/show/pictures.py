@@ -29,15 +29,15 @@ LINE_COLOURS = (
 MAX_PANELS_ACROSS = 4
 """Panels in a row."""
 PAGE_WIDTH_IN = 10.4
-"""Inches of a picture as wide as the page."""
+"""The width of a picture that fills the page."""
 ERROR_PERCENTILE = 99.5
-"""Percentile of the absolute errors at which the common scale ends: a few pixels on an edge
-would otherwise leave all others white."""
+"""The percentile of the absolute errors that ends the common scale: otherwise a few pixels on an
+edge would leave all others white."""
 
 Panels = Mapping[str, NDArray[Any]]
-"""Arrays by what is written above them."""
+"""Arrays by title."""
 Curve = tuple[Sequence[Any], Sequence[Estimate]]
-"""Swept values and the figure at each; no values: one figure that holds for all of them."""
+"""Swept values and the figure at each; without values, one figure for the whole sweep."""
 
 
 def png_of(name: str, port: PortType, array: NDArray[Any]) -> bytes | None:
@@ -58,7 +58,7 @@ def png_of(name: str, port: PortType, array: NDArray[Any]) -> bytes | None:
 
 
 def draw_planes(view: View) -> str:
-    """All planes of a stack beside each other, on one grey scale."""
+    """Draw all planes of a stack beside each other, on one grey scale."""
     panels = {f"{k}": plane for k, plane in enumerate(view.array, start=1)}
     figure, axes = _grid(panels)
     top = float(view.array.max(initial=0, where=np.isfinite(view.array)))
@@ -69,18 +69,18 @@ def draw_planes(view: View) -> str:
 
 
 def draw_maps(panels: Panels, unit: str) -> str:
-    """Maps on one common scale."""
+    """Draw maps on one common scale."""
     everything = _finite(panels)
     low, high = float(everything.min(initial=np.inf)), float(everything.max(initial=-np.inf))
     return _maps(panels, unit, "viridis", Normalize(low, high), "neither")
 
 
 def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
-    """Differences from the truth on one common scale, white where there is none.
+    """Draw differences from the truth on one common scale, white where there is none.
 
     Returns
     -------
-    The picture, and where the scale ends.
+    The picture, and the end of the scale.
     """
     everything = np.abs(_finite(panels))
     end = (
@@ -92,13 +92,13 @@ def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
 
 
 def _finite(panels: Panels) -> NDArray[Any]:
-    """All values that are known."""
+    """All finite values."""
     everything = np.concatenate([array.ravel() for array in panels.values()])
     return np.asarray(everything[np.isfinite(everything)])
 
 
 def draw_labels(panels: Panels, unit: str) -> str:
-    """Labels, a colour for each bit and a dark one where several are set."""
+    """Draw labels in a colour for each bit, dark where several are set."""
     count = max(int(array.max()).bit_length() for array in panels.values()) or 1
     name = unit.removesuffix("bits").strip() or "bit"
     figure, axes = _grid(panels, bar=True)
@@ -115,7 +115,7 @@ def draw_labels(panels: Panels, unit: str) -> str:
 
 
 def draw_section(panels: Panels, unit: str, row: int, truth: str | None) -> str:
-    """One row of every map in one plot; the truth broad and grey, the errors beneath."""
+    """Plot one row of every map, the truth broad and grey, and the errors beneath."""
     figure = _figure(4.6 if truth else 3.4)
     if truth:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -139,7 +139,7 @@ def draw_section(panels: Panels, unit: str, row: int, truth: str | None) -> str:
 
 
 def draw_curves(figures: Mapping[str, Mapping[str, Curve]], target: str, log: bool) -> str:
-    """Figures over a swept parameter, a panel for each, with 95 % confidence intervals."""
+    """Plot figures over a swept parameter, a panel each, with 95 % confidence intervals."""
     across = min(3, len(figures))
     down = -(-len(figures) // across)
     figure = _figure(2.5 * down + 0.4)
@@ -238,7 +238,7 @@ def _png(figure: Figure) -> str:
 
 def _svg(figure: Figure) -> str:
     stream = io.BytesIO()
-    # Without a date the same figures give the same page.
+    # Without a date, equal figures give an equal page.
     figure.savefig(stream, format="svg", metadata={"Date": None})
     return _uri(stream, "image/svg+xml")
 

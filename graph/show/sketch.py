@@ -9,7 +9,7 @@ from graphlib import CycleError, TopologicalSorter
 from tactograph.graph.errors import GraphError
 
 Edge = tuple[str, str, str]
-"""From a box, to a box, and the ports of the values, separated by commas."""
+"""A box, a box that reads it, and the ports of the values, separated by commas."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def use_of(node: str) -> str:
 
 
 def fold(sketch: Sketch) -> Sketch:
-    """Draw each outermost use as one box, unless it reads what was made of its own values.
+    """Draw each outermost use as one box, unless it reads values that follow from its own.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def _outermost(name: str, uses: set[str]) -> str:
 
 
 def _renamed(joined: list[Edge], box_of: Mapping[str, str], *, loops: bool = False) -> list[Edge]:
-    """The edges between boxes, one for all values that go from one to another."""
+    """The edges between boxes, one for all values from one box to another."""
     ports: dict[tuple[str, str], dict[str, None]] = {}
     for a, b, port in joined:
         if loops or box_of[a] != box_of[b]:

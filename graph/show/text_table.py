@@ -1,4 +1,4 @@
-"""A table as plain text, of which no cell is cut however narrow the terminal is."""
+"""A table as plain text that cuts no cell, however narrow the terminal is."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ def fitting_table(
 ) -> str:
     """Draw a table in the first shape that is no wider than `width`.
 
-    The shapes are: headings of one line; headings of several lines; a column for each row, in
-    as many blocks as that takes.  A single column that is wider is drawn all the same.
+    The shapes are: headings of one line; headings of several lines; a column for each row, in as
+    many blocks as needed.  A single column that is wider is drawn all the same.
 
     Parameters
     ----------
     labels
-        So many columns stand at the left; those of figures stand at the right of theirs.
+        Number of columns that are aligned left; figures are aligned right.
     """
     for fold in (False, True):
         text = _upright(headings, rows, labels, fold)
@@ -47,7 +47,7 @@ def _upright(
 
 
 def _folded(heading: str, column: Sequence[str]) -> list[str]:
-    """A heading in lines that make its column no wider than a word does."""
+    """A heading in lines that are no wider than its longest word or its column."""
     width = max(_width(column), _width(heading.split()))
     return wrap(heading, width, break_long_words=False, break_on_hyphens=False)
 
@@ -55,7 +55,7 @@ def _folded(heading: str, column: Sequence[str]) -> list[str]:
 def _blocks(
     head: Sequence[str], columns: Sequence[Sequence[str]], width: int
 ) -> Iterator[list[Sequence[str]]]:
-    """The columns, as many together as there is room for beside `head`."""
+    """The columns in blocks that fit beside `head`."""
     block: list[Sequence[str]] = []
     left = width - _width(head)
     for column in columns:

@@ -31,7 +31,7 @@ class View:
 
 
 def kind_of(port: PortType) -> Kind | None:
-    """How the array of a port can be drawn, if it can."""
+    """The way in which a port's array can be drawn, None if it cannot."""
     if port.kind != "array" or port.dtype is None or port.dims[-2:] != ("H", "W"):
         return None
     is_float = port.dtype.kind == "f"

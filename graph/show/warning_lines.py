@@ -13,14 +13,14 @@ MAX_WARNINGS = 3
 def warning_lines(
     found: Iterable[tuple[str, Iterable[str]]], most: int | None = MAX_WARNINGS
 ) -> list[str]:
-    """Each warning once, with the first place that it is of and how many others there are.
+    """Write each warning once, with its first place and the number of others.
 
     Parameters
     ----------
     found
         Places, each with its warnings.
     most
-        How many are told, None for all; the last line counts the others.
+        Number of warnings that are written, None for all; the last line counts the others.
     """
     places: dict[str, list[str]] = {}
     for place, warnings in found:

@@ -1,4 +1,4 @@
-"""What a graph is tuned on: captures of a folder, or the items of its own stream."""
+"""The captures that a graph is tuned on, or none if its stream has its own items."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CAPTURE_PARAM = "capture"
 
 
 def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:
-    """The captures that can be gone to and fro in; empty where the stream goes one way."""
+    """The captures that a user can step through; empty where the stream goes one way."""
     if CAPTURE_PARAM not in graph.params or not isinstance(given.get(CAPTURE_PARAM), str):
         return []
     folder = Path(given[CAPTURE_PARAM])

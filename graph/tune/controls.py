@@ -1,4 +1,4 @@
-"""What a page offers for a parameter, read from its declaration."""
+"""The control of a parameter, read from its declaration."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from tactograph.graph.declare.limits import Limits, bare_type, limits_of
 from tactograph.graph.declare.node import Parameter
 
 MIN_LOG_DECADES = 2.5
-"""A range of positive numbers that is wider gets a logarithmic slider."""
+"""The least width of a positive range with a logarithmic slider."""
 Kind = Literal["slider", "choice", "flag", "text"]
 
 
 @dataclass(frozen=True)
 class Control:
-    """A control: its kind, and for a slider where it goes from and to."""
+    """A control: its kind, and the range of a slider."""
 
     kind: Kind
     low: float = 0.0
@@ -28,7 +28,7 @@ class Control:
     choices: tuple[Any, ...] = ()
 
     def place(self, value: float) -> float:
-        """Where a value lies on the slider, 0 to 1000."""
+        """The place of a value on the slider, 0 to 1000."""
         if self.log:
             value = max(value, self.low)
             part = math.log(value / self.low) / math.log(self.high / self.low)

@@ -43,7 +43,7 @@ class NodePanel:
         self.build()
 
     def follow_others(self) -> None:
-        """Take up what the file or another browser has changed."""
+        """Take up changes by the file or another browser."""
         now, shows = self._chosen(), self._shows
         if shows is None or now[0] is not shows[0] or now != shows:
             self.build()
@@ -86,7 +86,7 @@ class NodePanel:
                 self._parameter(name, entry, parameter, about.arguments[parameter.name])
 
     def _head(self, name: str, entry: Entry, node: Node) -> None:
-        """Name and op, and what can be said of the node as a whole."""
+        """Name and op, and the controls of the node as a whole."""
         tuning = self._tuning
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.label(name).classes("t-name").props("data-testid=node")
@@ -184,7 +184,7 @@ class NodePanel:
         self.build()
 
     def _do(self, change: Callable[..., object], *words: Any) -> None:
-        """Make a change that the panel shows already."""
+        """Make a change that the panel already shows."""
         attempt(change, *words)
         self._shows = self._chosen()
 

@@ -20,9 +20,9 @@ from tactograph.graph.tune.save_dialog import ask_where_to_save
 from tactograph.graph.tune.tuning import Shown, Tuning
 
 LOOK_EVERY_S = 0.025
-"""Time between two looks whether there is something new."""
+"""Time between two looks for a new result."""
 DRAW_EVERY_S = 0.5
-"""Time between two looks at the file; the drawing takes up new times as seldom."""
+"""Time between two looks at the file, and between two drawings with new times."""
 MAX_FIGURES = 4
 
 
@@ -45,7 +45,7 @@ def serve(tuning: Tuning, *, port: int, token: str, show: bool) -> None:
 
 
 class Page:
-    """What one browser sees; the state is that of `Tuning`, the same for all."""
+    """The page in one browser; its state is that of `Tuning`, shared by all browsers."""
 
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning
@@ -73,7 +73,7 @@ class Page:
             self._graph.draw()
 
     def take_up(self, shown: Shown) -> None:
-        """Show a result, or what is wrong."""
+        """Show a result, or an error."""
         self._seen = shown.number
         self._error.set_text(shown.error)
         self._error.set_visibility(bool(shown.error))
@@ -86,7 +86,7 @@ class Page:
         self._panel.draw(shown)
 
     def take_up_late(self) -> None:
-        """Take up what may come late: the file, and, where the hand rests, the drawing's times."""
+        """Take up slow changes: the file and, where the hand rests, the drawing's times."""
         self.tuning.reload()
         self._follow_others()
         shown = self.tuning.shown
@@ -129,7 +129,7 @@ class Page:
             ).style("padding: 4px 12px")
 
     async def _look(self) -> None:
-        """Take up what is new; called often, it costs nothing where there is nothing."""
+        """Take up a new result; without one, a call costs nothing."""
         if self.tuning.shown.number != self._seen:
             self.take_up(self.tuning.shown)
         await self._follow.send()
@@ -169,7 +169,7 @@ class Page:
         return beside.name if beside is not None else ""
 
     def _follow_others(self) -> None:
-        """Take up what the file, another browser or the stream's end has changed."""
+        """Take up changes by the file, another browser or the stream's end."""
         self._panel.follow_others()
         self._beside.set_value(self._name_beside())
         if not self.tuning.captures:

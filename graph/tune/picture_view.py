@@ -9,7 +9,7 @@ from nicegui import events, ui
 
 
 class Pointed(NamedTuple):
-    """Where the mouse is, in pixels of the picture."""
+    """The place of the mouse in pixels of the picture."""
 
     x: float
     y: float

@@ -13,7 +13,7 @@ SAVE_LABEL, REPLACE_LABEL = "Save", "Replace it"
 
 
 def ask_where_to_save(tuning: Tuning) -> None:
-    """Ask for a file, and write the variant there; a file of others only if that is confirmed."""
+    """Ask for a file and write the variant there; another's file only after a confirmation."""
     with ui.dialog() as dialog, ui.card().style("min-width: 420px"):
         ui.label("Save as a variant").classes("t-title")
         field = ui.input("file", value=f"{tuning.base.name}_tuned.yaml")
