@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tactograph.graph.backends import parity
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import (
     expected_arguments,
@@ -15,10 +16,9 @@ from tactograph.graph.backends.kernel_source import (
     kernel_source,
 )
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends import parity
+from tactograph.graph.backends.parity import SHAPES, Case, cases, compare, compare_on
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.backends.parity import SHAPES, Case, cases, compare, compare_on
 from tactograph.nodes import F4, Light
 from tactograph.nodes.height import height_solver
 from tests.graph.toys import halves, leaned
