@@ -74,9 +74,9 @@ def _converters(node: Node) -> dict[str, Convert]:
 
 def _converter(annotation: Any) -> Convert:
     """Make a converter: a number passes as it is, a tuple item by item, a choice as its index."""
-    found = scalar_type(annotation)
-    assert found is not None
-    c_type, count, choices = found
+    scalar = scalar_type(annotation)
+    assert scalar is not None
+    c_type, count, choices = scalar
     make = np.float32 if c_type == "float" else np.int32
     if choices:
         return lambda value: [np.int32(choices.index(value))]

@@ -86,8 +86,8 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
         if device.works:
             return device, ""
         reasons.append(f"{device.name}: {device.verdict}")
-    found = f" ({'; '.join(reasons)})" if reasons else " here"
-    return None, f"no OpenCL device works{found}; {how_to_get_one()}"
+    refused = f" ({'; '.join(reasons)})" if reasons else " here"
+    return None, f"no OpenCL device works{refused}; {how_to_get_one()}"
 
 
 def how_to_get_one() -> str:
@@ -162,9 +162,9 @@ def _run_probe(handle: cl.Device) -> str | None:
     source = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=a)
     target = cl.Buffer(context, flags.WRITE_ONLY, a.nbytes)
     kernel(queue, (128,), (64,), source, target, np.float32(1))
-    found = np.empty_like(a)
-    cl.enqueue_copy(queue, found, target)
+    result = np.empty_like(a)
+    cl.enqueue_copy(queue, result, target)
     expected = np.sqrt(a.reshape(2, 64)[:, ::-1].ravel()) + np.float32(1)
-    if not np.allclose(found, expected, rtol=1e-6):
+    if not np.allclose(result, expected, rtol=1e-6):
         return "a test kernel ran but gave wrong numbers"
     return None

@@ -80,8 +80,8 @@ def _runtime() -> Path | None:
     except PackageNotFoundError:
         return None
     name = _DRIVERS.get(sys.platform)
-    found = (Path(str(file.locate())).resolve() for file in files if file.name == name)
-    return next((path for path in found if path.is_file()), None)
+    paths = (Path(str(file.locate())).resolve() for file in files if file.name == name)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def _drivers(folder: Path) -> list[str]:

@@ -221,16 +221,16 @@ class Launch:
 
         return arrived
 
-    def as_array(self, found: DeviceArray) -> pyopencl.array.Array:
+    def as_array(self, source: DeviceArray) -> pyopencl.array.Array:
         """View a device array as pyopencl's own array class, for a library that takes it.
 
         The library's kernels cannot be repeated.
         """
         self.repeats = False
         array: Any = pyopencl.array.Array(
-            self._device.queue, found.shape, found.dtype, data=found.buffer
+            self._device.queue, source.shape, source.dtype, data=source.buffer
         )
-        array.memory = found.memory  # which stays on loan as long as the array is held
+        array.memory = source.memory  # which stays on loan as long as the array is held
         return array  # type: ignore[no-any-return]
 
     def found(self, symbol: str, size: int) -> None:
@@ -255,5 +255,5 @@ class Launch:
             repeats = self.repeats and self._record is None
             self._compiled.kept[key] = make()
             self.repeats = repeats
-        found: T = self._compiled.kept[key]
-        return found
+        value: T = self._compiled.kept[key]
+        return value

@@ -65,27 +65,27 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case
     fills += [] if node.kernels.whole is None else list(INTEGER_FILLS)
     settings = dict(_settings(node))
     default = settings["default"]
-    found = [
+    chosen = [
         Case(_sizes(node, shape, default), fill, "default", default)
         for shape in shapes
         for fill in fills
     ]
     middle = shapes[min(2, len(shapes) - 1)]
-    found += [
+    chosen += [
         Case(_sizes(node, middle, setting), "random", name, setting)
         for name, setting in settings.items()
         if name != "default" and _fits(node, middle, setting)
     ]
     sizes = _sizes(node, middle, default)
-    found += [
+    chosen += [
         Case(sizes, "random", f"without {' and '.join(names)}", default, left_out=names)
         for names in _absences(node)
     ]
-    found += [
+    chosen += [
         Case(sizes, "random", f"only {' and '.join(names)}", default, wanted=names)
         for names in _demands(node)
     ]
-    return found
+    return chosen
 
 
 def check(node: Node, device: str | None = None) -> int:
@@ -159,13 +159,13 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
         poisoned, device.poison = device.poison, POISON_BYTE
         try:
             launch = _named(f"the kernel of {node.name}, case {case}")
-            found, after = launch(node, device, case, inputs, wanted)
+            outputs, after = launch(node, device, case, inputs, wanted)
         finally:
             device.poison = poisoned
         changed = _changed(after, kept)
         if changed:
             return f"the kernel changed its input '{changed}'"
-        wrong = _difference(node, reference, found, wanted)
+        wrong = _difference(node, reference, outputs, wanted)
         if wrong:
             return wrong
     return None
@@ -184,15 +184,15 @@ def _named(name: str) -> Callable[..., Any]:
 def _difference(
     node: Node,
     reference: Mapping[str, NDArray[Any]],
-    found: Mapping[str, NDArray[Any]],
+    outputs: Mapping[str, NDArray[Any]],
     wanted: Wanted,
 ) -> str | None:
     for name, expected in reference.items():
         if name not in wanted:
             continue
-        if expected.shape != found[name].shape:
-            return f"{name}: shape {found[name].shape}, expected {expected.shape}"
-        wrong = node.tolerance.difference(expected, found[name])
+        if expected.shape != outputs[name].shape:
+            return f"{name}: shape {outputs[name].shape}, expected {expected.shape}"
+        wrong = node.tolerance.difference(expected, outputs[name])
         if wrong:
             return f"{name}: {wrong}"
     return None
@@ -222,11 +222,11 @@ def _on_device(
     }
     sizes = _known_sizes(node, case)
     outputs, _ = device.prepare(node, case.settings, sizes, wanted).launch(remote)
-    found = {name: device.download(array) for name, array in outputs.items()}
+    downloaded = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
     if whole is not None:
         after[whole] = after[whole] / np.float32(full)
-    return found, after
+    return downloaded, after
 
 
 def _known_sizes(node: Node, case: Case) -> dict[str, int]:

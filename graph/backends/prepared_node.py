@@ -150,11 +150,11 @@ class Prepared:
         """The arguments of the node's own kernel, in the order of `expected_arguments`."""
         arguments: list[Any] = []
         for name in self._read:
-            found = inputs.get(name)
+            value = inputs.get(name)
             if self._node.inputs[name].kind == "number":
-                arguments.append(np.float32(found))
+                arguments.append(np.float32(value))
             else:
-                arguments.append(None if found is None else found.buffer)
+                arguments.append(None if value is None else value.buffer)
         for name in self._node.outputs:
             arguments.append(outputs[name].buffer if name in outputs else None)
         return arguments + self._plain

@@ -163,7 +163,7 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         "versions": "another version of",
         "device": f"another device ({then['device'] or 'none'})",
     }
-    found = []
+    differences = []
     for name in then:
         if then[name] == now[name]:
             continue
@@ -171,7 +171,7 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
             keys = sorted(
                 k for k in {*then[name], *now[name]} if then[name].get(k) != now[name].get(k)
             )
-            found.append(f"{words[name]} {', '.join(keys)}")
+            differences.append(f"{words[name]} {', '.join(keys)}")
         else:
-            found.append(words.get(name, f"another {name} ({then[name]})"))
-    return " and ".join(found)
+            differences.append(words.get(name, f"another {name} ({then[name]})"))
+    return " and ".join(differences)

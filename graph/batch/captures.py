@@ -54,18 +54,18 @@ def find_captures(patterns: Sequence[str]) -> Found:
     InputError
         If a pattern matches nothing, its file system is not known, or a name is not UTF-8.
     """
-    found: dict[str, None] = {}
+    captures: dict[str, None] = {}
     passed_over: dict[str, None] = {}
     spread = [each for pattern in patterns for each in _spread(pattern)]
     for pattern in spread:
         matches, files = _matches(pattern)
         if not matches:
             raise InputError(f"--over {pattern}: nothing is there")
-        found.update(dict.fromkeys(matches))
+        captures.update(dict.fromkeys(matches))
         passed_over.update(dict.fromkeys(files))
-    for capture in found:
+    for capture in captures:
         refuse_other_names(capture)
-    return Found(list(found), _common_start(spread), list(passed_over))
+    return Found(list(captures), _common_start(spread), list(passed_over))
 
 
 def _spread(pattern: str) -> list[str]:

@@ -27,10 +27,10 @@ class Entry:
     @property
     def checksum(self) -> int:
         """CRC-32 of the figures and of the maps in order of name."""
-        found = zlib.crc32(json.dumps(self.figures).encode())
+        crc = zlib.crc32(json.dumps(self.figures).encode())
         for name in sorted(self.maps):
-            found = zlib.crc32(self.maps[name].tobytes(), found)
-        return found
+            crc = zlib.crc32(self.maps[name].tobytes(), crc)
+        return crc
 
 
 def read_figures(text: str) -> dict[str, float]:

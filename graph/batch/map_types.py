@@ -13,6 +13,8 @@ MAX_HELD_BYTES = 2**26
 """Maps that a worker gathers before it writes them; it may hold twice as much."""
 MAX_CHUNK_CAPTURES = 32
 """Captures of a chunk: with more, a dead worker loses more, and others idle at the end."""
+COMPRESSED_BYTES = 2**21
+"""Bytes that are compressed and read as one piece: Zarr takes as long for fewer."""
 AXIS_NAMES = {"H": "y", "W": "x"}
 """The names of an image's dimensions in a store: y runs down, x to the right."""
 
@@ -41,18 +43,28 @@ def captures_together(types: Iterable[MapType]) -> int:
     return max(1, min(MAX_CHUNK_CAPTURES, 1 << max(0, fit.bit_length() - 1)))
 
 
+def captures_in_one(kind: MapType, chunk: int) -> int:
+    """The number of maps that are compressed as one piece; it divides the shard."""
+    nbytes = max(1, kind.nbytes)
+    return max(
+        n
+        for n in range(1, chunk + 1)
+        if chunk % n == 0 and (n == 1 or n * nbytes <= COMPRESSED_BYTES)
+    )
+
+
 def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
     """The names of each map's dimensions; a name stands for one size in the whole store."""
     sizes: dict[str, int] = {}
-    found: dict[str, list[str]] = {}
+    axes: dict[str, list[str]] = {}
     for name, kind in types.items():
-        found[name] = []
+        axes[name] = []
         for dim, size in zip(kind.dims, kind.shape, strict=True):
             axis = AXIS_NAMES.get(dim, dim)
             if sizes.setdefault(axis, size) != size or axis in types:
                 axis = f"{name}_{axis}"
-            found[name].append(axis)
-    return found
+            axes[name].append(axis)
+    return axes
 
 
 def add_places(group: zarr.Group, axis: str, size: int, pixel: float) -> None:

@@ -28,7 +28,13 @@ from zarr.codecs import BloscCodec
 from tactograph.graph.batch.captures import is_url
 from tactograph.graph.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.graph.batch.job import Job, identity_of
-from tactograph.graph.batch.map_types import AXIS_NAMES, MapType, add_places, axes_of
+from tactograph.graph.batch.map_types import (
+    AXIS_NAMES,
+    MapType,
+    add_places,
+    axes_of,
+    captures_in_one,
+)
 from tactograph.graph.errors import InputError
 from tactograph.graph.run.result_origin import Origin
 
@@ -37,8 +43,6 @@ MAX_CAPTURES = 10**7
 MAX_CHUNK = 4096
 MAX_PIXELS = 2**25
 """Limits on what a store's description can make a reader allocate."""
-COMPRESSED_BYTES = 2**21
-"""Bytes that are compressed and read as one piece: Zarr takes as long for fewer."""
 _TEXT_ARRAYS = ("capture", "reason", "figures", "warnings")
 _OPEN_ERRORS = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
 """Errors of opening a store; TypeError comes from file systems that need more than a URL, the last
@@ -114,12 +118,12 @@ class Store:
     def captures(self) -> list[str]:
         """The captures' places; without them no result could be assigned."""
         try:
-            found = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
+            places = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
         except _DECODE_ERRORS as error:
             raise self._damage(f"'capture' cannot be read: {error}") from None
-        if lost := found.count(""):
-            raise self._damage(f"'capture' lacks {lost} of {len(found)} names")
-        return found
+        if lost := places.count(""):
+            raise self._damage(f"'capture' lacks {lost} of {len(places)} names")
+        return places
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
@@ -140,7 +144,7 @@ class Store:
             return [int(number) for number in done]
         whole = np.ones(len(self), bool)
         for first in range(0, len(self), self.chunk):
-            here = slice(first, min(first + self.chunk, len(self)))
+            here = self._chunk_of(first)
             if ((here.start <= done) & (done < here.stop)).any():
                 whole[here] = self._are_whole(here)
         return [int(number) for number in done if not whole[number]]
@@ -159,7 +163,7 @@ class Store:
                 return [False]
             middle = (here.start + here.stop) // 2
             halves = slice(here.start, middle), slice(middle, here.stop)
-            return [found for half in halves for found in self._are_whole(half)]
+            return [is_whole for half in halves for is_whole in self._are_whole(half)]
         if "checksum" not in self._group:
             return [True] * len(entries)
         for at, entry in enumerate(entries):
@@ -169,11 +173,14 @@ class Store:
 
     def reopen(self, numbers: Sequence[int]) -> None:
         """Mark captures as pending."""
-        for number in numbers:
-            first = number // self.chunk * self.chunk
-            here = slice(first, min(first + self.chunk, len(self)))
-            with self._refusing():
-                self._merge("status", here, {number: PENDING})
+        with self._refusing():
+            for number in numbers:
+                self._merge("status", self._chunk_of(number), {number: PENDING})
+
+    def _chunk_of(self, number: int) -> slice:
+        """The captures that are written together with one."""
+        first = number // self.chunk * self.chunk
+        return slice(first, min(first + self.chunk, len(self)))
 
     @property
     def has_maps(self) -> bool:
@@ -181,13 +188,13 @@ class Store:
 
     def map_types(self) -> dict[str, MapType]:
         """The types of the maps in the store."""
-        found = {}
+        types = {}
         for name in self.job.maps:
             array = self._reaching(name, 0)
             dims: Any = array.attrs["dims"]
             unit = str(array.attrs["unit"])
-            found[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
-        return found
+            types[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
+        return types
 
     def append(self, captures: Sequence[str]) -> None:
         """Add pending captures at the end."""
@@ -214,7 +221,7 @@ class Store:
             name,
             shape=(len(self), *kind.shape),
             dtype=kind.dtype,
-            chunks=(_captures_in_one(kind, self.chunk), *kind.shape),
+            chunks=(captures_in_one(kind, self.chunk), *kind.shape),
             shards=(self.chunk, *kind.shape),
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
@@ -234,12 +241,10 @@ class Store:
         InputError
             If the store cannot be written.
         """
-        first = min(entries) // self.chunk * self.chunk
-        here = slice(first, min(first + self.chunk, len(self)))
+        here = self._chunk_of(min(entries))
         with self._refusing():
             for name in self.job.maps:
-                made = {n: e.maps[name] for n, e in entries.items() if name in e.maps}
-                if made:
+                if made := {n: e.maps[name] for n, e in entries.items() if name in e.maps}:
                     self._merge(name, here, made)
             self._merge("reason", here, {n: e.reason for n, e in entries.items()})
             self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
@@ -318,16 +323,6 @@ class Store:
         if known is None or stop is None or known.shape[0] < stop:
             return self._array(name)
         return known
-
-
-def _captures_in_one(kind: MapType, chunk: int) -> int:
-    """The number of maps that are compressed as one piece; it divides the shard."""
-    nbytes = max(1, kind.nbytes)
-    return max(
-        n
-        for n in range(1, chunk + 1)
-        if chunk % n == 0 and (n == 1 or n * nbytes <= COMPRESSED_BYTES)
-    )
 
 
 def create_store(

@@ -105,11 +105,11 @@ def _turns(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Tur
         store, pipeline = _opened(chunk.out, chunk.stamp)
         first, last = chunk.captures[0][0], chunk.captures[-1][0]
         statuses = store.statuses_of(slice(first, last + 1))
-        found = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
-        for number, place in found:
+        to_do = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
+        for number, place in to_do:
             coming = reader.submit(_read, pipeline, store.job, place)
-            yield _Turn(chunk, number, coming, number == found[-1][0])
-        if not found:
+            yield _Turn(chunk, number, coming, number == to_do[-1][0])
+        if not to_do:
             yield _Turn(chunk, first, None, True)
 
 

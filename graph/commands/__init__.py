@@ -190,7 +190,7 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
     ) -> None:  # fmt: skip
         function(options=RunOptions(overlays, settings, backend, device, strict), **rest)
 
-    found: Callable[..., None] = with_options
+    decorated: Callable[..., None] = with_options
     for option in reversed(_RUN_OPTIONS):
-        found = option(found)
-    return found
+        decorated = option(decorated)
+    return decorated

@@ -54,7 +54,7 @@ def _check(read: Graph) -> None:
 
 def _written(graph: Graph, plan: Plan) -> list[str]:
     """Settings that name places to write to, with those places."""
-    found = []
+    written = []
     for task in plan.tasks.values():
         for name, parameter in task.node.parameters.items():
             setting = task.entry.settings.get(name, parameter.default)
@@ -63,5 +63,5 @@ def _written(graph: Graph, plan: Plan) -> list[str]:
             param = graph.params.get(str(setting)[1:]) if str(setting).startswith("$") else None
             if task.node.sink or setting == "$out":
                 default = "" if param is None or param.default is None else f" ({param.default})"
-                found.append(f"{task.id}.{name} to {setting}{default}")
-    return found
+                written.append(f"{task.id}.{name} to {setting}{default}")
+    return written

@@ -30,8 +30,8 @@ add_completion_class(_Bash)
 def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
     """The shipped graphs that begin so, with `studies` those too; else files."""
     names = [*shipped_names(), *(shipped_studies() if studies else ())]
-    found = [CompletionItem(name) for name in names if name.startswith(begun)]
-    return found or [CompletionItem(begun, type="file")]
+    items = [CompletionItem(name) for name in names if name.startswith(begun)]
+    return items or [CompletionItem(begun, type="file")]
 
 
 def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
@@ -40,8 +40,8 @@ def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
     names = {*shipped_overlays(), *(read.variants if read is not None else ())}
     begins = [name for name in sorted(names) if name.startswith(begun)]
     fits = [name for name in begins if read is None or _read(graph, (name,)) is not None]
-    found = [CompletionItem(name) for name in fits]
-    return found or [CompletionItem(begun, type="file")]
+    items = [CompletionItem(name) for name in fits]
+    return items or [CompletionItem(begun, type="file")]
 
 
 def complete_value(

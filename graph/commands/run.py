@@ -328,23 +328,23 @@ def _times(result: Result) -> str:
 
 def _name_of(result: Result) -> str:
     """The name of the item, if the stream's source yields one."""
-    found = (made for value, made in result.item.items() if value.port == "name")
-    return next((name for name in found if isinstance(name, str)), "")
+    names = (made for value, made in result.item.items() if value.port == "name")
+    return next((name for name in names if isinstance(name, str)), "")
 
 
 def _ranges(result: Result) -> dict[str, str]:
     """The range of each map among the outputs that has a unit."""
     import numpy as np
 
-    found = {}
+    ranges = {}
     for name in result.plan.outputs:
         port, array = result.plan.port(name), result.outputs.get(name)
         if port.kind != "array" or port.dims != ("H", "W") or port.unit == "1":
             continue
         if isinstance(array, np.ndarray) and array.dtype.kind == "f" and array.size:
             low, high = np.nanmin(array), np.nanmax(array)
-            found[name] = f"{low:.4g} to {high:.4g} {port.unit}"
-    return found
+            ranges[name] = f"{low:.4g} to {high:.4g} {port.unit}"
+    return ranges
 
 
 def _in_rows(figures: dict[str, float]) -> dict[str, str]:

@@ -215,11 +215,11 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
 
 def figures_of(result: Result) -> dict[str, float]:
     """All named figures among the outputs."""
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     for value in result.outputs.values():
         if isinstance(value, dict):
-            found |= {name: float(figure) for name, figure in value.items()}
-    return found
+            figures |= {name: float(figure) for name, figure in value.items()}
+    return figures
 
 
 def _times_of(result: Result) -> dict[str, float]:

@@ -69,11 +69,11 @@ def make_record(
 
 def _code(study: Study) -> dict[str, str]:
     """The hash of the code of every node of the study's graphs that can be found."""
-    found: dict[str, str] = {}
+    code: dict[str, str] = {}
     for graph in study.graphs:
         with suppress(TactographError):  # a row of the table says what is wrong
-            found |= find_origin(graph, backend="numpy", device=None).code
-    return found
+            code |= find_origin(graph, backend="numpy", device=None).code
+    return code
 
 
 def write_record(record: Record, study: Study, out: Path) -> None:

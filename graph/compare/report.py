@@ -208,7 +208,7 @@ def _sections(study: Study, rows: Sequence[Row], out: Path) -> list[Section]:
                 first.setdefault(_job_label(job, lines), job)
         drawn = dict(_thinned(list(first.items())))
         views = {label: load_views(job.folder(out)) for label, job in drawn.items()}
-        pictures = _pictures({label: found for label, found in views.items() if found})
+        pictures = _pictures({label: view for label, view in views.items() if view})
         sections.append(Section(capture, len(first) - len(drawn), pictures))
     return sections
 
@@ -241,10 +241,10 @@ class _Shown:
     """A view of all runs, and its truth, which differs between runs of a swept scene."""
 
     def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
-        found = {label: views[name] for label, views in runs.items() if name in views}
-        shape = next(iter(found.values())).array.shape
-        self.found = {label: v.array for label, v in found.items() if v.array.shape == shape}
-        truths = {label: find_truth(found[label], runs[label]) for label in self.found}
+        shown = {label: views[name] for label, views in runs.items() if name in views}
+        shape = next(iter(shown.values())).array.shape
+        self.found = {label: v.array for label, v in shown.items() if v.array.shape == shape}
+        truths = {label: find_truth(shown[label], runs[label]) for label in self.found}
         self.truths = {label: truth.array for label, truth in truths.items() if truth is not None}
 
     @property
@@ -270,10 +270,10 @@ class _Shown:
 
 def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """The arrays without those that equal a former one."""
-    found: dict[bytes, tuple[str, NDArray[Any]]] = {}
+    distinct: dict[bytes, tuple[str, NDArray[Any]]] = {}
     for label, array in arrays.items():
-        found.setdefault(array.tobytes(), (label, array))
-    return dict(found.values())
+        distinct.setdefault(array.tobytes(), (label, array))
+    return dict(distinct.values())
 
 
 def _draw_planes(view: View, shown: _Shown) -> list[Picture]:

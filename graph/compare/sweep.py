@@ -112,13 +112,13 @@ def has_parameter(graph: Graph, target: str) -> bool:
 
 def seed_like(graphs: Iterable[Graph]) -> list[str]:
     """The parameters called ``seed`` of all nodes."""
-    found = (
+    names = (
         f"{node_id}.seed"
         for graph in graphs
         for node_id, entry in graph.nodes.items()
         if has_parameter(graph, f"{node_id}.seed") and entry.op
     )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(names))
 
 
 def _is_target(target: str) -> bool:

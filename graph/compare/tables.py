@@ -78,8 +78,8 @@ def over_all(lines: Sequence[Line]) -> list[Line]:
     for line in lines:
         groups.setdefault((line.variant, line.backend, repr(line.sweep)), []).append(line)
     whole = [g for g in groups.values() if len(g) > 1 and not any(line.error for line in g)]
-    found = ((name, x.figures.get(name)) for g in whole for x in g for name in columns(g))
-    signed = any(each is not None and _size(name, each.mean) != each.mean for name, each in found)
+    figures = ((name, x.figures.get(name)) for g in whole for x in g for name in columns(g))
+    signed = any(each is not None and _size(name, each.mean) != each.mean for name, each in figures)
     return [_mean_line(group, ", signs left out" if signed else "") for group in whole]
 
 
@@ -219,9 +219,9 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
         )
         for line in lines:
             swept = [line.sweep.get(target, "") for target in targets]
-            found = [line.figures.get(name) for name in names]
-            means = ["" if f is None else f.mean for f in found]
-            ends = [end for f in found for end in (("", "") if f is None else (f.low, f.high))]
+            figures = [line.figures.get(name) for name in names]
+            means = ["" if f is None else f.mean for f in figures]
+            ends = [end for f in figures for end in (("", "") if f is None else (f.low, f.high))]
             more = [len(line.rows), *ends] if several else []
             start = [line.variant, line.capture, line.backend]
             told = ["; ".join(line.warnings), line.error]

@@ -57,11 +57,11 @@ def check_settings(
             raise GraphError(_message(node, where, wrong[0])) from None
         defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
-    found = {name: getattr(model, name) for name in node.parameters}
-    for name, value in found.items():
+    checked = {name: getattr(model, name) for name in node.parameters}
+    for name, value in checked.items():
         if reason := _beyond_numbers(value):
             raise GraphError(f"{where(name)}: {reason}")
-    return found
+    return checked
 
 
 def _beyond_numbers(value: Any) -> str:

@@ -51,10 +51,10 @@ def plugin_entry_points() -> Mapping[str, Sequence[EntryPoint]]:
 @cache
 def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
     """The entry points on `path`, cached: reading all packages' metadata takes long."""
-    found: dict[str, list[EntryPoint]] = {}
+    points: dict[str, list[EntryPoint]] = {}
     for point in entry_points(group=ENTRY_POINT_GROUP):
-        found.setdefault(point.name, []).append(point)
-    return found
+        points.setdefault(point.name, []).append(point)
+    return points
 
 
 def node_names() -> list[str]:
@@ -124,22 +124,22 @@ def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
         If one is no node, or has the name of a shipped or another node, so that graphs keep
         their meaning.
     """
-    found: dict[str, Node] = {}
+    own: dict[str, Node] = {}
     for each in nodes:
         if not isinstance(each, Node):
             raise InputError(f"nodes: {each!r} is no node; decorate the function with @node")
         if each.name in builtin_rooms():
             raise InputError(f"nodes: a shipped node is called '{each.name}'; rename the function")
-        if each.name in found:
+        if each.name in own:
             raise InputError(f"nodes: two are called '{each.name}'; rename one")
-        found[each.name] = each
-    return found
+        own[each.name] = each
+    return own
 
 
-def _checked(found: object, name: str) -> Node:
-    if not isinstance(found, Node) or found.name != name:
+def _checked(candidate: object, name: str) -> Node:
+    if not isinstance(candidate, Node) or candidate.name != name:
         raise NodeError(f"the module of node '{name}' defines no @node function of that name")
-    return found
+    return candidate
 
 
 def _package(point: EntryPoint) -> str:

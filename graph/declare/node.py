@@ -163,8 +163,8 @@ class Node:
 
     def reads_integers(self, name: str, backend: str) -> bool:
         """Whether a back end's kernel takes an input's images as the camera's integers."""
-        found = self.implementations.get(backend)
-        return found is not None and found.whole == name
+        kernels = self.implementations.get(backend)
+        return kernels is not None and kernels.whole == name
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Inputs by port as positional arguments, with records assembled; None for absent ones."""
@@ -178,10 +178,10 @@ class Node:
             else:
                 arguments[name] = inputs.get(name)
         return [
-            make_record(self.input_records[name], found.values())
+            make_record(self.input_records[name], value.values())
             if name in self.input_records
-            else found
-            for name, found in arguments.items()
+            else value
+            for name, value in arguments.items()
         ]
 
     def results(self, made: Any) -> tuple[Any, ...]:
@@ -192,8 +192,8 @@ class Node:
 
     def name_of(self, made: Any) -> str:
         """The text ``name`` among the values that the function yielded; "" if there is none."""
-        found = dict(zip(self.outputs, self.results(made), strict=True)).get("name")
-        return found if isinstance(found, str) else ""
+        name = dict(zip(self.outputs, self.results(made), strict=True)).get("name")
+        return name if isinstance(name, str) else ""
 
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
         """The shape of an output; a KeyError names a symbol that is not known."""

@@ -89,12 +89,12 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     ports: dict[str, PortType] = {}
     for field, annotation in _fields(record).items():
         if is_record(annotation):
-            found = record_ports(annotation, prefix)
+            inner = record_ports(annotation, prefix)
         else:
-            found = {field: read_port(f"{prefix}{field}", annotation)}
-        for name in found.keys() & ports.keys():
+            inner = {field: read_port(f"{prefix}{field}", annotation)}
+        for name in inner.keys() & ports.keys():
             raise TypeError(f"{record.__name__}: two ports are called '{name}'")
-        ports |= found
+        ports |= inner
     return ports
 
 

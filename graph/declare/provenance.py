@@ -60,8 +60,8 @@ def versions() -> dict[str, str]:
 @cache
 def installed(packages: tuple[str, ...]) -> Mapping[str, str]:
     """The versions of those packages that are installed; every item of a stream asks."""
-    found: dict[str, str] = {}
+    versions_of: dict[str, str] = {}
     for name in packages:
         with suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
-    return found
+            versions_of[name] = importlib.metadata.version(name)
+    return versions_of

@@ -41,7 +41,7 @@ def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
     ValueError
         If it is damaged, holds a pickle, or unpacks to more than `MAX_BYTES`.
     """
-    found: dict[str, NDArray[Any]] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     try:
         with zipfile.ZipFile(file) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
@@ -50,12 +50,12 @@ def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
             for member in archive.infolist():
                 with archive.open(member) as stream:
                     name = member.filename.removesuffix(".npy")
-                    found[name] = _checked(stream, member.file_size)
+                    arrays[name] = _checked(stream, member.file_size)
     except (OSError, ValueError, MemoryError):
         raise
     except Exception as error:  # a damaged archive fails anywhere inside zipfile and zlib
         raise ValueError(f"{error}") from None
-    return found
+    return arrays
 
 
 def _checked(stream: IO[bytes], size: int) -> NDArray[Any]:

@@ -60,12 +60,12 @@ class Document:
         """The place of `path`, or of its closest parent in the file."""
         for length in range(len(path), -1, -1):
             if path[:length] in self.places:
-                found = self.places[path[:length]]
-                return Place(found.file, found.line, found.column, dotted(self.root + path))
+                closest = self.places[path[:length]]
+                return Place(closest.file, closest.line, closest.column, dotted(self.root + path))
         raise KeyError(path)
 
     def part(self, path: Path_) -> Document:
-        """What stands below `path`, as a document of its own."""
+        """The part below `path`, as a document of its own."""
         data, size = self.data, len(path)
         for step in path:
             data = data[step]
@@ -114,8 +114,8 @@ def parse_yaml(text: str, name: str) -> Document:
 @lru_cache(64)
 def _parsed(text: str, name: str) -> Document:
     """Parse YAML text, cached: variants extend the same few graphs."""
-    if found := _DIRECTIVE.match(text):
-        line = found[0].count("\n") + 1
+    if directive := _DIRECTIVE.match(text):
+        line = directive[0].count("\n") + 1
         raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")
     yaml = YAML(typ="safe", pure=True)
     try:

@@ -169,10 +169,10 @@ def unify(draft: Draft) -> SizeClasses:
     fixed: dict[Symbol, Bound] = {}
     for task, name, wanted, value, offered in _joints(draft, "reads"):
         _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
-    found = {_find(root, symbol) for symbol in _found(draft)}
+    free = {_find(root, symbol) for symbol in _free_sizes(draft)}
     for task, name, wanted, value, offered in _joints(draft, "recalls"):
         # A size that depends on the data may differ from that of the item before.
-        if isinstance(offered, int) or _find(root, (value.node, offered)) not in found:
+        if isinstance(offered, int) or _find(root, (value.node, offered)) not in free:
             _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
     flat = {symbol: _find(root, symbol) for symbol in root}
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
@@ -200,7 +200,7 @@ def _joints(
                     yield task, name, one, value, other
 
 
-def _found(draft: Draft) -> Iterator[Symbol]:
+def _free_sizes(draft: Draft) -> Iterator[Symbol]:
     """The sizes that depend on the data: of outputs alone, sources left out."""
     for task in draft.tasks.values():
         if not task.node.source:

@@ -118,9 +118,9 @@ class Cache:
         return self._devices[key]
 
     def _drop(self, kept: Kept) -> None:
-        found = self._values.pop(kept, None)
-        if found is not None:
-            self.bytes -= found[1]
+        dropped = self._values.pop(kept, None)
+        if dropped is not None:
+            self.bytes -= dropped[1]
 
 
 def _bytes(value: Any) -> int:

@@ -47,15 +47,15 @@ class DeviceValues:
         """A value on the device; None if it is absent from this item."""
         return self._values.get(value)
 
-    def put(self, value: Value, found: DeviceArray | None) -> None:
+    def put(self, value: Value, array: DeviceArray | None) -> None:
         """Enter a value that was made before."""
         self._values.pop(value, None)
-        if found is not None:
-            self._values[value] = found
+        if array is not None:
+            self._values[value] = array
 
-    def download(self, found: DeviceArray) -> NDArray[Any]:
+    def download(self, source: DeviceArray) -> NDArray[Any]:
         """A copy of an array on the host, read-only."""
-        array = self._device.download(found)
+        array = self._device.download(source)
         array.flags.writeable = False
         return array
 
@@ -72,10 +72,10 @@ class DeviceValues:
         """Begin a transfer; readers on the host wait for it, the device keeps its own order."""
         (value,) = step.reads
         if step.kind == "download":
-            if (found := self._values.get(value)) is None:
+            if (source := self._values.get(value)) is None:
                 self._host.put(value, None)
                 return
-            array, timer = self._device.start_download(found)
+            array, timer = self._device.start_download(source)
             self._host.receive(value, array, timer[1])
         elif (array := self._host[value]) is not None:
             port = self._plan.tasks[value.node].node.outputs[value.port]
@@ -107,13 +107,13 @@ class DeviceValues:
             return {}
         if not isinstance(neutral, str) or neutral not in task.reads:
             return None
-        found = self._values.get(task.reads[neutral])
+        handed_on = self._values.get(task.reads[neutral])
         as_float = made in self._plan.inspected or made not in self._read_whole
-        if found is None or (as_float and found.dtype != of.dtype):
+        if handed_on is None or (as_float and handed_on.dtype != of.dtype):
             return None
-        self._values[made] = found
+        self._values[made] = handed_on
         self._idle.append(task.id)
-        return {port: found.shape}
+        return {port: handed_on.shape}
 
     def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
         """Ask a node whether it is idle, unless that would mean to wait."""
@@ -132,12 +132,12 @@ class DeviceValues:
         for name in task.recalls:
             port = task.node.inputs[name]
             if port.kind == "array":
-                found = inputs[name] = recall(task, name, self._before, sizes)
+                recalled = inputs[name] = recall(task, name, self._before, sizes)
             else:
-                found = inputs[name] = self._host.recall(task, name, sizes)
-            if isinstance(found, DeviceArray):
+                recalled = inputs[name] = self._host.recall(task, name, sizes)
+            if isinstance(recalled, DeviceArray):
                 # A size that depends on the data is that of the item before.
-                before = zip(port.dims, found.shape, strict=True)
+                before = zip(port.dims, recalled.shape, strict=True)
                 sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
         with Blaming(task, self._device.error):

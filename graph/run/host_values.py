@@ -56,10 +56,10 @@ class HostValues:
         """Ask a node for the outputs that the plan reads of it now."""
         self._wanted[node] = self._plan.wanted(node)
 
-    def put(self, value: Value, found: Any) -> None:
+    def put(self, value: Value, content: Any) -> None:
         """Enter a value that was made before."""
         self._arriving.pop(value, None)
-        self._values[value] = found
+        self._values[value] = content
 
     def lent(self, value: Value) -> Any:
         """A value for the caller; lists and mappings are copied."""

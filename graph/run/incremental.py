@@ -130,10 +130,10 @@ class OnlyChanged:
             self._make_all(steps, [spot], {}, 1)
         # On the device it was released at once if nothing in the graph reads it.
         kept = Kept(self._keys[value.node], value.port, spot.side)
-        found = self._cache.take(kept) if kept in self._cache else self._held(spot)
-        found = self._runner.to_host(found)
+        content = self._cache.take(kept) if kept in self._cache else self._held(spot)
+        content = self._runner.to_host(content)
         self._settle()
-        return lent(in_fractions(plan.tasks[value.node], found))
+        return lent(in_fractions(plan.tasks[value.node], content))
 
     def _make_all(
         self, steps: Sequence[Step], targets: Iterable[Spot], given: Mapping[str, Any], repeats: int

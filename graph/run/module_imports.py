@@ -16,7 +16,7 @@ _BLOCK_FIELDS = ("body", "orelse", "finalbody", "handlers", "cases")
 """The fields of a statement that hold other statements."""
 
 
-class _Found(NamedTuple):
+class _Imports(NamedTuple):
     """The imports of a file when it was last read."""
 
     changed: int
@@ -32,19 +32,19 @@ def module_imports(file: Path, module: str) -> list[str]:
     if file.suffix != ".py":
         return []
     stat, known = file.stat(), _known()
-    found = known.get(key := f"{module} {file}")
-    if found is None or (found.changed, found.size) != (stat.st_mtime_ns, stat.st_size):
-        found = _Found(stat.st_mtime_ns, stat.st_size, _imported(file, module))
-        known[key] = found
+    imports = known.get(key := f"{module} {file}")
+    if imports is None or (imports.changed, imports.size) != (stat.st_mtime_ns, stat.st_size):
+        imports = _Imports(stat.st_mtime_ns, stat.st_size, _imported(file, module))
+        known[key] = imports
         _new.append(key)
-    return found.names
+    return imports.names
 
 
 def keep_imports() -> None:
     """Keep the new results for other processes."""
     if _new and (file := _kept_in()) is not None:
         known = list(_known().items())
-        there = {key: found for key, found in known if Path(key.partition(" ")[2]).exists()}
+        there = {key: imports for key, imports in known if Path(key.partition(" ")[2]).exists()}
         write_cached(file, json.dumps(there).encode())
         _new.clear()
 
@@ -54,12 +54,12 @@ _new: list[str] = []
 
 
 @cache
-def _known() -> dict[str, _Found]:
+def _known() -> dict[str, _Imports]:
     """The results on disk, by module and file; none if another version wrote them."""
     file = _kept_in()
     body = None if file is None else read_cached(file)
     try:
-        return {key: _Found(*found) for key, found in json.loads(body or b"{}").items()}
+        return {key: _Imports(*imports) for key, imports in json.loads(body or b"{}").items()}
     except (ValueError, TypeError, AttributeError):
         return {}
 
@@ -76,17 +76,17 @@ def _imported(file: Path, module: str) -> list[str]:
     except (SyntaxError, ValueError):
         return []
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for statement in _statements(tree):
         if isinstance(statement, ast.Import):
-            found.update(dict.fromkeys(alias.name for alias in statement.names))
+            names.update(dict.fromkeys(alias.name for alias in statement.names))
         elif isinstance(statement, ast.ImportFrom):
             above = package.split(".")[: len(package.split(".")) + 1 - statement.level]
             parts = [*(above if statement.level else []), *filter(None, [statement.module])]
             base = ".".join(parts)
-            found[base] = None
-            found.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
-    return [name for name in found if name]
+            names[base] = None
+            names.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
+    return [name for name in names if name]
 
 
 def _statements(tree: ast.AST) -> Iterator[ast.AST]:

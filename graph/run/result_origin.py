@@ -61,13 +61,13 @@ def find_origin(graph: Graph, *, backend: str | None = None, device: str | None 
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
     code = {node.name: code_of(node) for node in nodes}
-    found = versions()
+    packages = versions()
     for package in {node.package for node in nodes}:
-        found |= _versions_around(package)
+        packages |= _versions_around(package)
     names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
     opened, _ = open_device(names, device)
     name = f"{opened.name}, driver {opened.driver}" if opened is not None else ""
-    return Origin({"engine": _engine(), **code}, dict(sorted(found.items())), name)
+    return Origin({"engine": _engine(), **code}, dict(sorted(packages.items())), name)
 
 
 def named_files(draft: Draft, given: Iterable[str]) -> dict[str, Path]:

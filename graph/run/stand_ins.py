@@ -67,35 +67,35 @@ def _images(array: Any) -> NDArray[Any]:
     if np.ma.is_masked(array):
         raise InputError("a stack of images has no masked pixels; stack.data holds all of them")
     try:
-        found = np.asarray(array)
+        stack = np.asarray(array)
     except Exception as error:  # whatever an object's own __array__ raises
         raise InputError(
             f"no stack of images can be made of {type(array).__name__}: {message_of(error)}"
         ) from error
-    if found.ndim == 3 and found.shape[2] <= MAX_LIGHTS < found.shape[0]:
+    if stack.ndim == 3 and stack.shape[2] <= MAX_LIGHTS < stack.shape[0]:
         raise InputError(
-            f"a stack of images is K x H x W; {found.shape} looks like H x W x K: "
+            f"a stack of images is K x H x W; {stack.shape} looks like H x W x K: "
             "np.moveaxis(stack, -1, 0) puts the lights first"
         )
-    if found.ndim == 4 and found.shape[3] in (3, 4):
+    if stack.ndim == 4 and stack.shape[3] in (3, 4):
         raise InputError(
-            f"a stack of images is K x H x W; {found.shape} looks like K colour images: "
+            f"a stack of images is K x H x W; {stack.shape} looks like K colour images: "
             "stack[..., 1] takes one channel of each"
         )
-    if found.ndim == 2:
+    if stack.ndim == 2:
         raise InputError(
-            f"a stack of images is K x H x W, not one image of {found.shape}: "
+            f"a stack of images is K x H x W, not one image of {stack.shape}: "
             "np.stack([led1, led2, …]) makes one of an image per LED"
         )
-    if found.ndim != 3:
-        raise InputError(f"a stack of images is K x H x W, not of shape {found.shape}")
-    if not found.size:
-        raise InputError(f"a stack of images of shape {found.shape} holds no pixel")
-    if found.dtype.kind not in "uf":
-        cure = "; stack.astype(np.uint8) if they are 8 bit" if found.dtype.kind == "i" else ""
+    if stack.ndim != 3:
+        raise InputError(f"a stack of images is K x H x W, not of shape {stack.shape}")
+    if not stack.size:
+        raise InputError(f"a stack of images of shape {stack.shape} holds no pixel")
+    if stack.dtype.kind not in "uf":
+        cure = "; stack.astype(np.uint8) if they are 8 bit" if stack.dtype.kind == "i" else ""
         raise InputError(
-            f"a stack of images is of unsigned integers or floats, not {found.dtype}{cure}"
+            f"a stack of images is of unsigned integers or floats, not {stack.dtype}{cure}"
         )
-    if found.dtype.kind == "f" and not np.isfinite(found).all():
+    if stack.dtype.kind == "f" and not np.isfinite(stack).all():
         raise InputError("the stack of images holds NaN or infinite values")
-    return found
+    return stack

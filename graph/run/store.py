@@ -38,9 +38,9 @@ def recall_or_make(
     file: Path | None = None
     if any(folder.glob(f"{node.name}-*{SUFFIX}")):
         file = _file(folder, node, settings, arguments)
-        found = _read(file, node)
-        if found is not None:
-            return found[0]
+        stored = _read(file, node)
+        if stored is not None:
+            return stored[0]
     start = time.perf_counter()
     told: list[str] = []
     try:
@@ -69,8 +69,10 @@ def _read(file: Path, node: Node) -> tuple[Any] | None:
     if body is None:
         return None
     try:
-        found = _Reader(io.BytesIO(body)).load()
-        return (found if node.output_record is None else make_record(node.output_record, found),)
+        content = _Reader(io.BytesIO(body)).load()
+        return (
+            content if node.output_record is None else make_record(node.output_record, content),
+        )
     except Exception:  # the node can make it again
         return None
 

@@ -29,15 +29,15 @@ def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
 
 def stamp(files: Collection[Path]) -> Stamp:
     """A value that changes when one of the files does, or a file in one of the folders."""
-    found: list[tuple[str, int, int]] = []
+    stamps: list[tuple[str, int, int]] = []
     for path in sorted(files):
         with suppress(OSError):
             inside = sorted(path.rglob("*")) if path.is_dir() else [path]
             for file in inside:
                 with suppress(OSError):
                     stat = file.stat()
-                    found.append((str(file), stat.st_mtime_ns, stat.st_size))
-    return tuple(found)
+                    stamps.append((str(file), stat.st_mtime_ns, stat.st_size))
+    return tuple(stamps)
 
 
 def wait_for_change(files: Collection[Path], before: Stamp) -> None:

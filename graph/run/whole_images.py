@@ -41,8 +41,8 @@ def _is_read_whole(plan: Plan, value: Value) -> bool:
     return all(
         task.node.reads_integers(name, plan.placements[task.id].backend)
         for task in plan.tasks.values()
-        for name, found in task.edges.items()
-        if found == value and not task.filled
+        for name, read in task.edges.items()
+        if read == value and not task.filled
     )
 
 
@@ -51,9 +51,9 @@ def is_whole(array: Any) -> bool:
     return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 
-def in_fractions(task: Task, found: Any) -> Any:
+def in_fractions(task: Task, made: Any) -> Any:
     """A task's result, with integer images converted to fractions of full scale."""
-    return as_fractions(found) if may_be_whole(task) and is_whole(found) else found
+    return as_fractions(made) if may_be_whole(task) and is_whole(made) else made
 
 
 def as_fractions(array: NDArray[Any]) -> NDArray[np.float32]:

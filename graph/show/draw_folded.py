@@ -84,20 +84,20 @@ def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
 
 def _segments(layer: Mapping[str, int], edges: Sequence[Edge]) -> dict[tuple[Spot, Spot], str]:
     """The edges cut at each layer, with their ports; edges of one box share segments."""
-    found: dict[tuple[Spot, Spot], dict[str, None]] = {}
+    segments: dict[tuple[Spot, Spot], dict[str, None]] = {}
     for a, b, port in edges:
         way = [(a, at) for at in range(layer[a], layer[b])] + [(b, layer[b])]
         for spots in itertools.pairwise(way):
-            found.setdefault(spots, {})[port] = None
-    return {spots: ", ".join(ports) for spots, ports in found.items()}
+            segments.setdefault(spots, {})[port] = None
+    return {spots: ", ".join(ports) for spots, ports in segments.items()}
 
 
 def _neighbours(segments: Mapping[tuple[Spot, Spot], str]) -> Joined:
-    found: Joined = {}
+    joined: Joined = {}
     for a, b in segments:
-        found.setdefault(a, ([], []))[1].append(b)
-        found.setdefault(b, ([], []))[0].append(a)
-    return found
+        joined.setdefault(a, ([], []))[1].append(b)
+        joined.setdefault(b, ([], []))[0].append(a)
+    return joined
 
 
 def _ordered(

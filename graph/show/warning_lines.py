@@ -11,19 +11,19 @@ MAX_WARNINGS = 3
 
 
 def warning_lines(
-    found: Iterable[tuple[str, Iterable[str]]], most: int | None = MAX_WARNINGS
+    warned: Iterable[tuple[str, Iterable[str]]], most: int | None = MAX_WARNINGS
 ) -> list[str]:
     """Write each warning once, with its first place and the number of others.
 
     Parameters
     ----------
-    found
+    warned
         Places, each with its warnings.
     most
         Number of warnings that are written, None for all; the last line counts the others.
     """
     places: dict[str, list[str]] = {}
-    for place, warnings in found:
+    for place, warnings in warned:
         for text in warnings:
             places.setdefault(text, []).append(place)
     lines = [_line(text, where) for text, where in places.items()]

@@ -40,17 +40,17 @@ class Control:
         """The value at a place of the slider, to three digits."""
         part = place / 1000
         if self.log:
-            found = self.low * math.exp(part * math.log(self.high / self.low))
+            number = self.low * math.exp(part * math.log(self.high / self.low))
         else:
-            found = self.low + part * (self.high - self.low)
+            number = self.low + part * (self.high - self.low)
         if self.whole:
-            return round(found)
+            return round(number)
         if place in (0, 1000):
             return self.high if place else self.low
         span = self.high if self.log else self.high - self.low
-        step = found if self.log else span
+        step = number if self.log else span
         digits = 2 - math.floor(math.log10(abs(step))) if step else 3
-        return round(found, digits)
+        return round(number, digits)
 
 
 def control_of(parameter: Parameter, value: Any) -> Control:

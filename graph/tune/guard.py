@@ -56,8 +56,8 @@ class Guard:
             cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
         except CookieError:
             cookie = None
-        found = said or (cookie.value if cookie is not None else "")
-        return hmac.compare_digest(found.encode(), self._token.encode())
+        token = said or (cookie.value if cookie is not None else "")
+        return hmac.compare_digest(token.encode(), self._token.encode())
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
