@@ -278,8 +278,8 @@ def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 def _draw_planes(view: View, shown: _Shown) -> list[Picture]:
     name, distinct = words(view.name).capitalize(), _distinct(shown.found)
-    of = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
-    return [Picture(draw_planes(view), f"{name}, {of}.")]
+    source = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
+    return [Picture(draw_planes(view), f"{name}, {source}.")]
 
 
 def _draw_labels(view: View, shown: _Shown) -> list[Picture]:

@@ -185,9 +185,9 @@ def _mean_line(lines: Sequence[Line], remark: str) -> Line:
     for name in names:
         mean = fmean(_size(name, line.figures[name].mean) for line in lines)
         figures[name] = Estimate(mean, mean, mean, 1)
-    of = f"mean of {len(lines)} captures{remark}"
+    title = f"mean of {len(lines)} captures{remark}"
     rows = [row for line in lines for row in line.rows]
-    return Line(first.variant, of, first.backend, first.sweep, rows, figures)
+    return Line(first.variant, title, first.backend, first.sweep, rows, figures)
 
 
 def _row_headings(lines: Sequence[Line]) -> list[str]:

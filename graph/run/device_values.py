@@ -99,9 +99,9 @@ class DeviceValues:
         node, neutral = task.node, task.node.neutral
         if node.is_idle is None or not self._is_idle(task, node.is_idle):
             return None
-        ((port, of),) = node.outputs.items()
-        made = Value(task.id, port)
-        if of.optional:
+        ((name, port),) = node.outputs.items()
+        made = Value(task.id, name)
+        if port.optional:
             self._values.pop(made, None)
             self._idle.append(task.id)
             return {}
@@ -109,11 +109,11 @@ class DeviceValues:
             return None
         handed_on = self._values.get(task.reads[neutral])
         as_float = made in self._plan.inspected or made not in self._read_whole
-        if handed_on is None or (as_float and handed_on.dtype != of.dtype):
+        if handed_on is None or (as_float and handed_on.dtype != port.dtype):
             return None
         self._values[made] = handed_on
         self._idle.append(task.id)
-        return {port: handed_on.shape}
+        return {name: handed_on.shape}
 
     def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
         """Ask a node whether it is idle, unless that would mean to wait."""
