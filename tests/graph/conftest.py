@@ -46,7 +46,7 @@ Write = Callable[..., str]
 
 
 class Outcome(NamedTuple):
-    """What a command did."""
+    """The exit code and the output of a command."""
 
     code: int
     out: str

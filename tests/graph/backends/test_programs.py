@@ -1,4 +1,4 @@
-"""What one pipeline has built, the next one takes."""
+"""Programs that one pipeline has built serve the next."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ __kernel void seven(__global int *out) { out[get_global_id(0)] = NUMBER; }
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What is built is kept here, and nothing that was built before is known."""
+    """An empty folder for programs, and no memory of earlier ones."""
     found, _ = choose_device()
     assert found is not None
     if found.handle.platform.name != POCL_PLATFORM:
@@ -52,7 +52,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def seven(device: OpenCL, number: int = 7) -> int:
-    """What a kernel writes that is built as if in a process of its own."""
+    """The output of a kernel that is built as if in a process of its own."""
     build.cache_clear()
     (handle,) = device.context.devices
     program = build(context_of(handle), SEVEN, (f"-DNUMBER={number}",))

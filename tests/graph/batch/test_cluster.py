@@ -1,4 +1,4 @@
-"""The same on a Dask cluster: workers may die, the scheduler may go, the client may come back."""
+"""A batch on a Dask cluster: workers may die, the scheduler may go, the client may come back."""
 
 from __future__ import annotations
 

@@ -237,7 +237,7 @@ def test_one_failing_run_does_not_end_the_rest(
 
 
 def test_again_repeats_what_was_recorded(tactograph: Command, swept: Path, tmp_path: Path) -> None:
-    """Of a report alone: the graph files are elsewhere."""
+    """The names in a folder that holds a report alone."""
     again = tactograph("compare", "--again", swept)
     assert again.code == 0
     assert re.search(r"all \d+ figures are the same as before", again.out)

@@ -1,4 +1,4 @@
-"""What of a result can be looked at, and what its truth is."""
+"""Views of a result, and the truth of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a header says of an array's size is believed only if the file holds so much."""
+"""The size in an array's header is believed only if the file is that large."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Pat
 
 
 class Killed(BaseException):
-    """In the place of a kill: nothing runs after it."""
+    """Stands for a kill: nothing runs after it."""
 
 
 def write_anew(folder: Path) -> None:
@@ -171,7 +171,7 @@ def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
 
 
 def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
-    """As root would take that of /dev/null."""
+    """Root could replace /dev/null."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with pytest.raises(InputError, match="pipe is a device or a pipe"), atomic_file(pipe):

@@ -1,4 +1,4 @@
-"""What is wrong with YAML is told in plain words, with its place and what to do."""
+"""Errors of YAML are explained in plain words, with the place and the remedy."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class Knot:
 def test_garbage_is_still_found(thresholds: None) -> None:
     collect_seldom()
     first = weakref.ref(Knot())
-    # What lives on is counted, what is garbage at once is not.
+    # Objects that live on are counted, immediate garbage is not.
     kept = [[] for _ in range(2 * YOUNG_THRESHOLD)]
     assert first() is None, len(kept)
 

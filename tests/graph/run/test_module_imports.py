@@ -1,4 +1,4 @@
-"""What a file imports is found once, by whichever process looks first."""
+"""The imports of a file are found once, by the first process that looks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is slow and runs once is kept on disk: whole, checked, bounded, and only if it is plain."""
+"""Slow results that depend on no stream are kept on disk: whole, checked, bounded, and plain."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Seen:
             self.page.choose(node)
 
     def look(self) -> None:
-        """What the page's timers do."""
+        """Act as the page's timers do."""
         with self.client:
             self.page.take_up(self.page.tuning.settled())
             self.page.take_up_late()
