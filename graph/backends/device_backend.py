@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
+from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node

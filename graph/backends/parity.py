@@ -20,10 +20,10 @@ from pydantic.fields import FieldInfo
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend, open_device
+from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.limits import bare_type, choices_of, limits_of
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 from tactograph.graph.errors import InputError
 
 SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))

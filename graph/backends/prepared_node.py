@@ -25,7 +25,7 @@ from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.launch import Launch, Record
-from tactograph.graph.declare.wanted_outputs import Wanted
+from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.errors import NodeError
 
 MAX_BUFFER_SETS = 4

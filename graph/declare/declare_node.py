@@ -8,13 +8,11 @@ import typing
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from tactograph.graph.declare.engine_arguments import Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.declare.whole_images import Whole
 
 
 @typing.overload

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.declare.wanted_outputs import Wanted
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, split_reference
 from tactograph.graph.files.groups import flat_reference

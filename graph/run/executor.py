@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from functools import partial
 from statistics import median
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
@@ -29,7 +29,7 @@ def part_of(plan: Plan, *, stream: bool) -> Part:
     return Part(stream, [step for step in steps if step not in sinks], sinks)
 
 
-class Executor(Protocol):
+class Executor:
     """Computes the parts of a plan: first, once, that outside the stream; then item by item.
 
     Attributes
@@ -38,8 +38,9 @@ class Executor(Protocol):
         The steps of the last item that did not run, since their results are kept.
     """
 
-    @property
-    def kept(self) -> frozenset[str]: ...
+    def __init__(self, runner: StepRunner) -> None:
+        self._runner = runner
+        self.kept: frozenset[str] = frozenset()
 
     def begin(self, *, again: bool) -> None:
         """Begin an item, or, `again`, the last one with its sources as they are."""
@@ -52,16 +53,17 @@ class Executor(Protocol):
         Parameters
         ----------
         given
-            What the stream's source yielded, by node.
+            Values that the stream's source yielded, by node.
         outputs
             The graph's outputs that are wanted.
         repeats
-            How often to run the steps; times are then medians of all runs but the first.
+            Number of runs of the steps; times are then medians of all but the first.
 
         Returns
         -------
         The sizes that are known behind the part, and the milliseconds of a run.
         """
+        raise NotImplementedError
 
     def end(self) -> None:
         """End an item that was computed and written."""
@@ -71,19 +73,15 @@ class Executor(Protocol):
 
     def forget(self) -> None:
         """Let the next item be a first one."""
+        self._runner.forget()
 
 
-class EveryStep:
+class EveryStep(Executor):
     """Runs every step of every item."""
 
-    kept: frozenset[str] = frozenset()
-
     def __init__(self, runner: StepRunner) -> None:
-        self._runner = runner
+        super().__init__(runner)
         self._behind_once: Known = {}
-
-    def begin(self, *, again: bool) -> None:
-        assert not again
 
     def compute(
         self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
@@ -107,12 +105,6 @@ class EveryStep:
     def end(self) -> None:
         # Not at the start of the next item: by then a caller may have refilled its arrays.
         self._runner.remember()
-
-    def changed(self, node: str) -> None:
-        pass
-
-    def forget(self) -> None:
-        self._runner.forget()
 
     def _run(self, step: Step, known: Known, *, given: Mapping[str, Any]) -> Known:
         known = self._runner.execute(step, known, given)

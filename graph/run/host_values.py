@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import Event
+from tactograph.graph.declare.engine_arguments import Session
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.declare.session import Session
 from tactograph.graph.errors import NodeError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step

@@ -19,7 +19,7 @@ from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.plan.sizes import Known
 from tactograph.graph.run.cache import Cache, Kept, Run
-from tactograph.graph.run.executor import Part, part_of
+from tactograph.graph.run.executor import Executor, Part, part_of
 from tactograph.graph.run.keys import content_key, key_of
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.spots import Spot, read_by, recalled_by, written_by
@@ -27,17 +27,12 @@ from tactograph.graph.run.step_runner import StepRunner
 from tactograph.graph.run.whole_images import in_fractions
 
 
-class OnlyChanged:
-    """Runs the steps whose results are in no cache.
-
-    Attributes
-    ----------
-    kept
-        The steps of the last item that did not run.
-    """
+class OnlyChanged(Executor):
+    """Runs the steps whose results are in no cache."""
 
     def __init__(self, runner: StepRunner, cache: Cache) -> None:
-        self._runner, self._plan, self._cache = runner, runner.plan, cache
+        super().__init__(runner)
+        self._plan, self._cache = runner.plan, cache
         self._once = part_of(self._plan, stream=False).computing
         self._maker = {spot: step for step in self._plan.steps for spot in written_by(step)}
         self._recalled = recalled_by(self._plan)
@@ -58,7 +53,6 @@ class OnlyChanged:
         self._captured: list[tuple[Spot, Kept]] = []
         self._to_run: set[str] = set()
         self._ran: set[str] = set()
-        self.kept: frozenset[str] = frozenset()
 
     def begin(self, *, again: bool) -> None:
         tasks = self._plan.tasks
@@ -114,7 +108,7 @@ class OnlyChanged:
         self._outside.pop(node, None)
 
     def forget(self) -> None:
-        self._runner.forget()
+        super().forget()
         self._keys, self._before, self._has_item = {}, {}, False
 
     def inspect(self, value: Value) -> Any:

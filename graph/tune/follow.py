@@ -8,8 +8,6 @@ from typing import Any
 
 from nicegui import Client, ui
 
-from tactograph.graph.tune.picture_view import PictureView
-
 SHOW_TIMEOUT_S = 3.0
 """Time for a page to show a picture; one in the background takes longer, and gets the next."""
 
@@ -41,7 +39,7 @@ class Follow:
         self._sent.pop((element.id, "value"), None)
         self._wanted[element.id, "value"] = (words,)
 
-    def picture(self, view: PictureView, uri: str, size: tuple[int, int], lines: str) -> None:
+    def picture(self, view: ui.element, uri: str, size: tuple[int, int], lines: str) -> None:
         """Set a picture, and the lines on it."""
         self._wanted[view.id, "picture"] = (uri, *size, lines)
 

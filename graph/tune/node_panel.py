@@ -17,8 +17,8 @@ from tactograph.graph.files.groups import alike
 from tactograph.graph.tune.attempt import attempt
 from tactograph.graph.tune.controls import control_of
 from tactograph.graph.tune.follow import Follow
+from tactograph.graph.tune.picture_view import ScaledPicture
 from tactograph.graph.tune.pictures import draw, planes_of
-from tactograph.graph.tune.scaled_picture import ScaledPicture
 from tactograph.graph.tune.tuning import Shown, Tuning
 
 SLIDE_EVERY_S = 0.02

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from tactograph.graph.run.result import Result
 from tactograph.graph.show.views import kind_of
 from tactograph.graph.tune.follow import Follow
-from tactograph.graph.tune.picture_view import Pointed
+from tactograph.graph.tune.picture_view import Pointed, ScaledPicture
 from tactograph.graph.tune.pictures import Picture, draw, draw_difference
-from tactograph.graph.tune.scaled_picture import ScaledPicture
 from tactograph.graph.tune.tuning import Tuning
 
 MODES = ("result", "beside", "wipe", "difference")

@@ -1,9 +1,10 @@
-"""Sessions: files, windows and connections that a node keeps from item to item."""
+"""Types of keyword-only arguments that the engine gives to a node."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, NewType, TypeVar
 
 T = TypeVar("T")
 
@@ -31,3 +32,26 @@ class Session:
             close = getattr(self._kept.pop(), "close", None)
             if close is not None:
                 close()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The names of the wanted outputs, for a node with a keyword-only argument of this type.
+
+    ``"variance" in wanted`` says whether that output is read.  The NumPy function returns None for
+    an output that it does not make; the kernel gets a null pointer.
+    """
+
+    names: frozenset[str] | None = None
+
+    def __contains__(self, name: object) -> bool:
+        return self.names is None or name in self.names
+
+
+EVERYTHING = Wanted()
+Whole = NewType("Whole", bool)
+"""The type of a source's keyword-only argument that is true where only a device reads the images.
+
+The source may then yield K x H x W unsigned integers, which count as fractions of full scale.
+"""
+FRACTIONS = Whole(False)
