@@ -228,12 +228,7 @@ def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> En
         return Entry(FAILED, str(error))
     except MemoryError:
         return Entry(FAILED, f"{place}: out of memory")
-    figures = {
-        name: float(figure)
-        for value in result.outputs.values()
-        if isinstance(value, dict)
-        for name, figure in value.items()
-    }
+    figures = {name: float(figure) for name, figure in result.figures.items()}
     spent = 1e3 * (time.perf_counter() - start)
     return Entry(DONE, "", figures, result.warnings, spent, maps)
 

@@ -6,7 +6,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -44,16 +44,7 @@ if TYPE_CHECKING:
     help="Folder for results, tables and report.  [default: report]",
 )  # fmt: skip
 def command(
-    words: tuple[str, ...],
-    over: tuple[str, ...],
-    overlays: tuple[str, ...],
-    backends: str | None,
-    device: str | None,
-    sweeps: tuple[str, ...],
-    seed: str | None,
-    repeats: int,
-    again: Path | None,
-    out: Path | None,
+    words: tuple[str, ...], again: Path | None, out: Path | None, repeats: int, **choices: Any
 ) -> None:
     """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
@@ -71,10 +62,10 @@ def command(
 
     if again is None:
         values = [word for word in words if "=" in word]
-        study = _read_study(words, over, overlays, backends, device, sweeps, seed, repeats)
+        study = _read_study(words, repeats=repeats, **choices)
         _compare(study, values, out or Path("report"))
         return
-    if words or over or overlays or backends or device or sweeps or seed or repeats > 1:
+    if words or any(choices.values()) or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
     then = read_record(again)
     former = read_rows(again)
@@ -86,12 +77,13 @@ def command(
 
 
 def _read_study(
-    words: tuple[str, ...],
-    over: tuple[str, ...],
-    overlays: tuple[str, ...],
+    words: Sequence[str],
+    *,
+    over: Sequence[str],
+    overlays: Sequence[str],
     backends: str | None,
     device: str | None,
-    sweeps: tuple[str, ...],
+    sweeps: Sequence[str],
     seed: str | None,
     repeats: int,
 ) -> Study:

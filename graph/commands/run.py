@@ -301,14 +301,8 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 
 def _summary(number: int, result: Result) -> str:
     """The time of an item on each back end, and the figures and texts among its outputs."""
-    figures = {
-        name: figure
-        for value in result.outputs.values()
-        if isinstance(value, dict)
-        for name, figure in value.items()
-    }
     words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
-    shown = {**_ranges(result), **_in_rows(figures), **words}
+    shown = {**_ranges(result), **_in_rows(result.figures), **words}
     width = max(map(len, shown), default=0)
     lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
     head = " ".join(filter(None, [str(number), _name_of(result)]))

@@ -195,8 +195,8 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     times: dict[str, list[float]] = {}
     for result in pipeline.items(repeats=REPEATS_PER_ITEM):
         first = first or result
-        for name, figure in figures_of(result).items():
-            figures.setdefault(name, []).append(figure)
+        for name, figure in result.figures.items():
+            figures.setdefault(name, []).append(float(figure))
         for name, time in _times_of(result).items():
             times.setdefault(name, []).append(time)
         row.items += 1
@@ -211,15 +211,6 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     row.fallbacks = first.plan.fallbacks
     row.brief_fallbacks = first.plan.brief_fallbacks
     return first
-
-
-def figures_of(result: Result) -> dict[str, float]:
-    """All named figures among the outputs."""
-    figures: dict[str, float] = {}
-    for value in result.outputs.values():
-        if isinstance(value, dict):
-            figures |= {name: float(figure) for name, figure in value.items()}
-    return figures
 
 
 def _times_of(result: Result) -> dict[str, float]:

@@ -31,18 +31,7 @@ def bind(
     stand_ins: frozenset[str] = frozenset(),
     outputs: Mapping[str, str] | None = None,
 ) -> Draft:
-    """Turn the names in a graph into nodes, values and checked parameters.
-
-    Parameters
-    ----------
-    given
-        Values of the graph's params.
-    sinks
-        Whether nodes that only write are part of the run.
-    stand_ins
-        Source nodes whose items the caller will hand in.
-    outputs
-        References by name, to put out in place of the graph's own outputs.
+    """Turn the names in a graph into nodes, values and checked parameters; see `make_plan`.
 
     Raises
     ------

@@ -39,6 +39,12 @@ class Result(Mapping[str, Any]):
     total: float = 0.0
     kept: frozenset[str] = frozenset()
 
+    @property
+    def figures(self) -> dict[str, Any]:
+        """All named figures among the outputs."""
+        mappings = [value for value in self.outputs.values() if isinstance(value, dict)]
+        return {name: figure for mapping in mappings for name, figure in mapping.items()}
+
     def __getitem__(self, name: str) -> Any:
         if name not in self.outputs:
             raise KeyError(f"no output {name!r}; there are {', '.join(self.outputs) or 'none'}")

@@ -21,6 +21,7 @@ from tactograph.graph.backends.kernel_source import kernel_text
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.module_imports import keep_imports, module_imports
@@ -169,13 +170,7 @@ def _data_files(folder: Path) -> Iterator[Path]:
 
 
 def _hash(file: Path) -> str:
-    stat = file.stat()
-    return _content(file, stat.st_mtime_ns, stat.st_size)
-
-
-@cache
-def _content(file: Path, changed: int, size: int) -> str:
-    return f"{file.name}:{hashlib.sha256(file.read_bytes()).hexdigest()}"
+    return f"{file.name}:{content_hash(file)}"
 
 
 def _engine() -> str:

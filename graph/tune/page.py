@@ -144,9 +144,7 @@ class Page:
         self._follow.html(self._where, where)
         figures = [
             (name.replace("_", " "), f"{figure:.3g}")
-            for value in result.outputs.values()
-            if isinstance(value, dict)
-            for name, figure in value.items()
+            for name, figure in result.figures.items()
             if "/" not in name and isinstance(figure, int | float)
         ]
         speed = [("ms", f"{result.total:.0f}"), ("updates/s", f"{len(tuning.rates)}")]
