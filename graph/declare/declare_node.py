@@ -14,6 +14,9 @@ from tactograph.graph.declare.ports import PortType, is_record, read_port, recor
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.tolerance import Exact, Tolerance
 
+_ENGINE_ARGUMENTS: tuple[Any, ...] = (Provenance, Session, Wanted, Whole)
+"""Types of the arguments that the engine gives."""
+
 
 @typing.overload
 def node(function: Callable[..., Any]) -> Node: ...
@@ -82,23 +85,14 @@ def _declare(
     records: dict[str, type] = {}
     optional: set[str] = set()
     parameters: dict[str, Parameter] = {}
-    provenance: str | None = None
-    session: str | None = None
-    wanted: str | None = None
-    whole: str | None = None
+    by_engine: dict[Any, str] = {}
     for name, argument in inspect.signature(function).parameters.items():
         annotation = hints.get(name)
         if annotation is None:
             raise TypeError(f"{function.__name__}: argument '{name}' has no type")
         if argument.kind is argument.KEYWORD_ONLY:
-            if annotation is Provenance:
-                provenance = name
-            elif annotation is Session:
-                session = name
-            elif annotation is Wanted:
-                wanted = name
-            elif annotation is Whole:
-                whole = name
+            if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
+                by_engine[annotation] = name
             else:
                 parameters[name] = Parameter(name, annotation, argument.default)
         elif is_record(annotation):
@@ -123,10 +117,10 @@ def _declare(
         tolerance=tolerance or Exact(),
         sizes=sizes,
         derived=derived,
-        provenance=provenance,
-        session=session,
-        wanted=wanted,
-        whole=whole,
+        provenance=by_engine.get(Provenance),
+        session=by_engine.get(Session),
+        wanted=by_engine.get(Wanted),
+        whole=by_engine.get(Whole),
         endless=endless,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),

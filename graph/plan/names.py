@@ -49,8 +49,7 @@ def bind(
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
     edges = {n: _reads(names, n) for n in graph.nodes if n not in names.passed}
-    dag = _dag({n: reads for n, (reads, _) in edges.items()})
-    needs = nx.compose(dag, _dag({n: recalls for n, (_, recalls) in edges.items()}))
+    dag, needs = _dags(edges)
     _refuse_cycles(graph, dag)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
@@ -225,11 +224,16 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
                 )
 
 
-def _dag(reads: Mapping[str, Mapping[str, Value]]) -> nx.DiGraph[str]:
+def _dags(
+    edges: Mapping[str, tuple[Mapping[str, Value], Mapping[str, Value]]],
+) -> tuple[nx.DiGraph[str], nx.DiGraph[str]]:
+    """The graph of all reads, and that of all reads and recalls."""
     dag: nx.DiGraph[str] = nx.DiGraph()
-    dag.add_nodes_from(reads)
-    dag.add_edges_from((v.node, node_id) for node_id, vs in reads.items() for v in vs.values())
-    return dag
+    dag.add_nodes_from(edges)
+    dag.add_edges_from((v.node, n) for n, (reads, _) in edges.items() for v in reads.values())
+    needs = dag.copy()
+    needs.add_edges_from((v.node, n) for n, (_, recalls) in edges.items() for v in recalls.values())
+    return dag, needs
 
 
 def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
