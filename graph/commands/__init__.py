@@ -89,7 +89,7 @@ def _complete_overlay(
     from tactograph.graph.commands.completion import complete_overlay
 
     # Click takes no word for the graph where an option still lacks its value.
-    graph = next((word for word in ctx.meta.get(_WORDS, ()) if not word.startswith("-")), None)
+    graph = next((word for word in ctx.meta.get(_WORDS_KEY, ()) if not word.startswith("-")), None)
     return complete_overlay(graph, incomplete)
 
 

@@ -7,7 +7,6 @@ change in every use.
 
 from __future__ import annotations
 
-from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.patch_groups import (

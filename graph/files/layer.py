@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tactograph.graph.backends import PREFERRED
+from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
@@ -29,7 +30,6 @@ from tactograph.graph.files.graph_model import (
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
 from tactograph.graph.files.patch_verbs import VERBS, Change, Places
-from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 
 @dataclass(frozen=True)
