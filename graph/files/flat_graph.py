@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.files.graph_model import FORMAT
 from tactograph.graph.show.draw_folded import to_folded_svg
 from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
 
-FORMAT = 1
 PREVIOUS = "previous"
 """``previous.node.port`` is the value that the port had at the item before."""
 

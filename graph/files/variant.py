@@ -12,7 +12,8 @@ from ruamel.yaml.main import YAML
 
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.graph_model import FORMAT
 from tactograph.graph.files.graph_places import is_path
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import read_graph
