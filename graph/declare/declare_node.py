@@ -1,4 +1,4 @@
-"""From a function to a `Node`: its signature, read and checked."""
+"""Make a `Node` of a function: read and check its signature."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import typing
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from tactograph.graph.declare.engine_arguments import Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
 from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.declare.whole_images import Whole
+
+_ENGINE_ARGUMENTS: tuple[Any, ...] = (Provenance, Session, Wanted, Whole)
+"""Types of the arguments that the engine gives."""
 
 
 @typing.overload
@@ -46,12 +47,12 @@ def node(
     Parameters
     ----------
     neutral
-        What stands in when a variant takes the node out: a constant for the output, or the
-        name of the input that is passed on.  None: the node cannot be taken out.
+        Replaces the node when a variant takes it out: a constant output, or the name of the
+        input that is passed on.  None: the node cannot be taken out.
     tolerance
-        How far other back ends' output may differ from the NumPy one, and why.
+        The difference allowed between other back ends and NumPy, with the reason.
     sizes
-        Limits on size symbols, with the sentence a user reads when they are not met.
+        Limits on size symbols, each with the message for a size outside them.
     derived
         Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``, or by any
         rule, a `SizeRule`.
@@ -84,23 +85,14 @@ def _declare(
     records: dict[str, type] = {}
     optional: set[str] = set()
     parameters: dict[str, Parameter] = {}
-    provenance: str | None = None
-    session: str | None = None
-    wanted: str | None = None
-    whole: str | None = None
+    by_engine: dict[Any, str] = {}
     for name, argument in inspect.signature(function).parameters.items():
         annotation = hints.get(name)
         if annotation is None:
             raise TypeError(f"{function.__name__}: argument '{name}' has no type")
         if argument.kind is argument.KEYWORD_ONLY:
-            if annotation is Provenance:
-                provenance = name
-            elif annotation is Session:
-                session = name
-            elif annotation is Wanted:
-                wanted = name
-            elif annotation is Whole:
-                whole = name
+            if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
+                by_engine[annotation] = name
             else:
                 parameters[name] = Parameter(name, annotation, argument.default)
         elif is_record(annotation):
@@ -125,10 +117,10 @@ def _declare(
         tolerance=tolerance or Exact(),
         sizes=sizes,
         derived=derived,
-        provenance=provenance,
-        session=session,
-        wanted=wanted,
-        whole=whole,
+        provenance=by_engine.get(Provenance),
+        session=by_engine.get(Session),
+        wanted=by_engine.get(Wanted),
+        whole=by_engine.get(Whole),
         endless=endless,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),
@@ -140,7 +132,7 @@ def _declare(
 
 
 def _kernel_package(module: str) -> str:
-    """Where the kernels of a module's node lie: ``kernels/`` has the same rooms as ``nodes/``."""
+    """The package of a module's kernels: ``kernels/`` has the same rooms as ``nodes/``."""
     package, _, _ = module.rpartition(".")
     room = package.removeprefix("tactograph.nodes")
     return f"tactograph.kernels{room}" if room != package else package or module

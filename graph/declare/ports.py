@@ -1,10 +1,10 @@
-"""Ports: what may flow along an edge of the graph.
+"""Ports: the ends of the graph's edges, and the types of the values on them.
 
 A port is declared by an annotation.  ``Annotated[NDArray[np.float32], Port("K H W")]``
 is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any other plain
 type (``str``, ``dict[str, float]``) is an object that stays on the host.  ``X | None``
 makes the port optional.  A ``NamedTuple`` of ports is a record: one edge, several values.
-A record may hold another, whose ports are then as if they stood there themselves.
+The ports of a record inside a record count as the outer record's own.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 Dim = str | int
 IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
-"""What the sizes of a stack of images count, in words for messages."""
+"""The sizes of a stack of images in words, for messages."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +89,12 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     ports: dict[str, PortType] = {}
     for field, annotation in _fields(record).items():
         if is_record(annotation):
-            found = record_ports(annotation, prefix)
+            inner = record_ports(annotation, prefix)
         else:
-            found = {field: read_port(f"{prefix}{field}", annotation)}
-        for name in found.keys() & ports.keys():
+            inner = {field: read_port(f"{prefix}{field}", annotation)}
+        for name in inner.keys() & ports.keys():
             raise TypeError(f"{record.__name__}: two ports are called '{name}'")
-        ports |= found
+        ports |= inner
     return ports
 
 
@@ -104,7 +104,7 @@ def record_values(record: type, made: Any) -> tuple[Any, ...]:
     Raises
     ------
     TypeError
-        If what was made is no such record.
+        If the value is no such record.
     """
     fields = _fields(record)
     if not isinstance(made, tuple) or len(made) != len(fields):
@@ -171,7 +171,7 @@ def read_port(name: str, annotation: Any) -> PortType:
 
 
 def _written_out(annotation: Any) -> Any:
-    """What an alias stands for: from Python 3.12 and NumPy 2.5 on, `NDArray` is one."""
+    """The type behind an alias: from Python 3.12 and NumPy 2.5 on, `NDArray` is one."""
     alias = typing.get_origin(annotation)
     if not hasattr(alias, "__value__"):
         return annotation

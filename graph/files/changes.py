@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.strict_yaml import Place
 
 
 def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set") -> Graph:

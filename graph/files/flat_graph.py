@@ -9,16 +9,17 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.strict_yaml import Place
+from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.disk.strict_yaml import Place
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.files.graph_model import FORMAT
+from tactograph.graph.show.draw_folded import to_folded_svg
+from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
 
-FORMAT = 1
-NOT_GIVEN = object()
-"""Stands for the value of a param where only the plan matters, not the data."""
 PREVIOUS = "previous"
 """``previous.node.port`` is the value that the port had at the item before."""
 
@@ -141,15 +142,21 @@ class Graph:
         }
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_folded import to_folded_svg
-        from tactograph.graph.plan.make_plan import make_plan
+        return to_folded_svg(self._sketch())
 
-        anywhere = replace(
-            self,
-            prefer=("numpy",),
-            nodes={name: replace(entry, backend=None) for name, entry in self.nodes.items()},
-        )
-        return to_folded_svg(make_plan(anywhere, self.placeholders, device=None))
+    def _sketch(self) -> Sketch:
+        """The nodes and what they read, wherever they run."""
+        edges: list[Edge] = []
+        recalls: list[Edge] = []
+        for name, entry in self.nodes.items():
+            for reference in dict.fromkeys(entry.inputs.values()):
+                bare, previous = split_previous(reference)
+                source, port = split_reference(bare, self.nodes)
+                if source in self.nodes:
+                    (recalls if previous else edges).append((source, name, port or ""))
+        boxes = [Box(n, e.op, "run", "numpy", use_of(n)) for n, e in self.nodes.items()]
+        groups = {name: use.group for name, use in self.uses.items()}
+        return Sketch(self.name, boxes, edges, recalls, groups)
 
     @property
     def placeholders(self) -> dict[str, Any]:
@@ -179,6 +186,14 @@ class Graph:
                 f"{self.name}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
             )
         return self.nodes[node_id]
+
+    def check_param(self, name: str) -> None:
+        """Refuse a value for a param that the graph does not have."""
+        if name not in self.params:
+            raise InputError(
+                f"{self.name} has no parameter '{name}'{did_you_mean(name, self.params)}"
+                f" (it takes: {', '.join(self.params) or 'none'})"
+            )
 
     def check_node(self, node_id: str, where: str) -> None:
         """Refuse what is read at `where` if there is no such node.

@@ -17,10 +17,10 @@ from pydantic import (
 )
 
 from tactograph.graph.backends import Backend
+from tactograph.graph.disk.strict_yaml import Document, Path_
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.flat_graph import FORMAT
-from tactograph.graph.files.strict_yaml import Document, Path_
 
+FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS,
@@ -20,7 +21,6 @@ from tactograph.graph.files.flat_graph import (
     Use,
     split_previous,
 )
-from tactograph.graph.files.strict_yaml import Place
 
 MOST_NODES = 10_000
 DEEPEST = 50

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Entry, Graph, Use
 from tactograph.graph.files.groups import (
@@ -24,7 +25,6 @@ from tactograph.graph.files.patch_verbs import (
     verb_of,
     with_references,
 )
-from tactograph.graph.files.strict_yaml import Place
 
 
 def check_new(graph: Graph, target: str, place: Place) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS,
@@ -14,7 +15,6 @@ from tactograph.graph.files.flat_graph import (
     split_previous,
     split_reference,
 )
-from tactograph.graph.files.strict_yaml import Place
 
 Change = Mapping[str, Any]
 Places = Mapping[str, Place]

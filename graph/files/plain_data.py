@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from tactograph.graph.disk.strict_yaml import MAX_DEPTH, Document, Path_, Place, dotted
 from tactograph.graph.errors import GraphError, printable
-from tactograph.graph.files.strict_yaml import MAX_DEPTH, Document, Path_, Place, dotted
 
 _PACKAGE = "tactograph.graph"
 

@@ -18,7 +18,8 @@ from tactograph.graph.files.graph_places import (
     shipped_overlays,
     shipped_studies,
 )
-from tactograph.graph.files.layer import Layer, alone, blamed_on, laid_over, read_layer
+from tactograph.graph.files.lay_over import alone, blamed_on, laid_over
+from tactograph.graph.files.layer import Layer, read_layer
 from tactograph.graph.files.plain_data import as_document
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Graph

@@ -10,9 +10,10 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.graph_model import FORMAT
 from tactograph.graph.files.graph_places import is_path
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import read_graph

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node
-from tactograph.graph.files.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (

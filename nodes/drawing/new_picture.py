@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from pydantic import AfterValidator
 
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 
 DRAWN_BY = "Matplotlib"
 """How a picture's text chunk ``Software`` begins."""

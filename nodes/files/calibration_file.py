@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Provenance, warn
+from tactograph.graph.disk.array_files import load_arrays
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import one_line
-from tactograph.graph.files.array_files import load_arrays
-from tactograph.graph.files.atomic_files import atomic_file
 
 DARKEST = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError
-from tactograph.graph.files.array_files import load_arrays
+from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION
 from tactograph.nodes.calibrate.file.write_camera import CAMERA

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from tactograph.graph import InputError, node
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import one_line
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes.files.result_file import RESULT
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording

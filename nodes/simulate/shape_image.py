@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.array_files import load_array
+from tactograph.graph.disk.array_files import load_array
 from tactograph.nodes.optics.shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.graph.files.atomic_files import atomic_files
+from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.drawing.arrows import draw_arrows
 from tactograph.nodes.files.image_files import write_image

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from tactograph.graph import Provenance, node, warn
-from tactograph.graph.files.atomic_files import atomic_files
+from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import (
     Confidence,
     Contacts,

@@ -789,4 +789,4 @@ def test_ctrl_c_says_how_to_go_on(
     monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", stop)
     done = tactograph("check", write(SLOPES))
     assert done.code == 130
-    assert done.err.strip() == command.STOPPED
+    assert done.err.strip() == command.STOPPED_MESSAGE

@@ -19,9 +19,9 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.parity import SHAPES, cases, compare
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.parity import SHAPES, cases, compare
 from tactograph.nodes.height import height_solver
 from tests.conftest import ROOT
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tactograph.graph.backends import parity
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import (
     expected_arguments,
@@ -14,10 +15,9 @@ from tactograph.graph.backends.kernel_source import (
     kernel_source,
 )
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare import parity
+from tactograph.graph.backends.parity import SHAPES, Case, cases, compare, compare_on
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.parity import SHAPES, Case, cases, compare, compare_on
 from tactograph.nodes import F4, Light
 from tactograph.nodes.height import height_solver
 from tests.graph.toys import halves, leaned
@@ -108,7 +108,7 @@ def test_nothing_that_a_buffer_held_before_reaches_the_height(
     as_written: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Springs of no stiffness lead beyond the frame: a product with zero, but for NaN."""
-    monkeypatch.setattr(parity, "RUBBISH", 0xFF)
+    monkeypatch.setattr(parity, "POISON_BYTE", 0xFF)
     node = find_node(name)
     for case in cases(node, shapes=((31, 37), (70, 131)))[:4]:
         assert compare(node, as_written, case) is None, str(case)

@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.calibrate.colour.find_presses import FEWEST, Circles

@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.atomic_files import atomic_file, atomic_files
+from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Port, Provenance, Session, node
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import Height, Metrics
 from tactograph.nodes.stream.frames import LiveState
 

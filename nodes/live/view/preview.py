@@ -13,7 +13,7 @@ import cv2
 from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, Port, Session, node, warn
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import Height, Labels, Light, PixelSize
 from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.live.view._live_picture import Picture, draw_touch, round_up

@@ -30,6 +30,7 @@ def test_every_input_and_parameter_is_described(name: str) -> None:
         (Annotated[int, Ge(1), Lt(9)], "at least 1 and below 9"),
         (Literal["a", "b"], "one of a, b"),
         (Literal["a", "b"] | None, "one of a, b"),
+        (Annotated[float, Gt(0)] | None, "above 0"),
         (float, ""),
     ],
 )

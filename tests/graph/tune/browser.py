@@ -47,7 +47,7 @@ class Browser:
         self._do("Page.navigate", url=address)
 
     def look(self, script: str) -> Any:
-        """What an expression in the page gives."""
+        """The value of an expression in the page."""
         done = self._do(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
@@ -140,7 +140,7 @@ class Browser:
             f" return e.getBoundingClientRect().toJSON() }})(document.querySelector(`{selector}`))"
         )
         box: dict[str, float] = self.wait(script)
-        while True:  # what still moves cannot be hit
+        while True:  # a moving element cannot be hit
             time.sleep(0.06)
             before, box = box, self.wait(script)
             if before == box:

@@ -16,7 +16,7 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.store import create_store
-from tactograph.graph.command import READER_GONE, run_command
+from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.graph.run.result_origin import Origin
 from tactograph.nodes.calibrate.file.write_camera import write_camera
@@ -68,7 +68,7 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tactograph", "show", str(file)]
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
-    assert (done.returncode, done.stderr) == (READER_GONE, "")
+    assert (done.returncode, done.stderr) == (SIGPIPE_EXIT_CODE, "")
 
 
 def test_a_lens_shows_its_numbers_and_grid(
