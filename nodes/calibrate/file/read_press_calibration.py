@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes import Light
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, PressCalibration
 from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
-
-
-class PressCalibration(NamedTuple):
-    """What `write_press_calibration` wrote; the camera's black level is taken to be 0."""
-
-    flat: Light
-    dark: Dark
-    pixel_size: PixelSize
-    reflectance: ReflectanceMap
-    misfit: Misfit
-    quality: Metrics
-    doubts: list[str]
 
 
 @node

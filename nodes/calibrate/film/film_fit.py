@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Film
+from tactograph.nodes import F4, USUAL_RIM_MM, Film
 from tactograph.nodes.calibrate.lights.light_fit import (
     FARTHEST,
     HUBER,
@@ -31,7 +31,6 @@ from tactograph.nodes.calibrate.lights.light_fit import (
 from tactograph.nodes.optics.film import (
     FADE,
     GRAZING,
-    USUAL_RIM,
     at_rest,
     matt_film,
     place_terms,
@@ -76,7 +75,7 @@ SHARED = {
     "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
     "refraction": Unknown(1.5, 0.05, 1.3, 1.6, 1e-3),
     "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
-    "rim": Unknown(USUAL_RIM, 1.0, 0.0, 10.0, 1e-2),
+    "rim": Unknown(USUAL_RIM_MM, 1.0, 0.0, 10.0, 1e-2),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
 }
 DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)

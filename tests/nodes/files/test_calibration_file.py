@@ -16,10 +16,11 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION, NO_MISFIT
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION, write_calibration
-from tactograph.nodes.calibrate.file.write_camera import CAMERA
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.optics.film import matt_film
 
 RNG = np.random.default_rng(0)
@@ -60,7 +61,7 @@ FILM = Film(
     grain=0.012,
     uneven=0.02,
 )
-NOISE, LENS = random(2), random(8) / 100
+NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
 
 
 @pytest.fixture
@@ -75,7 +76,7 @@ def write(
 ) -> None:
     quality = {"entries": 50.0}
     write_calibration(
-        *ARRAYS, film, NOISE, LENS, quality, doubts=doubts,
+        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [],
         file=target, provenance=replace(MADE, given={"lights": lights}),
     )  # fmt: skip
 
@@ -97,14 +98,17 @@ def change(file: Path, **arrays) -> None:
 
 def test_what_was_written_is_read(file: Path) -> None:
     found = read_calibration(file=file)
-    for written, read in zip((*ARRAYS, NOISE), found, strict=False):
+    for written, read in zip(ARRAYS, found, strict=False):
         assert np.allclose(written, read)
     for name, written in FILM._asdict().items():
         assert np.allclose(written, getattr(found.film, name)), name
+    assert np.allclose(NOISE, found.noise)
+    assert found.correlation == 1.5
     assert np.allclose(LENS, found.lens)
+    assert np.allclose(MISFIT, found.misfit)
 
 
-NEW = (*(name for name in Film._fields if name not in {"lights", "others"}), "lens")
+NEW = {*Film._fields, "lens", "misfit", "correlation"} - {"lights", "others"}
 """What files from before films were described lack."""
 
 
@@ -117,6 +121,8 @@ def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> Non
             assert np.array_equal(getattr(found.film, name), getattr(matt, name)), name
     assert np.array_equal(found.film.others, FILM.others)
     assert not found.lens.any()
+    assert found.correlation == 1
+    assert np.array_equal(found.misfit, NO_MISFIT)
 
 
 ABSURD = {
@@ -165,9 +171,9 @@ def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
 
 def test_every_array_of_a_calibration_has_a_range() -> None:
     for kind in (CALIBRATION, PRESS_CALIBRATION, CAMERA):
-        for name, stored in kind.arrays.items():
-            limits = np.isfinite([stored.low, stored.high]).all()
-            assert limits or np.dtype(stored.dtype).kind != "f", name
+        for name, value in kind.values.items():
+            limits = np.isfinite([value.stored.low, value.stored.high]).all()
+            assert limits or value.dtype.kind != "f", name
 
 
 def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:
