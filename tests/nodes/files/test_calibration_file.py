@@ -21,6 +21,7 @@ from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
+from tactograph.nodes.files.stored import Value, stored_values
 from tactograph.nodes.optics.film import matt_film
 
 RNG = np.random.default_rng(0)
@@ -43,24 +44,18 @@ ARRAYS = (
     random(4),
     0.004,
 )
-FILM = Film(
-    lights=random(4, 3),
-    others=random(8, 4, 3),
-    diffuse=random(4) / 2,
-    harmonics=random(4, 8, 6),
-    flattest=0.6,
-    reach=11.0,
-    gain=1.06,
-    contact=0.04,
-    base=0.7,
-    roughness=0.3,
-    refraction=1.4,
-    albedo=0.6,
-    rim=1.3,
-    camera=0.015,
-    grain=0.012,
-    uneven=0.02,
-)
+
+
+def drawn(value: Value) -> np.ndarray | float:
+    """A value that a sensor of four LEDs may have."""
+    low, high = value.port.port.low, value.port.port.high
+    shape = [4 if dim == "K" else dim for dim in value.port.dims]
+    found = RNG.uniform(low, high, shape).astype(np.float32)
+    return found if shape else float(found)
+
+
+FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()})
+FILM = FILM._replace(lights=random(4, 3))
 NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
 
 
