@@ -142,6 +142,12 @@ class Film(NamedTuple):
         Stored(0, 1, older=1.0),
         "smallest n_z that was pressed",
     ]
+    pressed_slope: Annotated[
+        float,
+        Port(unit="mm/mm", low=0.3, high=2),
+        Stored(0, 1e3, older=0.0),
+        "mm/mm, steepest slope that was pressed; 0: not known",
+    ]
     reach: Annotated[
         float,
         Port(unit="mm", low=5, high=20),

@@ -6,6 +6,7 @@ each part of the film is one short step of the same search.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
@@ -192,6 +193,7 @@ def fit_film(
     held = _held_out(trial, best, whole, bad)
     typed["uneven"] = uneven = unevenness(held, pixel)
     typed["grain"] = grain(balls, left, flat, noise)
+    typed["pressed_slope"] = pressed_slope(balls, steepest)
     typed["others"] = others
     return FilmFit(
         Film(**typed),
@@ -199,6 +201,12 @@ def fit_film(
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best, trial.rest),
     )
+
+
+def pressed_slope(balls: Balls, steepest: float) -> float:
+    """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
+    sine = float((balls.rim / balls.radius).max())
+    return min(sine / math.sqrt(1 - sine**2), steepest) if sine < 1 else steepest
 
 
 class _Trial(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Gt
 from scipy.optimize import least_squares
 
-from tactograph.graph import SizeLimit, node
+from tactograph.graph import SizeLimit, node, warn
 from tactograph.nodes import (
     F4,
     Film,
@@ -24,6 +24,7 @@ from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate.film.film_fit import FAINT, LIFT, Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.fit_film import pressed_slope
 from tactograph.nodes.calibrate.lights.light_fit import HUBER, LIFT_MM, SPREAD, Rest, rest_of
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.near_light import F8
@@ -38,6 +39,8 @@ INDEPENDENT, INDEPENDENT_REST = 200, 5
 because departures from a model are smooth."""
 BETTER = 0.95
 """Factor by which a further change of the film must lower the held-out error."""
+SHALLOW_SHARE = 0.5
+"""Share of the slopes pressed for the calibration below which a check press tells too little."""
 STEPS = 25
 COPIES = 25
 """Residuals into which each prior is split.  They stay below the scale of the robust loss, which is
@@ -171,6 +174,11 @@ def refit_film(
     circle, radius, of = circle[used], radius[used], of[used]
     given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
     balls = sample_balls(*given, most=SAMPLES)
+    if (slope := pressed_slope(balls, steepest)) < SHALLOW_SHARE * film.pressed_slope:
+        warn(
+            f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
+            f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
+        )
     known = _known(precise, flat, before, pixel, shift_px)
     best, error, folds = _choose(known, balls)
     if precise.harmonics.any():
