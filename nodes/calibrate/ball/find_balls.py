@@ -8,19 +8,13 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, I4, Light, PixelSize
+from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import find_grid
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_fit import rest_of
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
-
-BallCircles = Annotated[F4, Port("B 3", "px")]
-"""x, y and contact radius of every ball."""
-BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
-"""The radius of every ball."""
-BallPress = Annotated[I4, Port("B", "press number")]
-"""The press that every ball is in, counted from 0."""
 
 
 class FoundBalls(NamedTuple):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     Bench,
     degree_for,
@@ -24,13 +24,13 @@ from tactograph.nodes.calibrate.rating.verdict import advice_after, of_heldout_e
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.reflectance_map import F8, ball_shape
 
-JUDGED = 0.9
+JUDGED_RADIUS_SHARE = 0.9
 """Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
-CELLS = (4, 6)
+COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""
-ENOUGH = 0.85
+MIN_COVERED_SHARE = 0.85
 """Share of the cells that contacts should reach."""
-STEEP = 0.5
+MIN_RIM_SLOPE = 0.5
 
 
 class PressRating(NamedTuple):
@@ -163,7 +163,7 @@ def judge_contact(
         mean, in um; the same in per cent of the cap's height.
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
-    inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED * circle[2]
+    inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED_RADIUS_SHARE * circle[2]
     if known is not None:
         inside &= known
     true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
@@ -178,8 +178,8 @@ def judge_contact(
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
     """Number of contacts that reach the middle of each cell of the film."""
-    (rows, columns), (height, width) = CELLS, shape
-    row, column = np.indices(CELLS)
+    (rows, columns), (height, width) = COVERAGE_CELLS, shape
+    row, column = np.indices(COVERAGE_CELLS)
     x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
     reach = 0.25 * min(width / columns, height / rows)
     far = np.hypot(x[..., None] - circles[:, 0], y[..., None] - circles[:, 1])
@@ -194,12 +194,12 @@ def rim_slope(circles: F4, radius: float) -> float:
 
 def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
     """Say what to press next: the emptiest part of the film, or deeper, or nothing."""
-    (rows, columns), (height, width) = CELLS, shape
-    if (pressed > 0).mean() < ENOUGH:
+    (rows, columns), (height, width) = COVERAGE_CELLS, shape
+    if (pressed > 0).mean() < MIN_COVERED_SHARE:
         row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
         x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
         region = REGIONS[int(3 * y / height)][int(3 * x / width)]
         return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
-    if steepest < STEEP:
+    if steepest < MIN_RIM_SLOPE:
         return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"
     return "the presses cover the film; nothing more is needed"

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, USUAL_RIM_MM, Film
 from tactograph.nodes.calibrate.lights.light_fit import (
-    FARTHEST,
-    HUBER,
-    LIFT_MM,
-    SPREAD,
+    HEIGHT_DEVIATION_MM,
+    HUBER_DEVIATIONS,
+    INFINITY_MM,
+    LIGHT_DEVIATION,
     Rest,
     huber,
     places_within,
@@ -41,21 +41,21 @@ from tactograph.nodes.optics.film import (
 
 F8 = NDArray[np.float64]
 
-FAINT = 0.3
+MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
-STEPS, CONVERGED = 20, 2e-3
+MAX_STEPS, MIN_COST_GAIN = 20, 2e-3
 """Most steps of the descent, and the relative gain of the cost below which it ends."""
-INDEPENDENT = 20
+MAX_INDEPENDENT_REST = 20
 """Most independent values per LED that the flat frame counts as where it departs from the model,
 because its departures are smooth."""
-COUNTED = 1500
+MAX_INDEPENDENT_SAMPLES = 1500
 """Most independent samples that the balls count as.  More have less noise, but a model's residuals
 on a real film are correlated."""
-LIFT = 0.2
+HEIGHT_DEVIATION_SHARE = 0.2
 """Standard deviation of a ball's height in the film, as a share of its radius."""
-RIDGE = 1e-3
+RIDGE_SHARE = 1e-3
 """Ridge of the harmonics' coefficients, relative to the mean square of a sample."""
-ROUNDS = 4
+HARMONICS_ROUNDS = 4
 """Rounds in which harmonics and the balls' positions are found in turn."""
 
 
@@ -69,7 +69,7 @@ class Unknown(NamedTuple):
     step: float = 1e-4
 
 
-SHARED = {
+SHARED_UNKNOWNS = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
     "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
     "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
@@ -78,22 +78,22 @@ SHARED = {
     "rim": Unknown(USUAL_RIM_MM, 1.0, 0.0, 10.0, 1e-2),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
 }
-DIFFUSE = Unknown(0.2, 0.3, 0.0, 0.9)
-ONE_ALBEDO = {"base": 1, "albedo": -1}
+DIFFUSE_UNKNOWN = Unknown(0.2, 0.3, 0.0, 0.9)
+ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
-ALIKE = 0.002
+ALBEDO_DEVIATION = 0.002
 """... with this standard deviation.  Alone, the albedo under a coat nearly trades off against the
 coat's index."""
-EMISSION = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
+EMISSION_UNKNOWN = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
-OF_AN_LED = "x", "y", "nearness", "strength", "emission"
-LED = len(OF_AN_LED)
+LED_UNKNOWNS = "x", "y", "nearness", "strength", "emission"
+UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
 """Number of unknowns of an LED."""
-FLAT_ONLY = "strength", "emission"
+UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
-AT_REST = "gain", "diffuse", "albedo", "rim"
+UNKNOWNS_OF_TOUCH_ALONE = "gain", "diffuse", "albedo", "rim"
 """Unknowns without effect on the film at rest."""
 PARTS = {
     "diffuse": ("diffuse", "gain"),
@@ -191,9 +191,9 @@ def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera:
 
 
 class Fitted(NamedTuple):
-    """The LEDs' unknowns K x LED, the film, the balls' shifts P x 3 in mm, and residual scale.
+    """The LEDs' unknowns K x UNKNOWNS_PER_LED, the film, the balls' shifts, and the residual scale.
 
-    The film's `lights` follow from `leds`.
+    Shifts are P x 3 in mm.  The film's `lights` follow from `leds`.
     """
 
     leds: F8
@@ -204,7 +204,7 @@ class Fitted(NamedTuple):
     def with_leds(self, leds: F8) -> Fitted:
         """Return a copy with other LEDs."""
         ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
-        lights = ends / np.maximum(leds[:, 2:3], 1 / FARTHEST)
+        lights = ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM)
         return self._replace(leds=leds, film=self.film._replace(lights=cast(F4, lights)))
 
 
@@ -219,17 +219,17 @@ class _Problem(NamedTuple):
     names: list[str]
     shift_mm: float
     width_mm: float
-    scale: float = SPREAD
-    certain: float = SPREAD
+    scale: float = LIGHT_DEVIATION
+    certain: float = LIGHT_DEVIATION
 
     @property
     def each(self) -> float:
         """Weight of a sample."""
-        return min(1, COUNTED / max(self.balls.u.size, 1))
+        return min(1, MAX_INDEPENDENT_SAMPLES / max(self.balls.u.size, 1))
 
     def judged(self, now: Fitted) -> _Problem:
         """Return the problem with the standard deviations of the residuals of `now`."""
-        certain = SPREAD
+        certain = LIGHT_DEVIATION
         if self.rest is not None:
             certain = _rest_spread(rest_left(self.rest, now), self.rest)
         return self._replace(scale=_scale(self.balls, now), certain=certain)
@@ -304,7 +304,7 @@ def fit(
     now, damping = _opened(start, names), 1e-3
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(now)
     cost = _cost(problem, now)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         equations = _equations(problem, now)
         while damping < 1e8:
             trial = _moved(now, names, *_solve(equations, damping))
@@ -315,7 +315,7 @@ def fit(
         else:
             break
         gain, now, damping = cost - tried, trial, max(damping / 10, 1e-9)
-        if gain < CONVERGED * cost:
+        if gain < MIN_COST_GAIN * cost:
             break
         problem = problem.judged(now)
         cost = _cost(problem, now)
@@ -342,7 +342,7 @@ def other_places(
     scale = np.sqrt(np.diag(shared))
     spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
     spread /= np.outer(scale, scale)
-    places = [LED * k + j for k in range(len(fitted.leds)) for j in range(3)]
+    places = [UNKNOWNS_PER_LED * k + j for k in range(len(fitted.leds)) for j in range(3)]
     return places_within(fitted.leds[:, :3], spread[np.ix_(places, places)], width_mm)
 
 
@@ -353,7 +353,8 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     for _ in range(10):
         left, by = _by_shift(balls, now, rest)
         weight = (
-            _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
+            _robust(_weighted(balls, left) / scale)
+            / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
         )
         normal = balls.by_ball(by * weight, by) + _diagonals(spread**-2)
         right = -balls.by_ball(by, (weight * left)[None])[..., 0] - now.shifts * spread**-2
@@ -366,7 +367,7 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
 
 def _spread(balls: Balls, shift_mm: float) -> F8:
     """Standard deviations of the balls' positions in x, y and z, P x 3."""
-    lift = np.minimum(LIFT_MM, LIFT * balls.radius)
+    lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
     return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
 
 
@@ -388,10 +389,10 @@ def add_harmonics(
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
     physics = fitted._replace(film=film)
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
-    weight = 1 / np.maximum(balls.light, FAINT) ** 2
-    held = np.full(count * size + 1, RIDGE * balls.u.size)
+    weight = 1 / np.maximum(balls.light, MIN_WEIGHT_LIGHT) ** 2
+    held = np.full(count * size + 1, RIDGE_SHARE * balls.u.size)
     held[-1] = 0
-    for _ in range(ROUNDS):
+    for _ in range(HARMONICS_ROUNDS):
         n, *_ = balls.seen(now.shifts, film.camera)
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(size, -1)
@@ -413,7 +414,7 @@ def add_harmonics(
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         now = place_balls(balls, now._replace(scale=_scale(balls, now)), shift_mm)
         weight = _cauchy(_weighted(balls, balls.light - predicted(balls, now)), now.scale)
-        weight = weight / np.maximum(balls.light, FAINT) ** 2
+        weight = weight / np.maximum(balls.light, MIN_WEIGHT_LIGHT) ** 2
     return now._replace(scale=_scale(balls, now))
 
 
@@ -425,22 +426,24 @@ def _opened(start: Fitted, names: list[str]) -> Fitted:
     """Move newly freed parameters away from the values that switch them off."""
     off = matt_film(start.film.lights)
     changed: dict[str, Any] = {
-        name: SHARED[name].start
+        name: SHARED_UNKNOWNS[name].start
         for name in names
-        if name in SHARED and getattr(start.film, name) == getattr(off, name)
+        if name in SHARED_UNKNOWNS and getattr(start.film, name) == getattr(off, name)
     }
     if "diffuse" in names and not start.film.diffuse.any():
-        changed["diffuse"] = np.full(len(start.leds), DIFFUSE.start)
+        changed["diffuse"] = np.full(len(start.leds), DIFFUSE_UNKNOWN.start)
     return start._replace(film=start.film._replace(**changed))
 
 
 def _weighted(balls: Balls, left: F8) -> F8:
-    return np.asarray(left / np.maximum(balls.light, FAINT))
+    return np.asarray(left / np.maximum(balls.light, MIN_WEIGHT_LIGHT))
 
 
 def _scale(balls: Balls, now: Fitted) -> float:
     """Robust standard deviation of a sample's residual."""
-    return max(SPREAD, _robust_spread(_weighted(balls, predicted(balls, now) - balls.light)))
+    return max(
+        LIGHT_DEVIATION, _robust_spread(_weighted(balls, predicted(balls, now) - balls.light))
+    )
 
 
 def _robust_spread(left: F8) -> float:
@@ -449,7 +452,7 @@ def _robust_spread(left: F8) -> float:
 
 def _robust(left: F8) -> F8:
     """Huber's weights."""
-    return np.asarray(np.minimum(1, HUBER / np.maximum(np.abs(left), HUBER)))
+    return np.asarray(np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS)))
 
 
 def rest_left(rest: Rest, now: Fitted) -> F8:
@@ -473,7 +476,7 @@ def _by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     model, owners = _rest_model(rest, now), _owners(now, names)
     before, by = _rest_less(rest, model), np.zeros((len(owners), *model.shape))
     for j, (name, led) in enumerate(owners):
-        if name in AT_REST:
+        if name in UNKNOWNS_OF_TOUCH_ALONE:
             continue
         other, step = _stepped(now, names, j)
         chosen = slice(None) if led is None else slice(led, led + 1)
@@ -493,19 +496,19 @@ def _off_axis(film: Film, x: F8, y: F8) -> F8:
 
 def _rest_spread(left: F8, rest: Rest) -> float:
     """Standard deviation of a block; larger if the flat frame (smoothly) departs from the model."""
-    noise = SPREAD / rest.block
+    noise = LIGHT_DEVIATION / rest.block
     found = float(np.sqrt(np.square(left).mean()))
-    return float(np.hypot(noise, found * np.sqrt(max(1, left.shape[1] / INDEPENDENT))))
+    return float(np.hypot(noise, found * np.sqrt(max(1, left.shape[1] / MAX_INDEPENDENT_REST))))
 
 
 def _priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
     """Number, departure and standard deviation of every unknown with a prior."""
     count = len(now.leds)
     for k, (_, _, c, _, emission) in enumerate(now.leds):
-        yield LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
-        yield LED * k + 4, emission - EMISSION.start, EMISSION.spread
+        yield UNKNOWNS_PER_LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+        yield UNKNOWNS_PER_LED * k + 4, emission - EMISSION_UNKNOWN.start, EMISSION_UNKNOWN.spread
     for number, (_, value, about) in _numbers(now, names):
-        yield LED * count + number, value - about.start, about.spread
+        yield UNKNOWNS_PER_LED * count + number, value - about.start, about.spread
 
 
 def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, float, Unknown]]]:
@@ -514,22 +517,22 @@ def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, fl
     for name in names:
         if name == "diffuse":
             for share in now.film.diffuse:
-                yield number, (name, float(share), DIFFUSE)
+                yield number, (name, float(share), DIFFUSE_UNKNOWN)
                 number += 1
         else:
-            yield number, (name, float(getattr(now.film, name)), SHARED[name])
+            yield number, (name, float(getattr(now.film, name)), SHARED_UNKNOWNS[name])
             number += 1
 
 
 def _albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
     """Normalised difference of the two albedos, and its derivatives by all shared unknowns."""
-    if not ONE_ALBEDO.keys() <= set(names):
+    if not ALBEDO_DIFFERENCE.keys() <= set(names):
         return
     numbers = [(number, name) for number, (name, *_) in _numbers(now, names)]
     by = np.zeros(now.leds.size + len(numbers))
     for number, name in numbers:
-        by[now.leds.size + number] = ONE_ALBEDO.get(name, 0) / ALIKE
-    yield (now.film.base - now.film.albedo) / ALIKE, by
+        by[now.leds.size + number] = ALBEDO_DIFFERENCE.get(name, 0) / ALBEDO_DEVIATION
+    yield (now.film.base - now.film.albedo) / ALBEDO_DEVIATION, by
 
 
 def _cost(problem: _Problem, now: Fitted) -> float:
@@ -549,7 +552,10 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     seen = _rest_seen(balls, now.film)
     left, by_own = _by_shift(balls, now, seen)
     by = _by_shared(balls, now, names, left + balls.light, seen)
-    weight = _robust(_weighted(balls, left) / scale) / (scale * np.maximum(balls.light, FAINT)) ** 2
+    weight = (
+        _robust(_weighted(balls, left) / scale)
+        / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
+    )
     weight *= problem.each
     spread = _spread(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
@@ -565,7 +571,7 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
         right -= flat @ (firm * there.ravel())
     # The flat frame leaves the strengths' common factor free; without one, all of them are free.
     # So a prior holds them.
-    strengths = np.arange(3, now.leds.size, LED)
+    strengths = np.arange(3, now.leds.size, UNKNOWNS_PER_LED)
     held = 1 / len(strengths) ** 2 if rest is not None else np.eye(len(strengths))
     shared[np.ix_(strengths, strengths)] += held
     right[strengths] -= now.leds[:, 3].mean() / len(strengths)
@@ -594,10 +600,10 @@ def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8
     owners = _owners(now, names)
     by = np.zeros((len(owners), *before.shape))
     for j, (name, led) in enumerate(owners):
-        if name in FLAT_ONLY:
+        if name in UNKNOWNS_OF_FLAT_ALONE:
             continue
         other, step = _stepped(now, names, j)
-        known = rest if name in AT_REST else None
+        known = rest if name in UNKNOWNS_OF_TOUCH_ALONE else None
         if led is None:
             by[j] = (predicted(balls, other, rest=known) - before) / step
         else:
@@ -608,7 +614,9 @@ def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8
 def _owners(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
     """Name of each shared unknown, and the LED that it belongs to, or None."""
     count = len(now.leds)
-    owners: list[tuple[str, int | None]] = [(name, k) for k in range(count) for name in OF_AN_LED]
+    owners: list[tuple[str, int | None]] = [
+        (name, k) for k in range(count) for name in LED_UNKNOWNS
+    ]
     for name in names:
         owners += [(name, k) for k in range(count)] if name == "diffuse" else [(name, None)]
     return owners
@@ -617,13 +625,15 @@ def _owners(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
 def _stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
     """The fit with one unknown changed, and its change."""
     count = len(now.leds)
-    if j < LED * count:
-        change = np.zeros(LED * count)
-        change[j] = step = 1e-5 * (1 if j % LED != 2 else max(now.leds[j // LED, 2], 1e-4))
-        return now.with_leds(now.leds + change.reshape(-1, LED)), step
+    if j < UNKNOWNS_PER_LED * count:
+        change = np.zeros(UNKNOWNS_PER_LED * count)
+        change[j] = step = 1e-5 * (
+            1 if j % UNKNOWNS_PER_LED != 2 else max(now.leds[j // UNKNOWNS_PER_LED, 2], 1e-4)
+        )
+        return now.with_leds(now.leds + change.reshape(-1, UNKNOWNS_PER_LED)), step
     steps = np.zeros(sum(1 for _ in _numbers(now, names)))
-    about = dict(_numbers(now, names))[j - LED * count][2]
-    steps[j - LED * count] = about.step
+    about = dict(_numbers(now, names))[j - UNKNOWNS_PER_LED * count][2]
+    steps[j - UNKNOWNS_PER_LED * count] = about.step
     return now._replace(film=_film_moved(now.film, names, steps, bounded=False)), about.step
 
 
@@ -632,7 +642,7 @@ def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> F
     number = 0
     for name in names:
         size = len(film.diffuse) if name == "diffuse" else 1
-        about = DIFFUSE if name == "diffuse" else SHARED[name]
+        about = DIFFUSE_UNKNOWN if name == "diffuse" else SHARED_UNKNOWNS[name]
         value = getattr(film, name) + by[number : number + size]
         value = np.clip(value, about.low, about.high) if bounded else value
         changed[name] = value if name == "diffuse" else float(value[0])
@@ -642,10 +652,10 @@ def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> F
 
 def _moved(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
     count = len(now.leds)
-    leds = now.leds + by[: LED * count].reshape(-1, LED)
-    leds[:, 2] = np.maximum(leds[:, 2], 1 / FARTHEST)
-    leds[:, 4] = np.clip(leds[:, 4], EMISSION.low, EMISSION.high)
-    film = _film_moved(now.film, names, by[LED * count :])
+    leds = now.leds + by[: UNKNOWNS_PER_LED * count].reshape(-1, UNKNOWNS_PER_LED)
+    leds[:, 2] = np.maximum(leds[:, 2], 1 / INFINITY_MM)
+    leds[:, 4] = np.clip(leds[:, 4], EMISSION_UNKNOWN.low, EMISSION_UNKNOWN.high)
+    film = _film_moved(now.film, names, by[UNKNOWNS_PER_LED * count :])
     return now._replace(film=film, shifts=now.shifts + own).with_leds(leds)
 
 
@@ -672,10 +682,10 @@ def start_at(lights: F4, strength: F4, count: int) -> Fitted:
     leds = np.column_stack(
         [
             lights[:, :2] / lights[:, 2:],
-            1 / np.minimum(lights[:, 2], FARTHEST),
+            1 / np.minimum(lights[:, 2], INFINITY_MM),
             np.log(np.maximum(strength, 1e-6)),
-            np.full(len(lights), EMISSION.start),
+            np.full(len(lights), EMISSION_UNKNOWN.start),
         ]
     ).astype(np.float64)
     film = matt_film(lights.astype(np.float64))
-    return Fitted(leds, film, np.zeros((count, 3)), SPREAD).with_leds(leds)
+    return Fitted(leds, film, np.zeros((count, 3)), LIGHT_DEVIATION).with_leds(leds)

@@ -27,7 +27,7 @@ from tactograph.nodes import (
     Noise,
     PixelSize,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import FOLDS, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, moved_with, sample_balls, thinned
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
@@ -50,30 +50,28 @@ from tactograph.nodes.optics.film import FilmPart, matt_film
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
-SURELY = 15000
+FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-FOLDS = 4
-"""Number of folds that are held out in turn."""
-BETTER, BENT, SURE = 0.97, 0.99, 0.7
+PART_ERROR_RATIO, HARMONICS_ERROR_RATIO, SINGLE_BALL_ERROR_RATIO = 0.97, 0.99, 0.7
 """Factor by which the held-out error must fall: for a part of the model; for harmonics; and for
 either with a single ball, whose held-out slices lie between those that are fitted..."""
-NOTICEABLE = 0.02
+MIN_GAIN_DEG = 0.02
 """... and the number of degrees by which it must fall."""
-ROUNDS, STILL = 4, 0.004
+MAX_ROUNDS, MAX_CHANGE = 4, 0.004
 """Most rounds that find the balls' positions and the light from film to film in turn, and the
 relative change of albedo and contact radius below which they end."""
-MANY, BAD = 8, 2.0
+MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """With at least this many balls, those with a residual above this multiple of the median are left
 out."""
-EXACT = 0.1
+GOOD_ERROR_DEG = 0.1
 """Degrees of held-out error below which no further part is tried."""
-PARALLAX = 0.02
+MIN_CAP_SHARE = 0.02
 """Height of a ball's cap, relative to the film's width, from which it shows the pupil's height."""
-RESOLVED = 4
+MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
-DEGREES = {0: 2, 1: 4, 2: 10}
+MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
 """Fewest balls for harmonics, by their degree in position."""
 
 
@@ -168,14 +166,17 @@ def fit_film(
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
     tall = balls.radius - np.sqrt(np.maximum(balls.radius**2 - balls.rim**2, 0))
     closed: set[str] = set(without)
-    if camera_mm is not None or len(tall) < 2 or tall.max() < PARALLAX * width:
+    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * width:
         closed.add("camera")
-    if np.median(balls.rim) < RESOLVED * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel:
+    if (
+        np.median(balls.rim)
+        < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel
+    ):
         closed.add("bounce")
     trial, best, errors = _grow(trial, start, [part for part in PARTS if part not in closed])
     trial, best, whole = _settle(trial, best)
     errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
-    if "harmonics" not in closed and errors["film_heldout_deg"] > EXACT:
+    if "harmonics" not in closed and errors["film_heldout_deg"] > GOOD_ERROR_DEG:
         best = _bend(trial, best, errors)
     best, balls, bad = _without_bad(trial, best)
     film = best.fitted.film
@@ -285,7 +286,9 @@ def _grow(trial: _Trial, start: Fitted, parts: list[str]) -> tuple[_Trial, _Mode
     """
     best = _judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
-    while best.error > EXACT and (left := [part for part in parts if part not in best.parts]):
+    while best.error > GOOD_ERROR_DEG and (
+        left := [part for part in parts if part not in best.parts]
+    ):
         wider = [best.parts | {part} for part in left]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # Only the part that explains the presses best is judged on held-out samples.
@@ -322,15 +325,15 @@ def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
 
     Also returns every pixel of the balls.
     """
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
-        trial = trial._replace(balls=thinned(whole, SURELY))
+        trial = trial._replace(balls=thinned(whole, FINAL_SAMPLES))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)
-        if film.albedo == 0 or (changed < STILL * film.albedo and moved < STILL):
+        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
             break
     return trial, _judge(trial, best.parts, best.fitted), whole
 
@@ -338,12 +341,12 @@ def _settle(trial: _Trial, best: _Model) -> tuple[_Trial, _Model, Balls]:
 def _bend(trial: _Trial, best: _Model, errors: Metrics) -> _Model:
     """Add harmonics of the highest degree that pays."""
     physics = best
-    for degree, fewest in DEGREES.items():
+    for degree, fewest in MIN_BALLS_BY_DEGREE.items():
         if len(trial.balls.centre) < fewest:
             break
         tried = _judge(trial, physics.parts, physics.fitted, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
-        if _pays(tried.error, best.error, trial, BENT):
+        if _pays(tried.error, best.error, trial, HARMONICS_ERROR_RATIO):
             best = tried
     if best.degree is not None:
         bent = add_harmonics(
@@ -362,8 +365,8 @@ def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls, NDArray[np
     balls, count = trial.balls, len(trial.balls.centre)
     left = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, left, count) / np.bincount(balls.ball))
-    bad = by_ball > BAD * np.median(by_ball)
-    if count < MANY or not bad.any():
+    bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
+    if count < MIN_BALLS_TO_REJECT or not bad.any():
         return best, balls, np.zeros(count, bool)
     x, y = balls.centre[bad].T
     where = ", ".join(f"({a:.2f}, {b:.2f})" for a, b in zip(x, y, strict=True))
@@ -387,9 +390,9 @@ def _without_bad(trial: _Trial, best: _Model) -> tuple[_Model, Balls, NDArray[np
     return best._replace(fitted=fitted), good, bad
 
 
-def _pays(error: float, before: float, trial: _Trial, enough: float = BETTER) -> bool:
-    share = enough if len(trial.balls.centre) > 1 else SURE
-    return error < share * before and error < before - NOTICEABLE
+def _pays(error: float, before: float, trial: _Trial, enough: float = PART_ERROR_RATIO) -> bool:
+    share = enough if len(trial.balls.centre) > 1 else SINGLE_BALL_ERROR_RATIO
+    return error < share * before and error < before - MIN_GAIN_DEG
 
 
 def _properties(best: _Model, rest: Rest | None) -> Metrics:

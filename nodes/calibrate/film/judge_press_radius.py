@@ -9,7 +9,7 @@ from annotated_types import Gt
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, PixelSize
-from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.film_fit import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
@@ -26,13 +26,11 @@ MAX_PRESSES = 12
 """Most presses that are looked at."""
 COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
 """Radii that are tried, relative to the given one: a guided calibration does so at every press."""
-MIN_FLAT = np.float32(0.02)
-"""Light of the film at rest below which presses are not divided by it."""
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
 MAX_SLOPE = 3.0
 """Steepest film of a sample."""
-ABOVE = np.array([0, 0, 1], np.float32)
+STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
 """Where all lights are taken to be until the samples tell, in mm."""
 
 
@@ -72,9 +70,9 @@ def judge_press_radius(
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]
-    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT)), axis=1)
+    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
-    nowhere = matt_film(np.tile(ABOVE, (len(flat), 1)))
+    nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
     of, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     found = sample_balls(
         *(sheet, flat, circle[used], radius, of, nowhere, noise, pixel),

@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Film, Light, LightPositions, Metrics, Noise, PixelSize
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, rest_left, start_at
 from tactograph.nodes.calibrate.lights.light_fit import Rest, rest_of
 from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.sheet import SheetLight
 
-FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
+RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
-FINER_SHARES, ROUNDS = (0.35, 0.7), 2
+FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
@@ -158,8 +158,8 @@ def try_radii(
     lights: F4,
     strength: F4,
     shift_px: float,
-    factors: tuple[float, ...] = FACTORS,
-    rounds: int = ROUNDS,
+    factors: tuple[float, ...] = RADIUS_FACTORS,
+    rounds: int = FINER_ROUNDS,
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]

@@ -20,7 +20,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
 from tactograph.nodes.calibrate.lights.light_fit import (
     Press,

@@ -6,15 +6,15 @@ import numpy as np
 
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, Light, Metrics
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
+from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_fit import is_uniform
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-SKIRT = 1.5
+SKIRT_RADII = 1.5
 """Film within so many contact radii of a ball is lifted, and shaded by its slope."""
-FEWEST = 0.05
+MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
-ALIKE = 0.1
+MAX_DEPARTURE = 0.1
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
 _TAKEN = "the flat frame", "take both with the same exposure, gain and LED currents"
 _MODELLED = (
@@ -74,13 +74,13 @@ def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> f
     y, x = np.mgrid[:rows, :columns]
     free = np.ones((rows, columns), bool)
     for at_x, at_y, radius in circles:
-        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT * radius) ** 2
-    if free.mean() < FEWEST:
+        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT_RADII * radius) ** 2
+    if free.mean() < MIN_FREE_SHARE:
         free[:] = True
     levels = np.median(press[:, free], axis=1) - 1
     led = int(np.argmax(np.abs(levels)))
     level = float(levels[led])
-    if abs(level) > ALIKE:
+    if abs(level) > MAX_DEPARTURE:
         more = "brighter" if level > 0 else "darker"
         # A single press has no name.
         where = f"{name}: under" if name else "under"

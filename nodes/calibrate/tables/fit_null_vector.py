@@ -8,8 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Labels, Light, Mask, NullVector, Spread
-
-FEWEST = 100
+from tactograph.nodes.calibrate import MIN_PIXELS
 
 
 class NullFit(NamedTuple):
@@ -47,10 +46,10 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     if count < 4:
         return NullFit(np.zeros(count, np.float32), 0.0)
     chosen = (mask > 0) & (lit == (1 << count) - 1)
-    if chosen.sum() < FEWEST:
+    if chosen.sum() < MIN_PIXELS:
         raise InputError(
             f"only {int(chosen.sum())} calibration pixels are reached by all {count} LEDs "
-            f"({FEWEST} are needed): press less deep, or check that every LED flashes"
+            f"({MIN_PIXELS} are needed): press less deep, or check that every LED flashes"
         )
     found = light[:, chosen].astype(np.float64)
     null = np.linalg.eigh(found @ found.T)[1][:, 0]

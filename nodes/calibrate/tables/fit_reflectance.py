@@ -8,8 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope
-
-FEWEST = 100
+from tactograph.nodes.calibrate import MIN_PIXELS
 
 
 class ReflectanceFit(NamedTuple):
@@ -42,10 +41,10 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
     coefficients, residuals = [], []
     for k, plane in enumerate(light):
         chosen = (mask > 0) & ((lit >> k) & 1 > 0)
-        if chosen.sum() < FEWEST:
+        if chosen.sum() < MIN_PIXELS:
             raise InputError(
                 f"LED {k + 1} reaches only {int(chosen.sum())} pixels of the calibration "
-                f"object ({FEWEST} are needed): is it on?"
+                f"object ({MIN_PIXELS} are needed): is it on?"
             )
         basis = harmonics(slope[:, chosen]).T.astype(np.float64)
         found, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)

@@ -9,7 +9,7 @@ from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.film.film_fit import (
-    ALIKE,
+    ALBEDO_DEVIATION,
     _albedos,
     _Equations,
     _solve,
@@ -138,11 +138,11 @@ def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> 
     start = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
     now = start._replace(film=start.film._replace(base=0.8, albedo=0.7))
     ((away, by),) = _albedos(now, names)
-    assert away == pytest.approx(0.1 / ALIKE)
+    assert away == pytest.approx(0.1 / ALBEDO_DEVIATION)
     for number, found in enumerate(by):
         changed, step = _stepped(now, names, number)
         ((moved, _),) = _albedos(changed, names)
-        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALIKE)
+        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALBEDO_DEVIATION)
     assert not list(_albedos(now, names[:3]))
     assert not list(_albedos(now, names[3:]))
 
