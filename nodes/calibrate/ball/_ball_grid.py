@@ -92,13 +92,13 @@ def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
         r < FIRST_CONTACT_SHARE, r / FIRST_CONTACT_SHARE, np.clip((REST_RADII - r) / 0.4, 0, 1)
     )
     wide = cv2.copyMakeBorder(spread, reach, reach, reach, reach, cv2.BORDER_REFLECT)
-    found = cv2.matchTemplate(wide, template.astype(np.float32), cv2.TM_CCOEFF_NORMED)
-    peak = (found == maximum_filter(found, size=2 * int(1.6 * radius) + 1)) & (
-        found > MIN_CORRELATION
+    correlation = cv2.matchTemplate(wide, template.astype(np.float32), cv2.TM_CCOEFF_NORMED)
+    peak = (correlation == maximum_filter(correlation, size=2 * int(1.6 * radius) + 1)) & (
+        correlation > MIN_CORRELATION
     )
     rows, columns = np.nonzero(peak)
     where = np.column_stack([columns, rows]).astype(np.float64)
-    return (where + 0.5) * factor - 0.5, found[rows, columns].astype(np.float64)
+    return (where + 0.5) * factor - 0.5, correlation[rows, columns].astype(np.float64)
 
 
 def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
@@ -140,10 +140,10 @@ def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | 
     start = _start(balls)
     width = pixel * light.shape[2]
     shift = 0.1 * radius_px * pixel
-    found = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
+    fitted = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
     placed = circle.copy()
-    placed[:, :2] += found.shifts[:, :2] / pixel
-    placed[:, 2] = _contact(light, placed, radius_px, pixel, found) * radius_px
+    placed[:, :2] += fitted.shifts[:, :2] / pixel
+    placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted) * radius_px
     return placed
 
 

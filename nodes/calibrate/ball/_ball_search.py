@@ -55,7 +55,7 @@ def search_ball(
     radii = [radius * s for s in CONTACT_SHARES] if contact is None else [contact]
     radii = [r for r in radii if r <= MAX_CONTACT_DIAGONALS * np.hypot(*light.shape[1:])]
     radii = [r for r in radii if r >= MIN_SEARCH_RADIUS_PX * shrink] or [max(radii)]
-    best, found = -1.0, Circle(0, 0, radii[0])
+    best, circle = -1.0, Circle(0, 0, radii[0])
     for r in radii:
         pad = int(0.6 * r / shrink)
         share = _share_everywhere(small, radius / shrink, r / shrink, pad)
@@ -64,8 +64,8 @@ def search_ball(
         y, x = np.unravel_index(int(share.argmax()), share.shape)
         if share[y, x] > best:
             best = float(share[y, x])
-            found = Circle(float(x) - pad, float(y) - pad, r / shrink).on(1 / shrink)
-    return found if center is None else Circle(*center, found.radius)
+            circle = Circle(float(x) - pad, float(y) - pad, r / shrink).on(1 / shrink)
+    return circle if center is None else Circle(*center, circle.radius)
 
 
 def reduced_to(light: F4, width: int) -> tuple[F4, float]:

@@ -29,12 +29,12 @@ def find_corners(image: F4) -> Lattice | None:
     """Return the corners that lie on one lattice, in px; None if there are not enough."""
     small, factor = reduced(image)
     lattices = [on_lattice(_saddles(small, sigma)) for sigma in SMOOTHING_PX]
-    found = max(filter(None, lattices), key=lambda lattice: len(lattice.place), default=None)
-    if found is None or not DARK_SHARES[0] < _dark_part(small, found) < DARK_SHARES[1]:
+    largest = max(filter(None, lattices), key=lambda lattice: len(lattice.place), default=None)
+    if largest is None or not DARK_SHARES[0] < _dark_part(small, largest) < DARK_SHARES[1]:
         return None
-    half = int(np.clip(WINDOW_PITCHES * found.pitch * factor, 2, 40))
+    half = int(np.clip(WINDOW_PITCHES * largest.pitch * factor, 2, 40))
     levels = np.clip(255 * image / image.max(), 0, 255).astype(np.uint8)
-    rough = np.ascontiguousarray(factor * (found.place + 0.5) - 0.5, np.float32)
+    rough = np.ascontiguousarray(factor * (largest.place + 0.5) - 0.5, np.float32)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
     return on_lattice(cv2.cornerSubPix(levels, rough, (half, half), (-1, -1), stop))
 

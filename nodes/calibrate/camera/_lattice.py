@@ -33,8 +33,8 @@ class Lattice(NamedTuple):
 
 def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
     """Distances and numbers of the nearest other points, N x `count` each."""
-    found: Any = KDTree(points).query(points, k=count + 1)
-    return found[0][:, 1:], found[1][:, 1:]
+    nearest: Any = KDTree(points).query(points, k=count + 1)
+    return nearest[0][:, 1:], nearest[1][:, 1:]
 
 
 def on_lattice(points: Points) -> Lattice | None:

@@ -154,8 +154,8 @@ def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Pla
         return (_predicted(values[:POSE_TERMS], lens_of(values), cell) - seen).ravel()
 
     low = np.concatenate([np.full(POSE_TERMS, -np.inf), np.full(len(free), -0.5)])
-    found = least_squares(wrong, start, bounds=(low, np.abs(low)), x_scale="jac")
-    return found.x[:POSE_TERMS], lens_of(found.x), 2 * found.cost
+    solution = least_squares(wrong, start, bounds=(low, np.abs(low)), x_scale="jac")
+    return solution.x[:POSE_TERMS], lens_of(solution.x), 2 * solution.cost
 
 
 def _pose(seen: Places, cell: Places) -> Places:

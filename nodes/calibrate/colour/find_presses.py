@@ -84,10 +84,10 @@ def find_presses(
         else:
             circles.append((*ball.center, ball.contact))
             goodness.append(ball.goodness)
-    found = int(np.count_nonzero(goodness))
-    if found < fewest:
+    ball_count = int(np.count_nonzero(goodness))
+    if ball_count < fewest:
         raise InputError(
-            f"a ball of radius {radius_mm:g} mm shows in {found} of {len(image)} presses, and "
+            f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
             f"{fewest} are needed; check ball_radius_mm and pixel_size_mm, or press more often"
         )
     return FoundPresses(np.asarray(circles, np.float32), np.asarray(goodness, np.float32))

@@ -253,10 +253,10 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
         weight.append(pixels.weight)
     basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
     weights = np.concatenate(weight, axis=1)
-    found = np.zeros((len(lights), SHADES, TERMS))
+    reflectance = np.zeros((len(lights), SHADES, TERMS))
     for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
-        found[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADES, used)
-    return found
+        reflectance[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADES, used)
+    return reflectance
 
 
 def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
@@ -266,9 +266,9 @@ def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
         weighted = basis * weight
         normal = weighted @ basis.T
         ridge = RIDGE * np.diag(np.diag(normal) + 1e-12)
-        found: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
-        weight = robust_weights(light - found @ basis, even)
-    return found
+        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
+        weight = robust_weights(light - coefficients @ basis, even)
+    return coefficients
 
 
 def _press_residual(bench: Bench, reflectance: F8, circle: F8, press: int, rim: float) -> F8:

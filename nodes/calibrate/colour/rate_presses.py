@@ -167,10 +167,10 @@ def judge_contact(
     if known is not None:
         inside &= known
     true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
-    found = slope[:, inside].astype(np.float64)
-    p, q = found - true
-    twist = found[0] * true[1] - found[1] * true[0]
-    angle = np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (found * true).sum(axis=0))
+    measured = slope[:, inside].astype(np.float64)
+    p, q = measured - true
+    twist = measured[0] * true[1] - measured[1] * true[0]
+    angle = np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (measured * true).sum(axis=0))
     microns = float(1e3 * np.std(height[inside] - rise))
     cap = (radius - np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))) * pixel
     return float(np.degrees(angle.mean())), microns, microns / 10 / float(cap)

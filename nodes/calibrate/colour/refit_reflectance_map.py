@@ -145,14 +145,14 @@ def _fit(
     used: NDArray[np.bool_],
 ) -> tuple[F8, F8, float]:
     """Update centres, the rim's height and map in turn; return map, circles and rim height."""
-    placed, found = circles.copy(), old
+    placed, reflectance = circles.copy(), old
     rim = 0.0
     for _ in range(RIM_ROUNDS + 1):
         for press in np.flatnonzero(kept).tolist():
-            placed[press] = refine_center(bench, found, placed[press], press, rim)
-        rim = measure_rim(bench, found, placed, kept)
-        found = _changed(bench, old, placed, kept, rim, parts, used)
-    return found, placed, rim
+            placed[press] = refine_center(bench, reflectance, placed[press], press, rim)
+        rim = measure_rim(bench, reflectance, placed, kept)
+        reflectance = _changed(bench, old, placed, kept, rim, parts, used)
+    return reflectance, placed, rim
 
 
 def _changed(
@@ -167,16 +167,16 @@ def _changed(
     """The old map with the changes fitted to the used pixels."""
     if not parts:
         return old
-    found: list[tuple[F8, ...]] = []
+    samples: list[tuple[F8, ...]] = []
     for press in np.flatnonzero(kept).tolist():
         pixels = ball_pixels(bench.light[press], bench.flat, circles[press], most=MAX_PRESS_PIXELS)
         chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
         slope, rise = ball_shape(pixels.x, pixels.y, circles[press], bench.radius, bench.pixel)
         shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
         of_press = shade, place, pixels.light, pixels.weight
-        found.append(tuple(part[:, chosen] for part in of_press))
+        samples.append(tuple(part[:, chosen] for part in of_press))
     shade, place, light, weight = (
-        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
+        np.concatenate(part, axis=-1) for part in zip(*samples, strict=True)
     )
     new = old.copy()
     for k, coefficients in enumerate(old):

@@ -37,12 +37,12 @@ def read_calibration(
         not above the film, or no slope follows from the LEDs' light; if the calibration was made
         from lights of another order.
     """
-    found = read_arrays(file, CALIBRATION)
+    arrays = read_arrays(file, CALIBRATION)
     about = read_about(file)
     check_use(file, about, lights)
-    if "others" not in found and "others" in wanted:
+    if "others" not in arrays and "others" in wanted:
         warn(
             f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
             "leave out; calibrate again"
         )
-    return record_of(Calibration, {**found, "quality": about.quality, "doubts": about.doubts})
+    return record_of(Calibration, {**arrays, "quality": about.quality, "doubts": about.doubts})

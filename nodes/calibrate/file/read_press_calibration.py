@@ -39,23 +39,23 @@ def read_press_calibration(
         array is missing, misshapen, not finite or out of range; if the new film image has
         another size; if the calibration was made from lights of another order.
     """
-    found = read_arrays(file, PRESS_CALIBRATION)
+    arrays = read_arrays(file, PRESS_CALIBRATION)
     about = read_about(file)
     check_use(file, about, lights)
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
-    film = found["flat"] if flat is None else _fresh(flat, order, found["flat"])
+    film = arrays["flat"] if flat is None else _fresh(flat, order, arrays["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
-    quality, size, reflectance = about.quality, found["pixel_size"], found["reflectance"]
+    quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
     return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts)
 
 
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:
-    found = read_film(flat, lights, 2.0)
-    if found.shape != film.shape:
+    new_film = read_film(flat, lights, 2.0)
+    if new_film.shape != film.shape:
         raise InputError(
-            f"{flat}: is {found.shape[2]} x {found.shape[1]} pixels, but the calibration is for "
+            f"{flat}: is {new_film.shape[2]} x {new_film.shape[1]} pixels, but the calibration is for "
             f"{film.shape[2]} x {film.shape[1]}"
         )
-    return found
+    return new_film

@@ -44,5 +44,5 @@ def write_camera(
         be written.
     """
     size = np.array(image.shape[::-1], np.int32)
-    found = CameraLens(lens, pixel, residual, size, quality)
-    write_record(file, CAMERA, found, {"made": provenance})
+    record = CameraLens(lens, pixel, residual, size, quality)
+    write_record(file, CAMERA, record, {"made": provenance})

@@ -139,7 +139,7 @@ def sample_balls(
             edge[number] = _edge(*seen, *placed, film, pixel)
         moved = moved_with(moved, radius, circle[:, 2] * pixel, edge)
         circle = np.column_stack([circle[:, :2], edge / pixel])
-    found: list[tuple[NDArray[Any], ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
         u0, v0, contact = circle[number].astype(np.float64)
         reach = min(
@@ -160,9 +160,9 @@ def sample_balls(
         by_rim = rimmed[i][:, yy, xx].astype(np.float64)
         bounced -= moved[number, 2] * by_lift + film.rim * by_rim
         each_ball = values, bounced, by_lift, by_rim, np.full(xx.size, number), sector
-        found.append((x[xx], y[yy], *each_ball))
+        parts.append((x[xx], y[yy], *each_ball))
     u, v, values, bounced, by_lift, by_rim, ball, sector = (
-        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
+        np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     every = Balls(
@@ -252,18 +252,18 @@ def _thrown_on(
 
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
-    found = on_matt = thrown(matt, FINE_CELLS)
+    bounced = on_matt = thrown(matt, FINE_CELLS)
     by_lift = (thrown(matt, FINE_CELLS, LIFT_SHARE).left - on_matt.left) / LIFT_SHARE
     if film.refraction == 1:
-        by_rim = thrown(wider, FINE_CELLS).left - found.left
+        by_rim = thrown(wider, FINE_CELLS).left - bounced.left
     else:
-        found = thrown(film, CELLS)
-        by_lift *= found.left.mean() / on_matt.left.mean()
-        by_rim = thrown(wider, CELLS).left - found.left
-        found = thrown(film, FINE_CELLS) if fine else found
+        bounced = thrown(film, CELLS)
+        by_lift *= bounced.left.mean() / on_matt.left.mean()
+        by_rim = thrown(wider, CELLS).left - bounced.left
+        bounced = thrown(film, FINE_CELLS) if fine else bounced
     if film.albedo > 0:
-        press = _levelled(press, sigma, found, film.albedo)
-    return _Press(press, found.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
+        press = _levelled(press, sigma, bounced, film.albedo)
+    return _Press(press, bounced.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
 def _unit_bounce(
@@ -309,6 +309,6 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
     whole = np.maximum(balls.light, MIN_WEIGHT_LIGHT)
-    found = np.median(np.square(left / whole)) / 0.455
+    variance = np.median(np.square(left / whole)) / 0.455
     alone = np.median(camera / whole**2)
-    return float(np.sqrt(found - alone)) if found > MAX_NOISE_RATIO**2 * alone else 0.0
+    return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

@@ -141,14 +141,14 @@ def _led_tilt(part: Held, others: F8, uneven: float) -> float:
     truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
     z = np.maximum(z, film.contact)
     light, outward = predict(film, truth, x, y, z), _outward(truth)
-    found = []
+    tilts = []
     for away in others:
         # A place that the whole fit allows may be under the film for the LED of a part.
         most = MAX_APPROACH_SHARE * film.lights[:, 2:]
         lights = film.lights + most / np.maximum(-away[:, 2:], most) * away
         n = turned(film._replace(lights=cast(F4, lights)), light, truth, (x, y, z), uneven)
-        found.append(((n - truth) * outward).sum() / np.square(outward).sum())
-    return float(np.square(found).mean())
+        tilts.append(((n - truth) * outward).sum() / np.square(outward).sum())
+    return float(np.square(tilts).mean())
 
 
 def _outward(normal: F8) -> F8:

@@ -407,10 +407,10 @@ def add_harmonics(
             right[own] = weighted @ left[k]
             normal[-1, -1] += (weight[k] * base[k]) @ base[k]
             right[-1] += (weight[k] * base[k]) @ left[k]
-        found = np.linalg.solve(normal, right)
+        change = np.linalg.solve(normal, right)
         harmonics = np.zeros((count, 8, 6))
-        harmonics[:, :, :used] = found[:-1].reshape(count, 8, used)
-        gain = film.gain * (1 + float(found[-1]))
+        harmonics[:, :, :used] = change[:-1].reshape(count, 8, used)
+        gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         now = place_balls(balls, now._replace(scale=_scale(balls, now)), shift_mm)
         weight = _cauchy(_weighted(balls, balls.light - predicted(balls, now)), now.scale)
@@ -497,8 +497,8 @@ def _off_axis(film: Film, x: F8, y: F8) -> F8:
 def _rest_spread(left: F8, rest: Rest) -> float:
     """Standard deviation of a block; larger if the flat frame (smoothly) departs from the model."""
     noise = LIGHT_DEVIATION / rest.block
-    found = float(np.sqrt(np.square(left).mean()))
-    return float(np.hypot(noise, found * np.sqrt(max(1, left.shape[1] / MAX_INDEPENDENT_REST))))
+    residual = float(np.sqrt(np.square(left).mean()))
+    return float(np.hypot(noise, residual * np.sqrt(max(1, left.shape[1] / MAX_INDEPENDENT_REST))))
 
 
 def _priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:

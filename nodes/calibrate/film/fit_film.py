@@ -155,8 +155,8 @@ def fit_film(
         rim: F8 | None = None,
         **options: Any,
     ) -> Balls:
-        found = light, flat, circle, radius, of, film, noise, pixel, steepest
-        return sample_balls(*found, bare=bare, shifts=shifts, rim=rim, **options)
+        given = light, flat, circle, radius, of, film, noise, pixel, steepest
+        return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, **options)
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]
@@ -256,13 +256,13 @@ def _judge(
     errors, folds, weights = [], [], []
     for held in trial.folds():
         train, test = trial.balls.only(~held), trial.balls.only(held)
-        found = trial.fit(parts, fitted, train)
+        refitted = trial.fit(parts, fitted, train)
         if degree is not None:
-            found = add_harmonics(train, found, degree, trial.width_mm / 2, trial.shift_mm)
+            refitted = add_harmonics(train, refitted, degree, trial.width_mm / 2, trial.shift_mm)
         if len(trial.balls.centre) > 1:
-            found = place_balls(test, found, trial.shift_mm)
-        errors.append(normal_error(test, found))
-        folds.append(found)
+            refitted = place_balls(test, refitted, trial.shift_mm)
+        errors.append(normal_error(test, refitted))
+        folds.append(refitted)
         weights.append(held.sum())
     return _Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
 

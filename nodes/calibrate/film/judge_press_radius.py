@@ -74,14 +74,14 @@ def judge_press_radius(
     radius = np.full(used.size, radius_mm, np.float32)
     nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
     of, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
-    found = sample_balls(
+    balls = sample_balls(
         *(sheet, flat, circle[used], radius, of, nowhere, noise, pixel),
         MAX_SLOPE,
         most=MAX_SAMPLES,
         fine=True,
     )
     strength = np.ones(len(flat), np.float32)
-    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px, COARSE_FACTORS, 0)
+    tried = try_radii(balls, flat, pixel, _directions(balls), strength, shift_px, COARSE_FACTORS, 0)
     doubt = doubt_of_radius(tried, radius_mm)
     figures = {"diffuse_percent": 100 * as_given(tried).diffuse}
     return RadiusVerdict(figures, [doubt.said] if doubt.said else [])
@@ -90,9 +90,9 @@ def judge_press_radius(
 def _directions(balls: Balls) -> F4:
     """Roughly where the lights are: distant ones, by linear least squares."""
     (nx, ny, nz), *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
-    found = []
+    directions = []
     for light in balls.light:
         lit = light > MIN_LIGHT
         slant = np.linalg.lstsq(np.stack([nx, ny])[:, lit].T, light[lit] - nz[lit], rcond=None)[0]
-        found.append([*slant, 1.0])
-    return np.asarray(found, np.float32)
+        directions.append([*slant, 1.0])
+    return np.asarray(directions, np.float32)

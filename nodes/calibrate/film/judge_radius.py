@@ -136,17 +136,17 @@ def judge_radius(
         most=MAX_SAMPLES,
         fine=True,
     )
-    found = try_radii(balls, flat, pixel, lights, strength, shift_px)
+    trials = try_radii(balls, flat, pixel, lights, strength, shift_px)
     first = float(radius[used[0]])
-    doubt = doubt_of_radius(found, first, _left(fitted))
+    doubt = doubt_of_radius(trials, first, _left(fitted))
     doubts = [doubt.said] if doubt.said else []
     if doubt.is_clear and not force:
         raise InputError(doubt.said + HOW_TO_FORCE)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
-        doubts += _of_distance(mean, led_distance_mm, first, found)
-    quality = fitted | {"light_departure_percent": 100 * as_given(found).departure}
-    if (best := _best(found)).departure < EQUAL_DEPARTURE * _left(fitted):
+        doubts += _of_distance(mean, led_distance_mm, first, trials)
+    quality = fitted | {"light_departure_percent": 100 * as_given(trials).departure}
+    if (best := _best(trials)).departure < EQUAL_DEPARTURE * _left(fitted):
         quality["light_radius_mm"] = first * best.factor
     return RadiusVerdict(quality, doubts)
 
@@ -172,10 +172,10 @@ def try_radii(
     def tried(factors: Iterable[float]) -> list[Tried]:
         return [_try(balls, rest, start, f, shift_px * pixel, width) for f in factors]
 
-    found = tried(sorted({deepest, 1.0, *(factor for factor in factors if factor > deepest)}))
+    trials = tried(sorted({deepest, 1.0, *(factor for factor in factors if factor > deepest)}))
     for _ in range(rounds):
-        found = sorted(found + tried(_beside(_best(found), found)))
-    return found
+        trials = sorted(trials + tried(_beside(_best(trials), trials)))
+    return trials
 
 
 def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
@@ -243,18 +243,18 @@ def _try(
     return Tried(factor, float(np.hypot(got.scale, flat)), got.scale, distance, diffuse)
 
 
-def _best(found: list[Tried]) -> Tried:
-    return min(found, key=lambda each: each.departure)
+def _best(trials: list[Tried]) -> Tried:
+    return min(trials, key=lambda each: each.departure)
 
 
-def as_given(found: list[Tried]) -> Tried:
+def as_given(trials: list[Tried]) -> Tried:
     """Return what the light says of the radius that was given."""
-    return next(each for each in found if each.factor == 1)
+    return next(each for each in trials if each.factor == 1)
 
 
-def _beside(best: Tried, found: list[Tried]) -> list[float]:
+def _beside(best: Tried, trials: list[Tried]) -> list[float]:
     """Factors between the best one and its neighbours."""
-    factors = [each.factor for each in found]
+    factors = [each.factor for each in trials]
     at = factors.index(best.factor)
     near = factors[max(at - 1, 0) : at] + factors[at + 1 : at + 2]
     return [best.factor + share * (other - best.factor) for other in near for share in FINER_SHARES]

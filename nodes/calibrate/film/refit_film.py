@@ -209,14 +209,14 @@ def refit_film(
     away = np.asarray(film.others - film.lights, np.float64)
     held = [part for part in held if part.balls.u.size]
     uneven = unevenness(held, pixel)
-    found = misfit(held, away, pixel, uneven)
+    new_misfit = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": error}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
         best.film._replace(grain=max(rough, film.grain), uneven=max(uneven, film.uneven)),
         film,
-        np.maximum(found, old_misfit),
+        np.maximum(new_misfit, old_misfit),
         even_pixel * (1 + film.camera * thicker),
         figures | _changes(film, best.film, thicker),
     )

@@ -111,15 +111,15 @@ def choose_presses(
         If no press can be used.
     """
     presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
-    found = [i for i, press in enumerate(presses) if press.mask.any()]
+    pressed = [i for i, press in enumerate(presses) if press.mask.any()]
     kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
-    kept[found] = 1
+    kept[pressed] = 1
     if len(presses) > 1:
         captured = cut(image, flat.shape[1])
-        objects = {i: sample(presses[i], pixel, steepest, MAX_SAMPLES_EACH) for i in found}
-        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in found}
+        objects = {i: sample(presses[i], pixel, steepest, MAX_SAMPLES_EACH) for i in pressed}
+        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in pressed}
         why = {i: reason for i, reason in spoilt.items() if reason}
-        usable = [i for i in found if i not in why]
+        usable = [i for i in pressed if i not in why]
         if not usable:
             raise InputError(
                 f"none of {len(presses)} presses can be used: "
@@ -160,13 +160,13 @@ def _consensus(
     """How well the LEDs that most presses agree on explain each press."""
     tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
     alone = [place_leds([objects[i]], rest, shift_px, width_mm) for i in tried]
-    found = [_explain(objects, placed, shift_px) for placed in alone]
+    explanations = [_explain(objects, placed, shift_px) for placed in alone]
     # `_middle` is the lower median: of two presses, the one that explains itself better counts.
-    best = min(found, key=lambda a: _middle(a.residual))
+    best = min(explanations, key=lambda a: _middle(a.residual))
     good = [
         o for o, bad in zip(objects, _far(best.residual, INLIER_RESIDUAL), strict=True) if not bad
     ]
-    start = alone[next(i for i, a in enumerate(found) if a is best)]
+    start = alone[next(i for i, a in enumerate(explanations) if a is best)]
     return _explain(objects, place_leds(good, rest, shift_px, width_mm, start), shift_px)
 
 

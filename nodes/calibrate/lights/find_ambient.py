@@ -130,8 +130,8 @@ def find_ambient(
         "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
         "pixel_size_mm and that the camera is linear (gamma 1)"
     )
-    found = np.full_like(dark, ambient)
-    return WithoutAmbient(_less(flat, ambient), found, {"ambient_percent": percent})
+    ambient_dark = np.full_like(dark, ambient)
+    return WithoutAmbient(_less(flat, ambient), ambient_dark, {"ambient_percent": percent})
 
 
 def _darkest(image: F4) -> float:

@@ -154,8 +154,8 @@ def unreached(objects: list[Object]) -> tuple[int, int] | None:
     """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
     reach = sum(there.reach for there in objects)
     assert isinstance(reach, np.ndarray)
-    found = int(reach.argmin())
-    return (found + 1, int(reach[found])) if reach[found] < MIN_PIXELS else None
+    weakest = int(reach.argmin())
+    return (weakest + 1, int(reach[weakest])) if reach[weakest] < MIN_PIXELS else None
 
 
 def is_uniform(flat: Light) -> bool:
@@ -203,8 +203,8 @@ def place_leds(
     def jacobian(unknown: F8) -> F8:
         return _jacobian(objects, rest, *split(unknown), shift_px)
 
-    found = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
-    return Placed(*split(found), flat)
+    solution = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
+    return Placed(*split(solution), flat)
 
 
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
@@ -417,8 +417,8 @@ def _jacobian(
     sizes = [o.light.shape[1] for o in objects]
     starts = shifts.size + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
     at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
-    found = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
-    found[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
+    jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
+    jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
         [1 / shift_px, 1 / shift_px, 1 / HEIGHT_DEVIATION_MM], len(objects)
     )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
@@ -429,7 +429,7 @@ def _jacobian(
     for k, j in np.ndindex(leds.shape):
         step, changed = DERIVATIVE_STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
         changed[k, j] += step
-        column = found[:, 4 * k + j]
+        column = jacobian[:, 4 * k + j]
         for number, (there, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
             after = _led_residual(there, normal, z, k, changed[k], flat)
             first, size = starts[number] + k * sizes[number], sizes[number]
@@ -440,5 +440,5 @@ def _jacobian(
     for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
         first = leds.size + 3 * i
         moved = by_shift(there, leds, shift, flat) / LIGHT_DEVIATION
-        found[starts[i] : starts[i + 1], first : first + 3] = moved
-    return found
+        jacobian[starts[i] : starts[i + 1], first : first + 3] = moved
+    return jacobian

@@ -170,6 +170,6 @@ def _measure(
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)
-    found = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
-    slope = np.where(inside & ~judged, press.slope, found)
+    measured = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
+    slope = np.where(inside & ~judged, press.slope, measured)
     return slope, integrate_dct(slope, pixel)

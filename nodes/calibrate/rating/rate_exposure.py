@@ -60,11 +60,11 @@ def rate_exposure(
     """
     presses = cut(light, flat.shape[1])
     compared, cure = _TAKEN if not is_uniform(taken) else _MODELLED
-    found = [
+    departures = [
         _departure(press, circle[of == number], names[number], compared, cure)
         for number, press in enumerate(presses)
     ]
-    worst = max(found, key=abs, default=0.0)
+    worst = max(departures, key=abs, default=0.0)
     return {"rest_departure_percent": 100 * worst}
 
 

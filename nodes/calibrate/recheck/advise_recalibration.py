@@ -88,26 +88,26 @@ def _dent(dent: F4, pixel: float) -> tuple[float, float]:
 
 
 def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) -> list[str]:
-    found = []
+    reasons = []
     error = refitted.get("check_deg/held_out")
     most = DUE_ERROR_DEG if full is None else max(DUE_ERROR_RATIO * full, DUE_ERROR_DEG)
     if error is not None and error > most:
         off = f"normals of the check press are off by {error:.2f} degrees"
-        found.append(off)
+        reasons.append(off)
         if error > WRONG_ERROR_DEG:
             warn(
                 f"{off}, so the new calibration is wrong: check the order of the press's images, "
                 "ball_radius_mm, and that film and ball are clean, and recalibrate"
             )
     if abs(refitted.get("thicker_mm", 0.0)) > MAX_THICKER_MM:
-        found.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
+        reasons.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
     uneven = strength / np.median(strength)
     if np.abs(uneven - 1).max() > MAX_LED_DIFFERENCE:
         k = int(np.abs(uneven - 1).argmax())
-        found.append(f"LED {k + 1} has {100 * uneven[k]:.0f} % of the light that the others have")
+        reasons.append(f"LED {k + 1} has {100 * uneven[k]:.0f} % of the light that the others have")
     if slope > MAX_DENT_SLOPE:
-        found.append(f"the film kept a dent with slopes of {slope:.2f}: change the film")
-    return found
+        reasons.append(f"the film kept a dent with slopes of {slope:.2f}: change the film")
+    return reasons
 
 
 def _sentence(reasons: list[str], refitted: Metrics, full: float | None) -> str:

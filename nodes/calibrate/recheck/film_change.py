@@ -188,14 +188,19 @@ def _smooth_part(
     some = np.zeros_like(known)
     some[::step, ::step] = known[::step, ::step]
     doubted = np.arange(len(basis)) >= len(basis) - (0 if new_film else 3)
-    found = _robust(
+    coefficients = _robust(
         basis[:, :, some].reshape(len(basis), -1), ratio[:, some].ravel(), doubted.astype(float)
     )
-    fitted = np.tensordot(found, basis, axes=1)
+    fitted = np.tensordot(coefficients, basis, axes=1)
     if new_film:
         levels = fitted[:, known].mean(axis=1) if known.any() else strength
         return np.asarray(levels), fitted, 0.0, np.zeros(2)
-    return found[:count] * strength, fitted, float(found[count + 5]), -found[count + 6 :]
+    return (
+        coefficients[:count] * strength,
+        fitted,
+        float(coefficients[count + 5]),
+        -coefficients[count + 6 :],
+    )
 
 
 def _basis(place: F8, flat: F8, slope_x: F8, slope_y: F8, strength: F8) -> F8:
@@ -220,16 +225,18 @@ def _new_basis(place: F8, count: int) -> F8:
 def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
     """Iteratively reweighted least squares (Cauchy); columns marked `doubted` stay near zero."""
     weight = np.ones_like(ratio)
-    found: F8 = np.zeros(len(basis))
+    coefficients: F8 = np.zeros(len(basis))
     for _ in range(REWEIGHTING_ROUNDS):
         weighted = basis * weight
         normal = weighted @ basis.T
         held = 1e-9 * np.trace(normal) / len(basis) + AMBIENT_RIDGE * np.diag(normal) * doubted
-        found = np.asarray(np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64)
-        left = ratio - found @ basis
+        coefficients = np.asarray(
+            np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64
+        )
+        left = ratio - coefficients @ basis
         spread = 1.4826 * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / (CAUCHY_DEVIATIONS * spread)) ** 2)
-    return np.asarray(found)
+    return np.asarray(coefficients)
 
 
 def _local_part(left: F8, tilt: F4) -> tuple[F8, F8]:
@@ -237,5 +244,5 @@ def _local_part(left: F8, tilt: F4) -> tuple[F8, F8]:
     design = np.concatenate([np.ones_like(left)[:, None], tilt], axis=1).astype(np.float64)
     normal = np.einsum("kaij,kbij->ijab", design, design)
     right = np.einsum("kaij,kij->ija", design, left)
-    found = np.linalg.solve(normal + 1e-9 * np.eye(3), right[..., None])[..., 0]
-    return found[..., 0], np.moveaxis(found[..., 1:], -1, 0)
+    solution = np.linalg.solve(normal + 1e-9 * np.eye(3), right[..., None])[..., 0]
+    return solution[..., 0], np.moveaxis(solution[..., 1:], -1, 0)

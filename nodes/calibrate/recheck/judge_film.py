@@ -105,15 +105,15 @@ def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
     count, labels = cv2.connectedComponents(standing, connectivity=8)
     by_y, by_x = np.gradient(albedo)
     steepness = np.hypot(by_x, by_y)
-    found: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
+    marks: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
     for number in range(1, count):
         inside: NDArray[np.intp] = np.flatnonzero(labels == number)
         deepest = inside[np.abs(albedo.flat[inside]).argmax()]
         depth = float(albedo.flat[deepest])
         y, x = divmod(int(deepest), albedo.shape[1])
         sharp = bool(steepness.flat[inside].max() > SHARP_GRADIENT * abs(depth))
-        found[sharp].append((depth, x, y))
-    return _strongest(found[True]), _strongest(found[False])
+        marks[sharp].append((depth, x, y))
+    return _strongest(marks[True]), _strongest(marks[False])
 
 
 def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:

@@ -63,8 +63,8 @@ def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
     axes.imshow(press.mean(axis=0), cmap="gray")
     for x, y, radius in circles[circles[:, 2] > 0]:
         axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
-    found = (circles[:, 2] > 0).any()
-    axes.set_title("check press" if found else "no check press")
+    is_pressed = (circles[:, 2] > 0).any()
+    axes.set_title("check press" if is_pressed else "no check press")
 
 
 def _title(quality: Metrics) -> str:

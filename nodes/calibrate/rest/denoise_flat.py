@@ -61,7 +61,7 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
 
 
 def _confirmed(flat: F4, presses: list[F4]) -> F4:
-    bands, found = _bands(flat)
+    bands, smooth = _bands(flat)
     shown = [_bands(press)[0] for press in presses]
     calm = [_calm(of_press[-1]) for of_press in shown] if bands else []
     for i, band in enumerate(bands):
@@ -78,8 +78,8 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
         mark = (np.abs(band) > MARK_DEVIATIONS * spread) & (
             band * mean > CONFIRMED_SHARE * band * band
         )
-        found = np.asarray(found + np.where(mark, np.float32(1), share) * band, np.float32)
-    return found
+        smooth = np.asarray(smooth + np.where(mark, np.float32(1), share) * band, np.float32)
+    return smooth
 
 
 def _bands(plane: F4) -> tuple[list[F4], F4]:

@@ -75,10 +75,12 @@ def noise_correlation(
             alone = camera**2 + (grain * relative) ** 2
             expected = _in_tiles(alone, TILE_PX)[asked].mean(axis=1)
             ratios.append(_of_cells(relative)[asked] / np.maximum(expected, MIN_VARIANCE))
-    found = np.concatenate(ratios)
-    if found.size < MIN_TILES:
+    ratios_of_tiles = np.concatenate(ratios)
+    if ratios_of_tiles.size < MIN_TILES:
         return 1.0
-    return float(np.clip(np.quantile(found, CALM_SHARE) / CALM_QUANTILE, 1, MAX_CORRELATION))
+    return float(
+        np.clip(np.quantile(ratios_of_tiles, CALM_SHARE) / CALM_QUANTILE, 1, MAX_CORRELATION)
+    )
 
 
 def _of_cells(light: F4) -> NDArray[Any]:

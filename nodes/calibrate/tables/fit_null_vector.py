@@ -51,10 +51,10 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
             f"only {int(chosen.sum())} calibration pixels are reached by all {count} LEDs "
             f"({MIN_PIXELS} are needed): press less deep, or check that every LED flashes"
         )
-    found = light[:, chosen].astype(np.float64)
-    null = np.linalg.eigh(found @ found.T)[1][:, 0]
+    lit_light = light[:, chosen].astype(np.float64)
+    null = np.linalg.eigh(lit_light @ lit_light.T)[1][:, 0]
     null *= np.sign(null[np.argmax(np.abs(null))])
-    residual = null @ found
+    residual = null @ lit_light
     # Median absolute deviation, so that the few remaining shadowed pixels do not widen it.
     spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
     return NullFit(null.astype(np.float32), float(spread))
