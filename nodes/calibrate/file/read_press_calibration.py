@@ -54,8 +54,9 @@ def read_press_calibration(
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:
     new_film = read_film(flat, lights, 2.0)
     if new_film.shape != film.shape:
+        columns, rows = new_film.shape[:0:-1]
         raise InputError(
-            f"{flat}: is {new_film.shape[2]} x {new_film.shape[1]} pixels, but the calibration is for "
+            f"{flat}: is {columns} x {rows} pixels, but the calibration is for "
             f"{film.shape[2]} x {film.shape[1]}"
         )
     return new_film

@@ -75,13 +75,29 @@ MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
 """Fewest balls for harmonics, by their degree in position."""
 
 
+class FilmEvidence(NamedTuple):
+    """Presses, film at rest, and the LEDs as placed for a matt film: what a fit begins with."""
+
+    light: SheetLight
+    flat: Light
+    circle: BallCircles
+    radius: BallRadii
+    of: BallPress
+    kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)]
+    first_lights: LightPositions
+    strength: Annotated[F4, Port("K", "1")]
+    noise: Noise
+    pixel: PixelSize
+
+
 class FilmFit(NamedTuple):
-    """LEDs, film and camera, and how well the model fits the presses."""
+    """LEDs, film and camera, how well the model fits the presses, and what it was fitted to."""
 
     film: Film
     misfit: Misfit
     residual: Annotated[F4, Port("K", "1")]
     quality: Metrics
+    evidence: FilmEvidence
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -143,9 +159,10 @@ def fit_film(
     FilmFit
         The `Film`, with LED positions sampled from the uncertainty of the fit; its errors on
         held-out samples, as a `Misfit`; the root mean square residual of each LED's light, K;
-        and the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg``
-        of the one chosen, in degrees between normals.
+        the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg`` of
+        the one chosen, in degrees between normals; and the inputs, for `judge_radius`.
     """
+    evidence = FilmEvidence(light, flat, circle, radius, of, kept, lights, strength, noise, pixel)
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
@@ -184,8 +201,8 @@ def fit_film(
         # A plain matt film keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        evidence = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
-        others = other_places(*evidence)
+        fit_of = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
+        others = other_places(*fit_of)
     left = balls.light - predicted(balls, best.fitted)
     typed: dict[str, Any] = {
         name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
@@ -201,6 +218,7 @@ def fit_film(
         misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best, trial.rest),
+        evidence=evidence,
     )
 
 

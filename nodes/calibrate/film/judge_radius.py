@@ -15,16 +15,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Film, Light, LightPositions, Metrics, Noise, PixelSize
-from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.graph import InputError, node
+from tactograph.nodes import F4, Film, Metrics
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, rest_left, start_at
+from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_fit import Rest, rest_of
 from tactograph.nodes.optics.film import matt_film
-from tactograph.nodes.optics.sheet import SheetLight
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
@@ -82,18 +80,9 @@ class Doubt(NamedTuple):
 
 @node
 def judge_radius(
-    light: SheetLight,
-    flat: Light,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
-    kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
-    lights: LightPositions,
-    strength: Annotated[F4, Port("K", "1")],
+    evidence: FilmEvidence,
     film: Film,
     fitted: Metrics,
-    noise: Noise,
-    pixel: PixelSize,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
@@ -104,8 +93,8 @@ def judge_radius(
 
     Parameters
     ----------
-    light, flat, circle, radius, of, kept, lights, strength, noise, pixel, steepest, shift_px
-        As for `fit_film`.
+    evidence
+        What `fit_film` was given.
     film, fitted
         The film that `fit_film` found with the given radius, and its figures.  A radius is
         doubted only if the plain model with another one departs less than this film.
@@ -114,6 +103,8 @@ def judge_radius(
         gives it.
     force
         Whether a radius that the light contradicts is doubted instead of refused.
+    steepest, shift_px
+        As for `fit_film`.
 
     Returns
     -------
@@ -129,6 +120,7 @@ def judge_radius(
     InputError
         If the light contradicts the radius and `force` is not set.
     """
+    light, flat, circle, radius, of, kept, lights, strength, noise, pixel = evidence
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
