@@ -128,7 +128,7 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
 
 
 def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Which balls the frame does not cut off."""
+    """Flags of the balls that the frame does not cut off."""
     x, y = circle[:, 0], circle[:, 1]
     inside = (x > radius_px) & (x < shape[1] - 1 - radius_px)
     return np.asarray(inside & (y > radius_px) & (y < shape[0] - 1 - radius_px))

@@ -15,7 +15,7 @@ from tactograph.nodes.calibrate.camera._lattice import MIN_POINTS, Lattice
 from tactograph.nodes.capture.read_grey import GreyImage
 
 MAX_NAMED_DOTS = 5
-"""So many dots are named at most."""
+"""Most dots that a message names."""
 
 
 class GridMarks(NamedTuple):

@@ -117,7 +117,7 @@ def fit_lens(
 
 
 def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
-    """Which marks the most flexible lens fits."""
+    """Flags of the marks that the most flexible lens fits."""
     kept = np.ones(len(seen), bool)
     for _ in range(2):
         pose, lens, _ = _fit(seen[kept], cell[kept], ("k1", "k2", *TILT_TERMS))
@@ -166,7 +166,7 @@ def _pose(seen: Places, cell: Places) -> Places:
 
 
 def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
-    """Where the camera sees the cells of a grid with this pose."""
+    """The places in the image of the cells of a grid with this pose."""
     size, turn, x, y = pose
     place = np.exp(size + 1j * turn) * (cell @ [1, 1j]) + complex(x, y)
     u, v = place.real, place.imag

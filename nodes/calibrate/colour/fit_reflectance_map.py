@@ -35,7 +35,7 @@ from tactograph.nodes.optics.reflectance_map import (
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, solve_reflectance_map
 
 ROUGH_PASSES = 2
-"""How often the slope is solved for on cells, each time with the previous height."""
+"""Solutions for the slope on cells, each with the height of the one before."""
 MAX_RIM_PRESSES = 7
 """Most presses that measure the height of the contact's rim."""
 FIRST_RIM_MM = 0.2

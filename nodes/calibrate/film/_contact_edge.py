@@ -1,4 +1,4 @@
-"""Where the film leaves a ball: inside it is lit like the ball, outside like the film at rest."""
+"""The edge of a contact: inside the film is lit like the ball, outside like the film at rest."""
 
 from __future__ import annotations
 

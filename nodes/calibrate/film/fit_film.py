@@ -76,7 +76,7 @@ MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
 
 
 class FilmEvidence(NamedTuple):
-    """Presses, film at rest, and the LEDs as placed for a matt film: what a fit begins with."""
+    """Inputs of a fit: presses, film at rest, and the LEDs as placed for a matt film."""
 
     light: SheetLight
     flat: Light
@@ -414,7 +414,7 @@ def _pays(error: float, before: float, trial: _Trial, enough: float = PART_ERROR
 
 
 def _properties(best: _Model, rest: Rest | None) -> Metrics:
-    """What is left of the light, and properties of the sensor for which the model has a part."""
+    """Figures: the light left over, and properties of the sensor for which the model has a part."""
     film = best.fitted.film
     said: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
     if film.diffuse.any():

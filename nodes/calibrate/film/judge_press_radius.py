@@ -31,7 +31,7 @@ MIN_LIGHT = 0.1
 MAX_SLOPE = 3.0
 """Steepest film of a sample."""
 STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
-"""Where all lights are taken to be until the samples tell, in mm."""
+"""Place of all lights until the samples tell."""
 
 
 @node

@@ -58,7 +58,7 @@ class RadiusVerdict(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A radius, relative to the given one, and what a plain film with it says.
+    """A radius, relative to the given one, and the fit of a plain film with it.
 
     The departure left on balls and flat frame, that on the balls alone, the LEDs' mean distance
     in mm, and the mean share of light that the gel diffuses.
@@ -72,7 +72,7 @@ class Tried(NamedTuple):
 
 
 class Doubt(NamedTuple):
-    """What is said against a radius, empty if nothing; whether the light contradicts it."""
+    """A sentence against a radius, empty if there is none; whether the light contradicts it."""
 
     said: str
     is_clear: bool
@@ -94,7 +94,7 @@ def judge_radius(
     Parameters
     ----------
     evidence
-        What `fit_film` was given.
+        The inputs of `fit_film`.
     film, fitted
         The film that `fit_film` found with the given radius, and its figures.  A radius is
         doubted only if the plain model with another one departs less than this film.
@@ -217,7 +217,7 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
 
 
 def _left(fitted: Metrics) -> float:
-    """What `fit_film` leaves of the balls' light and of the flat frame."""
+    """The share of the balls' light and of the flat frame that `fit_film` leaves."""
     left = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
     return float(np.hypot(*left)) / 100
 

@@ -234,7 +234,7 @@ def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> F
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:
-    """What has changed, in practical units."""
+    """The changes of the film, in practical units."""
     diffuse = float(np.mean(new.diffuse - old.diffuse))
     return {
         "thicker_mm": thicker,

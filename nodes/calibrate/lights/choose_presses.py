@@ -137,7 +137,7 @@ def choose_presses(
 
 
 class _Agreement(NamedTuple):
-    """How well LEDs explain each press: its residual, and the ball's movement between LEDs."""
+    """The fit of LEDs to each press: its residual, and the ball's movement between LEDs."""
 
     residual: F8
     moved: F8
@@ -157,7 +157,7 @@ def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
 def _consensus(
     objects: list[Object], rest: Rest | None, shift_px: float, width_mm: float
 ) -> _Agreement:
-    """How well the LEDs that most presses agree on explain each press."""
+    """The fit to each press of the LEDs that most presses agree on."""
     tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
     alone = [place_leds([objects[i]], rest, shift_px, width_mm) for i in tried]
     explanations = [_explain(objects, placed, shift_px) for placed in alone]

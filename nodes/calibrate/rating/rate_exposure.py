@@ -21,7 +21,7 @@ _MODELLED = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, flat=DIR",
 )
-"""What the film is compared with, and what to do."""
+"""The other frame of the comparison, and the advice."""
 
 
 @node

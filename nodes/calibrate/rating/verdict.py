@@ -1,4 +1,4 @@
-"""What both kinds of calibration say of themselves."""
+"""Doubts and verdicts that both kinds of calibration share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether images come in the order of the LEDs, told by the light on the untouched film."""
+"""The order of images, checked by the light of each LED on the untouched film."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tactograph.nodes.optics.near_light import F8
 MIN_CORRELATION = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""
 MIN_CORRELATION_GAIN = 0.2
-"""What each image must gain in correlation if it is taken for another LED's."""
+"""Smallest gain of each image's correlation if it is taken for another LED's."""
 
 
 def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:

@@ -164,7 +164,7 @@ def _shifted(image: F4, by: F8) -> F4:
 
 
 def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
-    """Where every LED lights the film, then and now."""
+    """Flags of pixels that every LED lights, then and now."""
     known: NDArray[np.bool_] = np.asarray((flat > MIN_FLAT_LIGHT).all(axis=0))
     dx, dy = moved.astype(int)
     rows, columns = known.shape
