@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, predicted, start_at
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.lights.light_fit import Rest
 from tactograph.nodes.optics.near_light import F8, places
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.file.press_calibration import (
-    PRESS_CALIBRATION,
-    NewPressCalibration,
-)
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration
 from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.optics.film import rest_below, turned
 from tactograph.nodes.optics.near_light import F8
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import Film
-from tactograph.nodes.calibrate.film.film_fit import MIN_WEIGHT_LIGHT, ball_height
+from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, ball_height
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.near_light import F8
 

@@ -30,18 +30,15 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import FOLDS, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, moved_with, sample_balls, thinned
+from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
+from tactograph.nodes.calibrate.film._film_unknowns import PARTS
+from tactograph.nodes.calibrate.film.balls_on_film import F8, Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import (
-    F8,
-    PARTS,
-    Balls,
-    Fitted,
     add_harmonics,
     fit,
     other_places,
     place_balls,
-    predicted,
-    rest_left,
     start_at,
 )
 from tactograph.nodes.calibrate.lights.light_fit import Rest, rest_of

@@ -11,7 +11,7 @@ from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.film_fit import Balls
+from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
     MAX_SAMPLES,
     RadiusVerdict,

@@ -19,7 +19,9 @@ from annotated_types import Gt
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, rest_left, start_at
+from tactograph.nodes.calibrate.film._film_at_rest import rest_left
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_fit import Rest, rest_of
 from tactograph.nodes.optics.film import matt_film

@@ -10,15 +10,7 @@ from annotated_types import Gt
 from scipy.optimize import least_squares
 
 from tactograph.graph import SizeLimit, node, warn
-from tactograph.nodes import (
-    F4,
-    Film,
-    Light,
-    Metrics,
-    Misfit,
-    Noise,
-    PixelSize,
-)
+from tactograph.nodes import F4, Film, Light, Metrics, Misfit, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     FOLDS,
     MAX_ERROR_RATIO,
@@ -30,13 +22,8 @@ from tactograph.nodes.calibrate import (
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film.film_fit import (
-    HEIGHT_DEVIATION_SHARE,
-    MIN_WEIGHT_LIGHT,
-    Balls,
-    Fitted,
-    predicted,
-)
+from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import HEIGHT_DEVIATION_SHARE
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,

@@ -16,7 +16,8 @@ from tactograph.nodes.calibrate.film._film_misfit import (
     misfit,
     unevenness,
 )
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, predicted, start_at
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import start_at
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
