@@ -18,7 +18,7 @@ from scipy.ndimage import maximum_filter
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
-from tactograph.nodes.calibrate.lights.light_fit import Rest
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.near_light import F8, places
 
 SEARCH_RADIUS_PX = 6.0

@@ -12,7 +12,7 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import find_grid
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
-from tactograph.nodes.calibrate.lights.light_fit import rest_of
+from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 

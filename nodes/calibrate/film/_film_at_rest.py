@@ -11,7 +11,8 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     stepped,
 )
 from tactograph.nodes.calibrate.film.balls_on_film import F8, Fitted
-from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION, Rest
+from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.film import GRAZING, rest_light
 
 MAX_INDEPENDENT_REST = 20

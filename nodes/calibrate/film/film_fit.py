@@ -40,10 +40,10 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     HUBER_DEVIATIONS,
     INFINITY_MM,
     LIGHT_DEVIATION,
-    Rest,
     huber,
     places_within,
 )
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.film import FADE, matt_film, place_terms, shades
 
 MAX_STEPS, MIN_COST_GAIN = 20, 2e-3

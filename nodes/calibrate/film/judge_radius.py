@@ -23,7 +23,7 @@ from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
-from tactograph.nodes.calibrate.lights.light_fit import Rest, rest_of
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.optics.film import matt_film
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)

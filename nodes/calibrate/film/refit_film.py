@@ -29,9 +29,8 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
     HUBER_DEVIATIONS,
     LIGHT_DEVIATION,
-    Rest,
-    rest_of,
 )
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import SheetLight

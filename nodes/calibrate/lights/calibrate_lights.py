@@ -13,12 +13,14 @@ from tactograph.nodes.calibrate import MIN_PIXELS
 from tactograph.nodes.calibrate.lights.light_fit import (
     other_places,
     place_leds,
-    presses_of,
     residual_of,
+    spread_of,
+)
+from tactograph.nodes.calibrate.lights.light_samples import (
+    presses_of,
     rest_of,
     sample,
     samples_for,
-    spread_of,
     unreached,
 )
 from tactograph.nodes.optics.sheet import (

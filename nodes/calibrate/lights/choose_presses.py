@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, U1, Light, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import (
+from tactograph.nodes.calibrate.lights.light_fit import Placed, place_leds, residual_of, shift_of
+from tactograph.nodes.calibrate.lights.light_samples import (
     DIM_LIGHT,
     MAX_SAMPLES_EACH,
     Object,
-    Placed,
     Rest,
-    place_leds,
     presses_of,
-    residual_of,
     rest_of,
     sample,
-    shift_of,
     unreached,
 )
 from tactograph.nodes.optics.near_light import F8

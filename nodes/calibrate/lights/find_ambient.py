@@ -12,12 +12,11 @@ from scipy.ndimage import uniform_filter
 
 from tactograph.graph import SizeLimit, node, warn
 from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import (
+from tactograph.nodes.calibrate.lights.light_fit import misfit_of, place_leds
+from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
     Object,
     Press,
-    misfit_of,
-    place_leds,
     presses_of,
     rest_of,
     sample,

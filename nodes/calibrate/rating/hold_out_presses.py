@@ -22,14 +22,13 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
-from tactograph.nodes.calibrate.lights.light_fit import (
+from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
+from tactograph.nodes.calibrate.lights.light_samples import (
     Press,
-    place_leds,
     presses_of,
     rest_of,
     sample,
     samples_for,
-    shift_of,
 )
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise

@@ -19,7 +19,7 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
-from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import of_heldout_error, verdict_of
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, Light, Metrics
 from tactograph.nodes.calibrate import BallCircles, BallPress
-from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SKIRT_RADII = 1.5

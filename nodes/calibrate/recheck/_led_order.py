@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.lights.light_fit import rest_of
+from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.optics.near_light import F8
 
 MIN_CORRELATION = 0.9
