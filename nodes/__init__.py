@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import Port
-from tactograph.nodes.files.stored import Stored
+from tactograph.nodes.stored import Stored
 
 F4 = NDArray[np.float32]
 I4 = NDArray[np.int32]

@@ -37,3 +37,5 @@ MAX_ERROR_RATIO = 0.95
 """Factor by which a further change of the film must lower the held-out error."""
 MAX_INDEPENDENT = 200
 """Most independent values per LED that a check press counts as, since departures are smooth."""
+DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01
+"""Degree of the polynomial drift of the film at rest, and roughness of the film."""

@@ -16,7 +16,7 @@ from tactograph.graph.declare.ports import make_record, record_ports, record_val
 from tactograph.graph.errors import one_line
 from tactograph.graph.files.array_files import load_arrays
 from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.nodes.files.stored import Value, stored_values, with_older
+from tactograph.nodes.stored import Value, stored_values, with_older
 
 R = TypeVar("R")
 DARKEST = 1e-3

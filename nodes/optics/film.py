@@ -30,8 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import Film
-from tactograph.nodes.files.stored import with_older
 from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
 """What equation F1 adds to a matt film, in parts that a model may do without."""

@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     reconstruct,
     refine_center,
 )
-from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.reflectance_map import (
     DEGREE,

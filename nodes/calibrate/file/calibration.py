@@ -35,7 +35,7 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.files.calibration_file import FileKind, free_for
-from tactograph.nodes.files.stored import Stored
+from tactograph.nodes.stored import Stored
 
 MIN_LED_HEIGHT_MM = 1e-3
 """Height of the lowest LED that a sensor can have."""

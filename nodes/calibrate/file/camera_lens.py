@@ -11,7 +11,7 @@ from pydantic import AfterValidator
 from tactograph.graph import Port
 from tactograph.nodes import I4, Lens, Metrics, PixelSize
 from tactograph.nodes.files.calibration_file import FileKind, free_for
-from tactograph.nodes.files.stored import Stored
+from tactograph.nodes.stored import Stored
 
 
 class CameraLens(NamedTuple):

@@ -10,8 +10,8 @@ from pydantic import AfterValidator
 
 from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
 from tactograph.nodes.files.calibration_file import FileKind, free_for
-from tactograph.nodes.files.stored import Stored
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
+from tactograph.nodes.stored import Stored
 
 
 class PressCalibration(NamedTuple):

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1, Film
-from tactograph.nodes.calibrate import SLICES
-from tactograph.nodes.calibrate.ball.level_touches import DRIFT_DEGREE, FILM_ROUGHNESS
+from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, SLICES
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES

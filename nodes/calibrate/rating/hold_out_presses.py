@@ -21,7 +21,6 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
 from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     Press,
@@ -30,6 +29,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     sample,
     samples_for,
 )
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import (

@@ -23,8 +23,8 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress
-from tactograph.nodes.calibrate.tables.fit_reflectance import harmonics
 from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePicture, write_picture
+from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
 FIGURES_PER_LINE = 6

@@ -18,11 +18,11 @@ from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.colour.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.sensor_preset import read_preset

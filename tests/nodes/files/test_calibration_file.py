@@ -21,8 +21,8 @@ from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
-from tactograph.nodes.files.stored import Value, stored_values
 from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.stored import Value, stored_values
 
 RNG = np.random.default_rng(0)
 MADE = Provenance({}, None, [], {}, {}, [], [])
