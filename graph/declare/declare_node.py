@@ -5,7 +5,7 @@ from __future__ import annotations
 import collections.abc
 import inspect
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import Session, Wanted, Whole
@@ -86,7 +86,7 @@ def _declare(
     optional: set[str] = set()
     parameters: dict[str, Parameter] = {}
     by_engine: dict[Any, str] = {}
-    for name, argument in inspect.signature(function).parameters.items():
+    for name, argument in _arguments(function, hints):
         annotation = hints.get(name)
         if annotation is None:
             raise TypeError(f"{function.__name__}: argument '{name}' has no type")
@@ -129,6 +129,20 @@ def _declare(
     _check_neutral(declared)
     _check_derived(declared)
     return declared
+
+
+def _arguments(
+    function: Callable[..., Any], hints: dict[str, Any]
+) -> Iterator[tuple[str, inspect.Parameter]]:
+    """A function's arguments; for ``*values: Unpack[Record]`` the record's fields, with `hints`."""
+    for name, argument in inspect.signature(function).parameters.items():
+        if typing.get_origin(hints.get(name)) is not typing.Unpack:
+            yield name, argument
+            continue
+        (record,) = typing.get_args(hints[name])
+        hints |= typing.get_type_hints(record, include_extras=True)
+        for field in record._fields:
+            yield field, inspect.Parameter(field, inspect.Parameter.POSITIONAL_ONLY)
 
 
 def _kernel_package(module: str) -> str:

@@ -1,7 +1,8 @@
 """Nodes: a function's signature is its declaration.
 
 Positional arguments are input ports, keyword-only arguments are parameters, the return
-annotation gives the output port, or a record of ports.  A function that returns an iterator
+annotation gives the output port, or a record of ports.  ``*values: Unpack[Record]`` takes the
+fields of a record, each as an input of its own.  A function that returns an iterator
 is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
 `Node.opencl` declares that ``kernels/ROOM/NAME.cl`` holds the same algorithm.
 """

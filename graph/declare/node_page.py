@@ -79,7 +79,8 @@ def _input(name: str, node: Node, about: Description) -> str:
     record = node.input_records.get(name)
     kind = f"all outputs of a node that gives a {record.__name__}" if record else ""
     optional = ", may be left out" if name in node.optional_inputs else ""
-    return _item(name, f"{kind or node.inputs[name]}{optional}", about.arguments[name])
+    meaning = "" if record else node.inputs[name].meaning
+    return _item(name, f"{kind or node.inputs[name]}{optional}", about.arguments[name] or meaning)
 
 
 def _setting(parameter: Parameter, about: Description) -> str:
@@ -89,7 +90,7 @@ def _setting(parameter: Parameter, about: Description) -> str:
 
 
 def _output(name: str, port: PortType) -> str:
-    return _item(name, f"{port}{', may be absent' if port.optional else ''}", "")
+    return _item(name, f"{port}{', may be absent' if port.optional else ''}", port.meaning)
 
 
 def _item(name: str, facts: str, words: str) -> str:

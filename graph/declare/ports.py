@@ -2,9 +2,10 @@
 
 A port is declared by an annotation.  ``Annotated[NDArray[np.float32], Port("K H W")]``
 is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any other plain
-type (``str``, ``dict[str, float]``) is an object that stays on the host.  ``X | None``
-makes the port optional.  A ``NamedTuple`` of ports is a record: one edge, several values.
-The ports of a record inside a record count as the outer record's own.
+type (``str``, ``dict[str, float]``) is an object that stays on the host.  A text among the
+metadata says what the value means.  ``X | None`` makes the port optional.  A ``NamedTuple`` of
+ports is a record: one edge, several values.  The ports of a record inside a record count as the
+outer record's own.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class PortType:
     python: Any = None
     port: Port = Port()
     optional: bool = False
+    meaning: str = ""
 
     @property
     def unit(self) -> str:
@@ -155,19 +157,23 @@ def read_port(name: str, annotation: Any) -> PortType:
             raise TypeError(f"port '{name}': a union of types cannot be a port")
         annotation = members[0]
     port: Port | None = None
+    meaning = ""
     if typing.get_origin(annotation) is Annotated:
         annotation, *extras = typing.get_args(annotation)
         port = next((e for e in extras if isinstance(e, Port)), None)
+        meaning = next((e for e in extras if isinstance(e, str)), "")
     annotation = _written_out(annotation)
     if typing.get_origin(annotation) is np.ndarray:
         if port is None:
             raise TypeError(f"port '{name}': an array needs Annotated[..., Port('H W')]")
         scalar = typing.get_args(typing.get_args(annotation)[1])[0]
         dims = tuple(int(d) if d.isdigit() else d for d in port.dims.split())
-        return PortType(name, "array", dims, np.dtype(scalar), port=port, optional=optional)
-    if annotation is float:
-        return PortType(name, "number", port=port or Port(), python=float, optional=optional)
-    return PortType(name, "object", python=annotation, optional=optional)
+        dtype = np.dtype(scalar)
+        return PortType(name, "array", dims, dtype, port=port, optional=optional, meaning=meaning)
+    kind: Literal["number", "object"] = "number" if annotation is float else "object"
+    return PortType(
+        name, kind, python=annotation, port=port or Port(), optional=optional, meaning=meaning
+    )
 
 
 def _written_out(annotation: Any) -> Any:

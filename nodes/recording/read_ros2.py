@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
+from tactograph.nodes.calibrate.file.calibrated_film import CalibratedFilm, calibrated_film
 from tactograph.nodes.files.ros_messages import read_image
 from tactograph.nodes.recording._ros_node import RosNode
-from tactograph.nodes.stream.calibrated_film import CalibratedFilm, calibrated_film
 from tactograph.nodes.stream.colour_planes import Order, planes_of
 from tactograph.nodes.stream.frames import LiveState, Touch
 

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from tactograph.graph import InputError
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION
-from tactograph.nodes.calibrate.file.write_camera import CAMERA
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import (
     FileKind,
     head_of,
@@ -76,7 +76,7 @@ def _values(arrays: dict[str, Any], kind: FileKind) -> list[str]:
     """Every array: its numbers if they are few, else its size and range; and its unit."""
     width = max(map(len, arrays))
     return [
-        f"  {name:<{width}}  {_range(np.asarray(array))}  [{kind.arrays[name].unit}]"
+        f"  {name:<{width}}  {_range(np.asarray(array))}  [{kind.values[name].port.meaning}]"
         for name, array in arrays.items()
     ]
 

@@ -14,9 +14,9 @@ from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-ENOUGH_PX = 16.0
+MIN_BALL_RADIUS_PX = 16.0
 """Smallest radius of a ball in px after binning."""
-ENOUGH_PIXELS = 3e5
+MIN_IMAGE_PIXELS = 3e5
 """Fewest pixels of an image after binning."""
 
 
@@ -39,7 +39,7 @@ def bin_presses(
     radius: Radii | None = None,
     known: KnownCircles | None = None,
     *,
-    pixels: Annotated[float, Gt(0)] = ENOUGH_PIXELS,
+    pixels: Annotated[float, Gt(0)] = MIN_IMAGE_PIXELS,
 ) -> BinnedPresses:
     """Bin all inputs of a calibration by n x n pixels.
 
@@ -63,7 +63,7 @@ def bin_presses(
     if radius is None or known is None:
         return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel)
     rows, columns = dark.shape
-    by_ball = float(radius.min()) / pixel / ENOUGH_PX
+    by_ball = float(radius.min()) / pixel / MIN_BALL_RADIUS_PX
     factor = int(min(by_ball, np.sqrt(rows * columns / pixels)))
     if factor <= 1:
         return BinnedPresses(image, flat, dark, known, pixel)

@@ -20,17 +20,16 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
-from tactograph.nodes.calibrate.lights.light_fit import (
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
+from tactograph.nodes.calibrate.lights.light_samples import (
     Press,
-    place_leds,
     presses_of,
     rest_of,
     sample,
     samples_for,
-    shift_of,
 )
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import (
@@ -170,6 +169,6 @@ def _measure(
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)
-    found = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
-    slope = np.where(inside & ~judged, press.slope, found)
+    measured = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
+    slope = np.where(inside & ~judged, press.slope, measured)
     return slope, integrate_dct(slope, pixel)

@@ -22,17 +22,16 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
-from tactograph.nodes.calibrate.tables.fit_reflectance import harmonics
-from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePicture, write_picture
+from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
-ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
-TOGETHER = 6
+FIGURES_PER_LINE = 6
 """Figures per line of the title."""
-MOST_NAMES = 20
+MAX_NAMES = 20
 """Most balls that are labelled with the names of their presses."""
-LONGEST = 24
+MAX_NAME_LETTERS = 24
 """Most letters of a press's name."""
 
 
@@ -116,7 +115,10 @@ def _title(quality: Metrics) -> str:
         for name, value in quality.items()
         if "/" not in name
     ]
-    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
+    return "\n".join(
+        "  ".join(figures[i : i + FIGURES_PER_LINE])
+        for i in range(0, len(figures), FIGURES_PER_LINE)
+    )
 
 
 def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
@@ -164,8 +166,10 @@ def _draw_presses(
             continue
         look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
-        if len(circle) <= MOST_NAMES:
-            axes.text(x, y - radius, names[press][:LONGEST], fontsize=7, ha="center", va="bottom")
+        if len(circle) <= MAX_NAMES:
+            axes.text(
+                x, y - radius, names[press][:MAX_NAME_LETTERS], fontsize=7, ha="center", va="bottom"
+            )
     out = int((~used).sum())
     axes.set(
         title=f"presses on the film: {int(used.sum())} used, {out} left out",
@@ -181,7 +185,8 @@ def _draw_errors(
     places = np.arange(len(names))
     axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
     labels = [
-        name[:LONGEST] + ("" if good else " (out)") for name, good in zip(names, used, strict=True)
+        name[:MAX_NAME_LETTERS] + ("" if good else " (out)")
+        for name, good in zip(names, used, strict=True)
     ]
     axes.set_yticks(places, labels, fontsize=7)
     axes.invert_yaxis()

@@ -16,12 +16,13 @@ from scipy.ndimage import gaussian_filter
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import F4, Light
+from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
-from tactograph.nodes.calibrate.colour.find_presses import FEWEST, Circles
+from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
+from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.colour.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.sensor_preset import read_preset
@@ -65,7 +66,7 @@ def guide_colour_presses(
     white_balance: float | None = None,
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
     warm_up_s: Annotated[float, Ge(0)] | None = None,
-    presses_at_most: Annotated[int, Ge(FEWEST)] = 40,
+    presses_at_most: Annotated[int, Ge(MIN_PRESSES)] = 40,
     still_s: Annotated[float, Gt(0)] = 0.4,
     patience_s: Annotated[float, Gt(0)] = 120.0,
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
@@ -149,10 +150,10 @@ def guide_colour_presses(
             if _is_finer(len(images), fitted):
                 fitted = len(images)
                 yield _all(images, flat, circles)
-        if len(images) < FEWEST:
+        if len(images) < MIN_PRESSES:
             raise InputError(
-                f"the film was pressed {len(images)} times within {patience_s:g} s, and {FEWEST} "
-                "presses are needed; hold the ball still in it, or wait longer with "
+                f"the film was pressed {len(images)} times within {patience_s:g} s, and "
+                f"{MIN_PRESSES} presses are needed; hold the ball still in it, or wait longer with "
                 "--set presses.patience_s=600"
             )
         if fitted < len(images):
@@ -174,7 +175,7 @@ def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
 
 def _is_finer(presses: int, before: int) -> bool:
     """Whether `presses` allow a finer map than `before`, or are at least `FINEST` more."""
-    if presses < FEWEST:
+    if presses < MIN_PRESSES:
         return False
     return degree_for(presses) > degree_for(before) or presses >= before + FINEST or not before
 

@@ -11,6 +11,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node
+from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
 from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.nodes.live.camera.open_camera import CameraSettings, Library
@@ -18,7 +19,6 @@ from tactograph.nodes.live.touches.colour_stream import ColourStream, open_colou
 from tactograph.nodes.live.touches.sensor import open_sensor
 from tactograph.nodes.live.touches.touch_stream import Stream
 from tactograph.nodes.stream.assemble import Refresh
-from tactograph.nodes.stream.calibrated_film import calibrated_film
 from tactograph.nodes.stream.frames import LiveState, Touch
 from tactograph.nodes.stream.led_in_frame import make_film
 

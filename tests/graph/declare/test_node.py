@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Unpack
 
 import numpy as np
 import pytest
@@ -73,6 +73,18 @@ def test_a_record_in_a_record_is_flat_outside_and_whole_inside() -> None:
     assert list(each.outputs) == ["low", "high", "gain"]
     arguments = each.in_order({"outer.low": 1.0, "outer.high": 2.0, "outer.gain": 3.0})
     assert each.results(each(*arguments)) == (1.0, 2.0, 2.0)
+
+
+def test_an_unpacked_record_is_an_input_for_each_field_by_its_own_name() -> None:
+    @node
+    def each(*values: Unpack[Outer], gain_at_most: float) -> Outer:
+        return Outer(*values)
+
+    assert list(each.inputs) == ["inner.low", "inner.high", "gain"]
+    assert list(each.parameters) == ["gain_at_most"]
+    assert each.input_names == ["inner", "gain"]
+    arguments = each.in_order({"inner.low": 1.0, "inner.high": 2.0, "gain": 3.0})
+    assert each(*arguments, gain_at_most=4.0) == Outer(Inner(1.0, 2.0), 3.0)
 
 
 def test_an_argument_with_a_default_is_an_optional_input() -> None:

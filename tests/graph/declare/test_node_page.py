@@ -44,6 +44,12 @@ def test_a_page_tells_units_ranges_and_defaults() -> None:
     assert "`floor` (default 0.02, above 0): Smallest value" in page
 
 
+def test_a_page_tells_what_the_values_of_a_record_mean() -> None:
+    meaning = "- `rim` (number [mm]): mm of film beyond the frame"
+    assert meaning in node_page(find_node("read_calibration"))
+    assert "- `null` (float32 K [1]): unit vector a" in node_page(find_node("write_calibration"))
+
+
 @pytest.mark.parametrize("name", builtin_names())
 def test_what_a_node_returns_is_told_to_its_end(name: str) -> None:
     doc = inspect.cleandoc(find_node(name).doc or "")

@@ -11,6 +11,7 @@ import pytest
 from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift, terms
@@ -179,8 +180,11 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         0.004,
         matt_film(LIGHTS),
         np.array([0, SIGMA**2 / 4], np.float32),
+        1.0,
         np.zeros(8, np.float32),
+        np.array(NO_MISFIT, np.float32),
         {},
+        [],
         file=file,
         provenance=Provenance({}, None, [], {}, {}, [], []),
     )

@@ -16,9 +16,10 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.calibrate.colour.find_presses import find_presses
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for, fit_reflectance_map
-from tactograph.nodes.calibrate.colour.rate_presses import advise, judge_contact
+from tactograph.nodes.calibrate.colour.rate_presses import advise
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.optics.reflectance_map import SHADES, TERMS, ball_shape, shades, terms

@@ -8,14 +8,8 @@ import pytest
 from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate.film.film_fit import (
-    ALIKE,
-    _albedos,
-    _Equations,
-    _solve,
-    _stepped,
-    start_at,
-)
+from tactograph.nodes.calibrate.film._film_unknowns import ALBEDO_DEVIATION, albedos, stepped
+from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import predict, rest_light
@@ -138,14 +132,14 @@ def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> 
     names = ["base", "roughness", "refraction", "albedo", "rim"]
     start = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
     now = start._replace(film=start.film._replace(base=0.8, albedo=0.7))
-    ((away, by),) = _albedos(now, names)
-    assert away == pytest.approx(0.1 / ALIKE)
+    ((away, by),) = albedos(now, names)
+    assert away == pytest.approx(0.1 / ALBEDO_DEVIATION)
     for number, found in enumerate(by):
-        changed, step = _stepped(now, names, number)
-        ((moved, _),) = _albedos(changed, names)
-        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALIKE)
-    assert not list(_albedos(now, names[:3]))
-    assert not list(_albedos(now, names[3:]))
+        changed, step = stepped(now, names, number)
+        ((moved, _),) = albedos(changed, names)
+        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALBEDO_DEVIATION)
+    assert not list(albedos(now, names[:3]))
+    assert not list(albedos(now, names[3:]))
 
 
 @pytest.mark.slow

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.nodes import Dark, Light
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import is_of_kind
 from tactograph.nodes.stream.frames import LiveState, Touch
 

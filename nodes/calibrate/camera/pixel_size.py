@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.calibrate.file.write_camera import CAMERA
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.sensor_preset import read_preset
 
