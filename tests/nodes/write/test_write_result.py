@@ -14,8 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
-from tactograph.graph.compare import pictures
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.show import pictures
 from tactograph.nodes.drawing import led_colours
 from tactograph.nodes.drawing.result_pictures import draw_shadow
 from tactograph.nodes.write.read_height import read_height
@@ -194,7 +194,7 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
 
 
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
-    assert pictures.SEVERAL == led_colours.SEVERAL
+    assert pictures.SEVERAL_COLOUR == led_colours.SEVERAL
     shades = []
     for name, bits in (("one", 0b1), ("several", 0b11)):
         draw_shadow(
