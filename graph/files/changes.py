@@ -35,7 +35,7 @@ def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set")
 
 
 def plain(value: Any) -> Any:
-    """A value as a graph file would hold it: numbers for NumPy's, text for paths."""
+    """The value as a graph file would hold it: plain numbers for NumPy's, text for paths."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     if isinstance(value, os.PathLike):

@@ -35,7 +35,7 @@ class Param:
 
     @property
     def state(self) -> str:
-        """Whether it has to be given, in words."""
+        """Say whether the param is required."""
         if self.required:
             return "needed"
         return "optional" if self.default is None else f"default {self.default}"
@@ -145,7 +145,7 @@ class Graph:
         return to_folded_svg(self._sketch())
 
     def _sketch(self) -> Sketch:
-        """The nodes and what they read, wherever they run."""
+        """Nodes and the references between them, without back ends."""
         edges: list[Edge] = []
         recalls: list[Edge] = []
         for name, entry in self.nodes.items():
@@ -160,12 +160,12 @@ class Graph:
 
     @property
     def placeholders(self) -> dict[str, Any]:
-        """Values that stand for needed params where only the plan matters, not the data."""
+        """Placeholders for required params, where only the plan matters and not the data."""
         return {name: NOT_GIVEN for name, param in self.params.items() if param.required}
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 (first 16 digits) of what the graph computes: its words for people left out."""
+        """SHA-256 (first 16 digits) of what the graph computes, not of its titles."""
         plain = self.as_dict()
         del plain["title"]
         for param in plain["params"].values():
@@ -175,12 +175,12 @@ class Graph:
 
     @property
     def backends(self) -> list[str]:
-        """The back ends that it prefers, in order, then those that its nodes are bound to."""
+        """Back ends that the graph prefers, in order, then those that its nodes are bound to."""
         bound = (entry.backend for entry in self.nodes.values())
         return list(dict.fromkeys([*self.prefer, *filter(None, bound)]))
 
     def entry(self, node_id: str) -> Entry:
-        """The node called `node_id`, or an error that names the ones there are."""
+        """Return the node called `node_id`, or raise an error that lists the existing ones."""
         if node_id not in self.nodes:
             raise GraphError(
                 f"{self.name}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
@@ -196,7 +196,7 @@ class Graph:
             )
 
     def check_node(self, node_id: str, where: str) -> None:
-        """Refuse what is read at `where` if there is no such node.
+        """Refuse a reference at `where` to a node that does not exist.
 
         A node that a change took out is told at the change: its reader was right before.
         """
@@ -212,7 +212,7 @@ class Graph:
         )
 
     def stands(self, node_id: str, where: str) -> str:
-        """Say where a node stands, in brackets, if its file is another than that of `where`.
+        """Place of a node, in brackets, if it is in another file than `where`.
 
         Then a change may have put it before a reader that it does not suit.
         """
@@ -224,7 +224,7 @@ class Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
 
     def without(self, node_ids: Iterable[str], place: Place) -> Graph:
-        """The graph without nodes that the change at `place` takes out."""
+        """Return the graph without the nodes that the change at `place` removes."""
         out = dict.fromkeys(node_ids, place)
         nodes = {n: entry for n, entry in self.nodes.items() if n not in out}
         return replace(self, nodes=nodes, gone={**self.gone, **out})
@@ -240,12 +240,12 @@ class Group:
 
 
 def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:
-    """Split ``cal.flat`` or ``pass_2.label.slope`` into node and port; ``cal`` has no port."""
+    """Split a reference into node and port: ``pass_2.label.slope``; ``cal`` has no port."""
     node_id, _, port = reference.rpartition(".")
     return (reference, None) if reference in nodes or not node_id else (node_id, port)
 
 
 def split_previous(reference: str) -> tuple[str, bool]:
-    """Take the ``previous.`` off a reference, and say whether it was there."""
+    """Strip ``previous.`` from a reference, and say whether it was there."""
     bare = reference.removeprefix(f"{PREVIOUS}.")
     return bare, bare != reference

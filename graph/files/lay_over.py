@@ -32,7 +32,7 @@ from tactograph.graph.files.patch_verbs import VERBS, Change, Places
 
 @contextmanager
 def blamed_on(place: Place) -> Iterator[None]:
-    """Blame a name that is not there, or does not fit, on the line that names it."""
+    """Report a name that is missing or does not fit at the line that holds it."""
     try:
         yield
     except GraphError:
@@ -42,7 +42,7 @@ def blamed_on(place: Place) -> Iterator[None]:
 
 
 def alone(layer: Layer) -> Graph:
-    """The graph of a file that extends no other.
+    """Make the graph of a file that extends no other.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def alone(layer: Layer) -> Graph:
 
 
 def laid_over(graph: Graph, layer: Layer) -> Graph:
-    """A graph with what a file or a variant itself says.
+    """Apply to a graph what a file or a variant itself says.
 
     Raises
     ------
@@ -109,41 +109,41 @@ def _flat_outputs(graph: Graph) -> Graph:
 def _entries(
     nodes: Mapping[str, NodeModel | UseModel], document: Document, path: Path_
 ) -> dict[str, Entry | Use]:
-    found: dict[str, Entry | Use] = {}
+    entries: dict[str, Entry | Use] = {}
     for node_id, node in nodes.items():
         places = _places(document, (*path, node_id))
         if isinstance(node, UseModel):
-            found[node_id] = Use(node.group, node.inputs, node.settings, places)
+            entries[node_id] = Use(node.group, node.inputs, node.settings, places)
         else:
-            found[node_id] = Entry(
+            entries[node_id] = Entry(
                 node.op, node.inputs, node.settings, node.backend, node.neutral, places
             )
-    return found
+    return entries
 
 
 def _groups(layer: Layer) -> dict[str, Group]:
-    found: dict[str, Group] = {}
+    groups: dict[str, Group] = {}
     for name, stated in layer.model.groups.items():
         path = ("groups", name)
         if not isinstance(stated, SharedGroupModel):
-            found[name] = _group(name, stated, layer.document, path)
+            groups[name] = _group(name, stated, layer.document, path)
             continue
         with blamed_on(layer.document.place((*path, "extends"))):
             file = find_file(stated.extends, layer.file.parent, shipped_groups())
             if file is None:
                 raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
         document = read_yaml(file)
-        found[name] = _group(name, validate(document, GroupFileModel), document, ())
+        groups[name] = _group(name, validate(document, GroupFileModel), document, ())
         for index, change in enumerate(stated.patch):
             places = _places(layer.document, (*path, "patch", index))
-            found = _with_change(found, name, _stated(change), places)
-    return found
+            groups = _with_change(groups, name, _stated(change), places)
+    return groups
 
 
 def _with_change(
     groups: dict[str, Group], name: str, change: Change, places: Places
 ) -> dict[str, Group]:
-    """Groups with a change to a node of one of them, which no graph uses yet."""
+    """Change a node of a group that no graph uses yet."""
     graph = Graph(name, "", {}, (), {}, {}, groups=groups)
     meant = {key: f"{name}.{said}" if key in VERBS else said for key, said in change.items()}
     return {**apply_patch(graph, meant, places).groups}
@@ -169,7 +169,7 @@ def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Gr
 def _refuse_taken(
     groups: Iterable[str], nodes: Iterable[str], earlier: Container[str], document: Document
 ) -> None:
-    """Refuse a group whose name would not tell it from a node, or from another group."""
+    """Refuse a group that has the name of a node or of another group."""
     taken = {node.partition(".")[0] for node in nodes}
     for name in groups:
         place = document.place(("groups", name))
@@ -180,12 +180,12 @@ def _refuse_taken(
 
 
 def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
-    """The outputs without those that a variant gives as null."""
+    """Outputs without those that a variant sets to null."""
     return {name: reference for name, reference in outputs.items() if reference is not None}
 
 
 def _places(document: Document, path: Path_) -> dict[str, Place]:
-    """The places of everything below `path`, by dotted path relative to it."""
+    """Places of all keys below `path`, by dotted path relative to it."""
     size = len(path)
     return {dotted(p[size:]): place for p, place in document.places.items() if p[:size] == path}
 

@@ -23,30 +23,30 @@ class Layer:
     document: Document
     name: str
     file: Path
-    of: str = ""
+    base: str = ""
     """The name of the graph that it is a variant, or a study, of."""
     beside: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
     """The variants of the same file."""
 
     @property
     def id(self) -> str:
-        """The file; of a variant, with its name there."""
+        """Name of the layer: its file, and for a variant its name there."""
         return "/".join(map(str, (self.file.resolve(), *self.document.root[1:])))
 
     def place(self, index: int) -> Place:
-        """The place of one of the names that it extends."""
+        """Place of one of the names under `extends`."""
         names = self.document.data.get("extends")
         single = isinstance(names, str)
         path: Path_ = ("base",) if names is None else ("extends",) if single else ("extends", index)
         return self.document.place(path)
 
-    def variants(self, of: str) -> dict[str, Layer]:
-        """The variants that the file holds, of a graph of that name."""
+    def variants(self, base: str) -> dict[str, Layer]:
+        """Variants in the file, as variants of the graph called `base`."""
         layers: dict[str, Layer] = {}
         stated = self.model.variants if isinstance(self.model, GraphModel) else {}
         for name, model in stated.items():
             part = self.document.part(("variants", name))
-            layers[name] = Layer(model, part, name, self.file, of, layers)
+            layers[name] = Layer(model, part, name, self.file, base, layers)
         return layers
 
 
@@ -56,5 +56,5 @@ def read_layer(file: Path) -> Layer:
     if isinstance(document.data, dict) and "base" in document.data:
         study = validate(document, StudyModel)
         model = GraphModel.model_construct(extends=[study.base], variants=study.variants)
-        return Layer(model, document, file.stem, file, of=study.base)
+        return Layer(model, document, file.stem, file, base=study.base)
     return Layer(validate(document, GraphModel), document, file.stem, file)
