@@ -38,6 +38,9 @@ CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
 """Standard deviation of the height."""
+BAND_DEVIATIONS = 1.645
+"""Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
+UM_PER_MM = 1e3
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
 """One bit per LED: bit k-1 stands for LED k."""
 Confidence = Annotated[F4, Port("H W", "1", high=1)]

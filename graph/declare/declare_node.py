@@ -5,12 +5,19 @@ from __future__ import annotations
 import collections.abc
 import inspect
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
-from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
+from tactograph.graph.declare.ports import (
+    PortType,
+    is_record,
+    optional_record,
+    read_port,
+    record_fields,
+    record_ports,
+)
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.tolerance import Exact, Tolerance
 
@@ -30,6 +37,7 @@ def node(
     sizes: Mapping[str, SizeLimit] | None = None,
     derived: Mapping[str, Parts | SizeRule] | None = None,
     endless: bool = False,
+    former: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
 
@@ -41,6 +49,7 @@ def node(
     sizes: Mapping[str, SizeLimit] | None = None,
     derived: Mapping[str, Parts | SizeRule] | None = None,
     endless: bool = False,
+    former: Mapping[str, str] | None = None,
 ) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
 
@@ -59,6 +68,9 @@ def node(
     endless
         A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
         to end a run, not an accident.
+    former
+        Inputs and parameters of earlier versions, each with a sentence on what to write
+        instead, for graphs that still name them.
 
     Raises
     ------
@@ -67,8 +79,10 @@ def node(
         not keyword-only, a neutral input whose type is not the output's.
     """
     if function is None:
-        return lambda f: _declare(f, neutral, tolerance, sizes or {}, derived or {}, endless)
-    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless)
+        return lambda f: _declare(
+            f, neutral, tolerance, sizes or {}, derived or {}, endless, former or {}
+        )
+    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless, former or {})
 
 
 def _declare(
@@ -78,13 +92,16 @@ def _declare(
     sizes: Mapping[str, SizeLimit],
     derived: Mapping[str, Parts | SizeRule],
     endless: bool,
+    former: Mapping[str, str],
 ) -> Node:
     """Read a function's signature."""
     hints = typing.get_type_hints(function, include_extras=True)
     inputs: dict[str, PortType] = {}
     records: dict[str, type] = {}
     optional: set[str] = set()
+    repeated: PortType | None = None
     parameters: dict[str, Parameter] = {}
+    parameter_records: dict[str, type] = {}
     by_engine: dict[Any, str] = {}
     for name, argument in _arguments(function, hints):
         annotation = hints.get(name)
@@ -93,12 +110,23 @@ def _declare(
         if argument.kind is argument.KEYWORD_ONLY:
             if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
                 by_engine[annotation] = name
+            elif is_record(annotation):
+                parameter_records[name] = annotation
+                _add_parameters(function.__name__, parameters, _fields_as_parameters(annotation))
             else:
-                parameters[name] = Parameter(name, annotation, argument.default)
-        elif is_record(annotation):
-            records[name] = annotation
-            ports = record_ports(annotation, f"{name}.")
+                _add_parameters(
+                    function.__name__,
+                    parameters,
+                    [Parameter(name, annotation, argument.default)],
+                )
+        elif argument.kind is argument.VAR_POSITIONAL:
+            repeated = read_port(name, annotation)
+        elif record := optional_record(annotation):
+            records[name] = record
+            ports = record_ports(record, f"{name}.")
             inputs.update({port.name: port for port in ports.values()})
+            if argument.default is not argument.empty:
+                optional.add(name)
         else:
             inputs[name] = read_port(name, annotation)
             if argument.default is not argument.empty:
@@ -109,7 +137,9 @@ def _declare(
         function=function,
         inputs=inputs,
         input_records=records,
+        repeated=repeated,
         parameters=parameters,
+        parameter_records=parameter_records,
         outputs=outputs,
         output_record=record,
         stream=stream,
@@ -122,6 +152,7 @@ def _declare(
         wanted=by_engine.get(Wanted),
         whole=by_engine.get(Whole),
         endless=endless,
+        former=former,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),
     )
@@ -143,6 +174,22 @@ def _arguments(
         hints |= typing.get_type_hints(record, include_extras=True)
         for field in record._fields:
             yield field, inspect.Parameter(field, inspect.Parameter.POSITIONAL_ONLY)
+
+
+def _fields_as_parameters(record: type) -> list[Parameter]:
+    """The fields of a record of parameters."""
+    defaults: Mapping[str, Any] = record._field_defaults  # type: ignore[attr-defined]
+    return [
+        Parameter(field, annotation, defaults.get(field, inspect.Parameter.empty))
+        for field, annotation in record_fields(record).items()
+    ]
+
+
+def _add_parameters(name: str, parameters: dict[str, Parameter], more: Iterable[Parameter]) -> None:
+    for parameter in more:
+        if parameter.name in parameters:
+            raise TypeError(f"{name}: two parameters are called '{parameter.name}'")
+        parameters[parameter.name] = parameter
 
 
 def _kernel_package(module: str) -> str:

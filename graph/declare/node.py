@@ -1,8 +1,10 @@
 """Nodes: a function's signature is its declaration.
 
 Positional arguments are input ports, keyword-only arguments are parameters, the return
-annotation gives the output port, or a record of ports.  ``*values: Unpack[Record]`` takes the
-fields of a record, each as an input of its own.  A function that returns an iterator
+annotation gives the output port, or a record of ports.  A `NamedTuple` as an input takes all
+outputs of one node, and as a parameter stands for its fields; ``*values: Unpack[Record]`` takes
+the fields of a record, each as an input of its own.  ``*arguments`` takes any number of inputs,
+which a graph names as it likes.  A function that returns an iterator
 is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
 `Node.opencl` declares that ``kernels/ROOM/NAME.cl`` holds the same algorithm.
 """
@@ -13,8 +15,8 @@ import inspect
 import itertools
 import os
 import typing
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -97,7 +99,9 @@ class Node:
     function: Callable[..., Any]
     inputs: dict[str, PortType]
     input_records: dict[str, type]
+    repeated: PortType | None
     parameters: dict[str, Parameter]
+    parameter_records: dict[str, type]
     outputs: dict[str, PortType]
     output_record: type | None
     stream: bool
@@ -111,6 +115,7 @@ class Node:
     wanted: str | None = None
     whole: str | None = None
     endless: bool = False
+    former: Mapping[str, str] = field(default_factory=dict)
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
     make_rehearsal: Callable[..., Any] | None = None
@@ -120,7 +125,24 @@ class Node:
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        for name, record in self.parameter_records.items():
+            fields = [field for field in record._fields if field in kwargs]  # type: ignore[attr-defined]
+            kwargs[name] = record(**{field: kwargs.pop(field) for field in fields})
         return self.function(*args, **kwargs)
+
+    def with_inputs(self, names: Iterable[str]) -> Node:
+        """The node with the inputs that a graph names, if it takes any number."""
+        key = tuple(names)
+        if self.repeated is None or not key:
+            return self
+        if key not in self._sized:
+            inputs = {name: replace(self.repeated, name=name) for name in key}
+            self._sized[key] = replace(self, inputs=inputs, repeated=None)
+        return self._sized[key]
+
+    @cached_property
+    def _sized(self) -> dict[tuple[str, ...], Node]:
+        return {}
 
     @cached_property
     def serial(self) -> int:
@@ -129,12 +151,15 @@ class Node:
 
     @property
     def input_names(self) -> list[str]:
-        """The names that ``in`` of a graph file may use: records as a whole, then ports."""
+        """The names that ``in`` of a graph file may use: records as a whole, then ports.
+
+        Where `repeated` is given, it may use more.
+        """
         return [*self.input_records, *(name for name in self.inputs if "." not in name)]
 
     @property
     def source(self) -> bool:
-        return not self.inputs
+        return not self.inputs and self.repeated is None
 
     @property
     def sink(self) -> bool:
@@ -179,11 +204,14 @@ class Node:
             else:
                 arguments[name] = inputs.get(name)
         return [
-            make_record(self.input_records[name], value.values())
-            if name in self.input_records
-            else value
+            self._record(name, value) if name in self.input_records else value
             for name, value in arguments.items()
         ]
+
+    def _record(self, name: str, values: Mapping[str, Any]) -> Any:
+        if name in self.optional_inputs and all(value is None for value in values.values()):
+            return None
+        return make_record(self.input_records[name], values.values())
 
     def results(self, made: Any) -> tuple[Any, ...]:
         """The values that the function returned or yielded, in the order of the outputs."""

@@ -29,12 +29,14 @@ class Description:
 
 def describe(node: Node) -> Description:
     """Read a node's docstring; an argument that is not described has an empty string."""
-    parsed = docstring_parser.parse(node.doc, docstring_parser.DocstringStyle.NUMPYDOC)
+    parsed = _parsed(node.doc)
     said: dict[str, str] = {}
-    for each in parsed.params:
+    records = (_parsed(inspect.getdoc(record) or "") for record in node.parameter_records.values())
+    for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
-            said[name.strip()] = _one_line(each.description)
+            said[name.strip(" *")] = _one_line(each.description)
     known = [*node.input_names, *node.parameters]
+    known += [node.repeated.name] if node.repeated else []
     returns = _RETURNS.search(inspect.cleandoc(node.doc or ""))
     return Description(
         summary=_one_line(parsed.short_description),
@@ -45,6 +47,10 @@ def describe(node: Node) -> Description:
     )
 
 
+def _parsed(doc: str) -> docstring_parser.Docstring:
+    return docstring_parser.parse(doc, docstring_parser.DocstringStyle.NUMPYDOC)
+
+
 def node_page(node: Node) -> str:
     """All about a node as Markdown: its inputs, parameters, outputs and errors."""
     about = describe(node)
@@ -52,7 +58,12 @@ def node_page(node: Node) -> str:
     if about.text:
         lines += [about.text, ""]
     lines += ["## Inputs", ""]
-    lines += [_input(name, node, about) for name in node.input_names] or ["None: it is a source."]
+    if node.repeated:
+        words = about.arguments[node.repeated.name]
+        lines += [_item("any names", f"each {node.repeated}", words)]
+    elif node.source:
+        lines += ["None: it is a source."]
+    lines += [_input(name, node, about) for name in node.input_names]
     lines += ["", "## Parameters", ""]
     lines += [_setting(p, about) for p in node.parameters.values()] or ["None."]
     lines += ["", "## Outputs", ""]

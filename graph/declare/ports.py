@@ -5,7 +5,7 @@ is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any othe
 type (``str``, ``dict[str, float]``) is an object that stays on the host.  A text among the
 metadata says what the value means.  ``X | None`` makes the port optional.  A ``NamedTuple`` of
 ports is a record: one edge, several values.  The ports of a record inside a record count as the
-outer record's own.
+outer record's own.  A node that lacks optional fields of a record can be read as that record.
 """
 
 from __future__ import annotations
@@ -80,6 +80,19 @@ def is_record(annotation: Any) -> bool:
     return isinstance(annotation, type) and hasattr(annotation, "_fields")
 
 
+def optional_record(annotation: Any) -> type | None:
+    """The record that an annotation stands for, or may stand for; else None."""
+    members = _members(annotation)
+    return members[0] if len(members) == 1 and is_record(members[0]) else None
+
+
+def _members(annotation: Any) -> list[Any]:
+    """The types of a union but None; else the annotation alone."""
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return [each for each in typing.get_args(annotation) if each is not type(None)]
+    return [annotation]
+
+
 def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     """Return the ports of a record, and of records in it, by name, each named ``prefix.name``.
 
@@ -89,7 +102,7 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
         If two ports have one name.
     """
     ports: dict[str, PortType] = {}
-    for field, annotation in _fields(record).items():
+    for field, annotation in record_fields(record).items():
         if is_record(annotation):
             inner = record_ports(annotation, prefix)
         else:
@@ -108,7 +121,7 @@ def record_values(record: type, made: Any) -> tuple[Any, ...]:
     TypeError
         If the value is no such record.
     """
-    fields = _fields(record)
+    fields = record_fields(record)
     if not isinstance(made, tuple) or len(made) != len(fields):
         size = f" of {len(made)}" if isinstance(made, tuple) else ""
         raise TypeError(
@@ -129,13 +142,13 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
             make_record(annotation, islice(left, len(record_ports(annotation))))
             if is_record(annotation)
             else next(left)
-            for annotation in _fields(record).values()
+            for annotation in record_fields(record).values()
         )
     )
 
 
 @cache
-def _fields(record: type) -> dict[str, Any]:
+def record_fields(record: type) -> dict[str, Any]:
     """The annotations of a record's fields, in order."""
     hints = typing.get_type_hints(record, include_extras=True)
     return {field: hints[field] for field in record._fields}  # type: ignore[attr-defined]
@@ -151,7 +164,7 @@ def read_port(name: str, annotation: Any) -> PortType:
     """
     optional = False
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        members = [a for a in typing.get_args(annotation) if a is not type(None)]
+        members = _members(annotation)
         optional = len(members) < len(typing.get_args(annotation))
         if len(members) != 1:
             raise TypeError(f"port '{name}': a union of types cannot be a port")

@@ -76,7 +76,7 @@ def _rule(node: Node) -> dict[str, Any]:
                 }
                 for name in node.input_names
             },
-            "additionalProperties": False,
+            "additionalProperties": {"type": "string"} if node.repeated else False,
         },
     }
     return {"if": {"properties": {"op": {"const": node.name}}}, "then": {"properties": properties}}

@@ -111,7 +111,7 @@ def _find(graph: Graph, node_id: str) -> Node:
     if PREVIOUS in node_id.split("."):
         raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS}'")
     try:
-        return find_node(entry.op, graph.own)
+        return find_node(entry.op, graph.own).with_inputs(entry.inputs)
     except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
 
@@ -175,6 +175,8 @@ def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Val
             reads |= _record(names, name, reference, node, where)
         else:
             reads[name] = names.resolve(reference, where)
+    if node.repeated is not None:
+        raise GraphError(f"{entry.where('in')}: node '{node.name}' needs at least one input")
     for name in node.input_names:
         if name not in entry.inputs and name not in node.optional_inputs:
             raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
@@ -184,6 +186,11 @@ def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Val
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
     known = node.input_names
     for name in entry.inputs:
+        if name in node.former:
+            raise GraphError(
+                f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}' any more: "
+                f"{node.former[name]}"
+            )
         if name not in known:
             raise GraphError(
                 f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}'"
@@ -196,13 +203,16 @@ def _record(names: _Names, name: str, reference: str, node: Node, where: str) ->
     source, port = split_reference(reference, graph.nodes)
     graph.check_node(source, where)
     record = node.input_records[name]
-    fields = record_ports(record)
-    if port is not None or not set(fields) <= names.nodes[source].outputs.keys():
+    fields, offered = record_ports(record), names.nodes[source].outputs
+    needed = [field for field, port_type in fields.items() if not port_type.optional]
+    none_of_it, amount = fields.keys().isdisjoint(offered), "all" if needed else "something"
+    if port is not None or none_of_it or not set(needed) <= offered.keys():
         raise GraphError(
-            f"{where}: '{name}' takes a node that gives all of a {record.__name__} "
-            f"({', '.join(fields)}); '{reference}' is not one{graph.stands(source, where)}"
+            f"{where}: '{name}' takes a node that gives {amount} of a {record.__name__} "
+            f"({', '.join(needed or fields)}); '{reference}' is not one"
+            f"{graph.stands(source, where)}"
         )
-    return {f"{name}.{field}": Value(source, field) for field in fields}
+    return {f"{name}.{field}": Value(source, field) for field in fields if field in offered}
 
 
 def _output(names: _Names, name: str, reference: str) -> Value:

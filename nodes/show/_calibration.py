@@ -1,4 +1,4 @@
-"""What is in a calibration of either kind, or in that of a camera's lens."""
+"""The content of a calibration of either kind, or of that of a camera's lens."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tactograph.nodes.files.calibration_file import (
 from tactograph.nodes.optics.lens import seen_places
 from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
 
-KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
+FILE_KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
 MARKS_ACROSS = 12
@@ -42,7 +42,7 @@ def show_calibration(file: Path) -> Shown:
     InputError
         If the file is damaged, or no calibration.
     """
-    kind = next((kind for kind in KINDS if is_of_kind(file, kind)), None)
+    kind = next((kind for kind in FILE_KINDS if is_of_kind(file, kind)), None)
     if kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
     arrays = read_arrays(file, kind)
@@ -116,8 +116,10 @@ def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
     above.plot(*box.T, color="black", label="film in the image")
     above.set(title="LEDs from above", xlabel="x / mm", ylabel="y / mm", aspect="equal")
     above.invert_yaxis()
-    away, other_away = (np.hypot(each[..., 0], each[..., 1]) for each in (lights, others))
-    _dots(side, away, lights[:, 2], other_away, others[..., 2])
+    from_axis, others_from_axis = (
+        np.hypot(each[..., 0], each[..., 1]) for each in (lights, others)
+    )
+    _dots(side, from_axis, lights[:, 2], others_from_axis, others[..., 2])
     side.plot([0, width / 2], [0, 0], color="black", label="film in the image")
     side.set(
         title="LEDs from the side", xlabel="from the axis / mm", ylabel="z / mm", aspect="equal"

@@ -18,12 +18,13 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
 class FoundBalls(NamedTuple):
-    """Circle, goodness, radius and press of every ball."""
+    """Circle, goodness, radius and press of every ball, and the presses' names."""
 
     circle: BallCircles
     goodness: Annotated[F4, Port("B", "1")]
     radius: BallRadii
     of: BallPress
+    names: list[str]
 
 
 @node
@@ -70,7 +71,7 @@ def find_balls(
     if not names:
         none = np.zeros(len(radius), np.float32)
         return FoundBalls(
-            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32)
+            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32), names
         )
     if pitch_mm is not None:
         return _grids(light, flat, radius, names, pixel, pitch_mm)
@@ -105,6 +106,7 @@ def find_balls(
         np.array([b.goodness if b else 0 for b in balls], np.float32),
         radius,
         np.arange(len(balls), dtype=np.int32),
+        names,
     )
 
 
@@ -136,4 +138,5 @@ def _grids(
             np.float32
         ),
         np.concatenate([np.full(len(grid.circle), i) for i, _, grid in grids]).astype(np.int32),
+        names,
     )

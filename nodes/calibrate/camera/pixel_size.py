@@ -11,16 +11,14 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 from tactograph.nodes.files.sensor_preset import read_preset
-
-APART = 0.005
-"""Relative difference from the camera's file above which a stated size raises a warning."""
 
 
 @node
 def pixel_size(
     *,
-    mm: Annotated[float, Interval(ge=1e-6, le=1e3)] | None = None,
+    mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
     camera: Path | None = None,
     sensor: str | None = None,
 ) -> PixelSize:
@@ -49,12 +47,12 @@ def pixel_size(
                 "the pixel size is not known; give pixel_size_mm=..., or lens=camera.npz"
             )
         return mm
-    found = float(read_arrays(camera, CAMERA)["pixel_size"])
+    stated = float(read_arrays(camera, CAMERA)["pixel_size"])
     if mm is None:
-        return found
-    if abs(mm / found - 1) > APART:
+        return stated
+    if abs(mm / stated - 1) > MAX_SIZE_DIFFERENCE:
         warn(
-            f"{camera}: says {found:.6g} mm per px, which is taken in place of pixel_size_mm="
+            f"{camera}: says {stated:.6g} mm per px, which is taken in place of pixel_size_mm="
             f"{mm:.6g}: undistorted images have the camera's"
         )
-    return found
+    return stated

@@ -10,7 +10,7 @@ from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.files.calibration_file import is_of_kind
-from tactograph.nodes.stream.frames import LiveState, Touch
+from tactograph.nodes.stream.frames import LiveFrames, LiveState
 
 
 class CalibratedFilm(NamedTuple):
@@ -21,9 +21,9 @@ class CalibratedFilm(NamedTuple):
     one_shot: bool
 
     @property
-    def touch(self) -> Touch:
+    def touch(self) -> LiveFrames:
         """A touch that shows the film at rest, for rehearsals."""
-        return Touch(self.flat + self.dark, "", 0.0, [], LiveState())
+        return LiveFrames(self.flat + self.dark, "", 0.0, [], LiveState())
 
 
 def calibrated_film(calibration: Path) -> CalibratedFilm:

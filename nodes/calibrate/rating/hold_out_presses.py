@@ -43,6 +43,14 @@ from tactograph.nodes.optics.sheet import (
 from tactograph.nodes.shadow.label_lights import label_lights
 
 
+class BallPlaces(NamedTuple):
+    """Circle, radius and press of every ball."""
+
+    circle: BallCircles
+    radius: BallRadii
+    of: BallPress
+
+
 class HeldOut(NamedTuple):
     """Errors by press, NaN where there are none, and their means."""
 
@@ -51,7 +59,7 @@ class HeldOut(NamedTuple):
     quality: Metrics
 
 
-@node
+@node(former=dict.fromkeys(("circle", "radius", "of"), "give the node that found them as 'balls'"))
 def hold_out_presses(
     image: SheetLight,
     light: SheetLight,
@@ -60,9 +68,7 @@ def hold_out_presses(
     mask: SheetMask,
     height: SheetHeight,
     lit: SheetLabels,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
+    balls: BallPlaces,
     noise: Noise,
     pixel: PixelSize,
     uneven: Uneven,
@@ -85,8 +91,8 @@ def hold_out_presses(
         K x H x W, the film at rest.
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
-    circle, radius, of
-        B x 3 in px, B in mm, and the press that each ball is in.
+    balls
+        The node that found them: circles B x 3 in px, radii in mm, and the press of each.
     noise
         (shot, read), as `estimate_noise` returns it.
     pixel
@@ -128,12 +134,12 @@ def hold_out_presses(
         errors = [
             judge_contact(
                 *found,
-                np.array([*(circle[b, :2] + shift[:2]), circle[b, 2]]),
-                radius[b] / pixel,
+                np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]]),
+                balls.radius[b] / pixel,
                 pixel,
                 judged,
             )
-            for b in np.flatnonzero(of == i)
+            for b in np.flatnonzero(balls.of == i)
         ]
         degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)

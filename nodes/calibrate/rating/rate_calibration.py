@@ -45,23 +45,41 @@ class Rating(NamedTuple):
     verdict: str
 
 
-@node
+class LedFit(NamedTuple):
+    """The places of the LEDs, the residuals of their fit, and, where it was fitted, the film."""
+
+    lights: LightPositions
+    residual: Annotated[F4, Port("K", "1")]
+    albedo: Albedo | None = None
+    refraction: Annotated[float, Port(unit="1")] | None = None
+
+
+class RadiusCheck(NamedTuple):
+    """The figures and doubts of `judge_radius`."""
+
+    quality: Metrics
+    doubts: list[str]
+
+
+_MODEL, _RADIUS = "give the fit of the LEDs as 'model'", "give 'judge_radius' as 'radius'"
+
+
+@node(
+    former=dict.fromkeys(("lights", "mismatch", "albedo", "refraction"), _MODEL)
+    | dict.fromkeys(("fitted", "of_radius"), _RADIUS)
+)
 def rate_calibration(
     residual: Annotated[F4, Port("K", "1")],
     spread: Spread,
     lut_slope: LutSlope,
     mask: SheetMask,
     lit: SheetLabels,
-    lights: LightPositions,
-    mismatch: Annotated[F4, Port("K", "1")],
+    model: LedFit,
     goodness: Annotated[F4, Port("B", "1")] | None = None,
     flat: Light | None = None,
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
-    albedo: Albedo | None = None,
-    refraction: Annotated[float, Port(unit="1")] | None = None,
-    fitted: Metrics | None = None,
-    of_radius: list[str] | None = None,
+    radius: RadiusCheck | None = None,
     *,
     force: bool = False,
 ) -> Rating:
@@ -77,8 +95,10 @@ def rate_calibration(
         N x 2, the slopes in the tables.
     mask, lit
         The pixels of known slope, and the LEDs that reach them.
-    lights, mismatch
-        K x 3 in mm, and the root mean square residual of their fit, K.
+    model
+        `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
+        their fit, K, and the film's albedo and refraction.  Under a coat the light is no smooth
+        function of the slope, and then that raises no warning.
     goodness
         Of each ball, 0 to 1; 0 where none was found.
     flat, noise
@@ -86,11 +106,8 @@ def rate_calibration(
         Residuals that noise explains raise no warning of a poor fit.
     pixel
         mm per px.
-    albedo, refraction
-        Of the film, as `fit_film` returns them.  Under a coat the light is no smooth function of
-        the slope, and then that raises no warning.
-    fitted, of_radius
-        The figures of `fit_film`, and the doubts of `judge_radius`.
+    radius
+        `judge_radius`: its figures, those of the fit among them, and its doubts.
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
         doubt.
@@ -113,8 +130,10 @@ def rate_calibration(
         that returns all light; unless `force` is set.
     """
     count = len(residual)
-    error = (fitted or {}).get("film_heldout_deg")
-    doubts = of_heldout_error(error) + (of_radius or [])
+    lights, mismatch, albedo, refraction = model
+    figures, radius_doubts = radius or RadiusCheck({}, [])
+    error = figures.get("film_heldout_deg")
+    doubts = of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)

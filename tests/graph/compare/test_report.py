@@ -37,7 +37,7 @@ nodes:
   height: {op: integrate_dct, in: {slope: slope.slope, pixel: shape.pixel_size}}
   found:  {op: evaluate_shadow, in: {shadow: shadow, truth: scene.labels}}
   error:  {op: evaluate_height, in: {height: height, pixel: shape.pixel_size, truth: shape.height}}
-  score:  {op: join_metrics, in: {first: error, second: found}}
+  score:  {op: join_metrics, in: {height: error, shadow: found}}
 outputs:
   image: camera.image
   truth: shape.height

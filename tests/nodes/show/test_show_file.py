@@ -20,6 +20,7 @@ from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.graph.run.result_origin import Origin
 from tactograph.nodes.calibrate.file.write_camera import write_camera
+from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
 from tests.nodes.recording.recordings import LEDS, make_recording
@@ -36,11 +37,10 @@ def shown(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 def make_result(tmp_path: Path) -> Path:
-    level, bits = np.zeros((8, 10), np.float32), np.zeros((8, 10), np.uint8)
-    write_result(
-        level, bits, np.ones((4, 8, 10), np.float32), 0.1, {"contacts": 0.0}, "",
-        folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE,
-    )  # fmt: skip
+    level, image = np.zeros((8, 10), np.float32), np.ones((4, 8, 10), np.float32)
+    lit = np.zeros((8, 10), np.uint8)
+    touch = Touch(level, image, 0.1, shadow=lit, metrics={"contacts": 0.0})
+    write_result(touch, folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE)
     return tmp_path / "out"
 
 
