@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes import Contacts, Height, Labels, Light, Metrics
+from tactograph.nodes import F8, Contacts, Height, Labels, Light, Metrics
 from tactograph.nodes.files.ros_messages import (
     MM,
     Message,
@@ -23,7 +23,6 @@ from tactograph.nodes.files.ros_messages import (
 )
 from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.marker.track_markers import Seen, Shifts
-from tactograph.nodes.optics.near_light import F8
 
 FRAME = "film"
 """ROS's name of the coordinate system."""

@@ -11,12 +11,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-from tactograph.nodes import F4
-
-F8 = NDArray[np.float64]
+from tactograph.nodes import F4, F8
 
 MIN_LIT_LIGHT = 0.06
 """Light below this counts as shadow: neither the ball's shading nor the film at rest."""

@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.sensor_preset import read_preset
 
-APART = 0.005
+MAX_DIFFERENCE = 0.005
 """Relative difference from the camera's file above which a stated size raises a warning."""
 
 
@@ -52,7 +52,7 @@ def pixel_size(
     found = float(read_arrays(camera, CAMERA)["pixel_size"])
     if mm is None:
         return found
-    if abs(mm / found - 1) > APART:
+    if abs(mm / found - 1) > MAX_DIFFERENCE:
         warn(
             f"{camera}: says {found:.6g} mm per px, which is taken in place of pixel_size_mm="
             f"{mm:.6g}: undistorted images have the camera's"

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
-from tactograph.nodes.optics.near_light import F8
 
 MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Film
+from tactograph.nodes import F4, F8, Film
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import at_rest, predict
 
-F8 = NDArray[np.float64]
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
     EMISSION_UNKNOWN,
@@ -28,7 +28,6 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     stepped,
 )
 from tactograph.nodes.calibrate.film.balls_on_film import (
-    F8,
     MIN_WEIGHT_LIGHT,
     Balls,
     Fitted,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
+    F8,
     Film,
     Light,
     LightPlaces,
@@ -40,7 +41,7 @@ from tactograph.nodes.calibrate.film._film_search import (
     without_bad,
 )
 from tactograph.nodes.calibrate.film._film_unknowns import PARTS
-from tactograph.nodes.calibrate.film.balls_on_film import F8, Balls, predicted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import CELLS
