@@ -16,7 +16,6 @@ from tactograph.nodes.optics.film import matt_film
 from tests.nodes.height.test_precise_nodes import (
     PIXEL,
     SHAPE,
-    UNEVEN,
     at_rest,
     distant_led,
     dome,
@@ -24,6 +23,8 @@ from tests.nodes.height.test_precise_nodes import (
     plateau,
     variance_of,
 )
+
+UNEVEN = 0.03
 
 
 def exact(lights: F4) -> F4:

@@ -24,7 +24,6 @@ from tactograph.nodes.slope.pixel_mean_slope import pixel_mean_slope
 from tests.nodes.scenes import LIGHTS, lambert
 
 PIXEL = 0.1
-UNEVEN = 0.03
 SHAPE = (40, 64)
 NO_RISES = ShadowRises(
     np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.uint8)
