@@ -123,10 +123,10 @@ def unevenness(held: list[Held], pixel: float) -> float:
     for part in held:
         film, balls = part.fitted.film, part.balls
         seen = predicted(balls, part.fitted)
-        made = seen - balls.thrown(part.fitted.shifts, film)
-        lit = made > film.diffuse[:, None] + MIN_DIRECT_LIGHT
-        left, made = np.where(lit, balls.light - seen, 0), np.where(lit, made, 0)
-        brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), MIN_DIRECT_LIGHT)
+        direct = seen - balls.thrown(part.fitted.shifts, film)
+        lit = direct > film.diffuse[:, None] + MIN_DIRECT_LIGHT
+        left, direct = np.where(lit, balls.light - seen, 0), np.where(lit, direct, 0)
+        brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_DIRECT_LIGHT)
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel

@@ -134,8 +134,8 @@ def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | N
         )
         thrown, rest = thrown[one], None if rest is None else rest[one]
     n, x, y, z = balls.seen(fitted.shifts, film.camera)
-    made = predict(film, n, x, y, _touched(z, film), rest)
-    return np.asarray(made + thrown)
+    own_light = predict(film, n, x, y, _touched(z, film), rest)
+    return np.asarray(own_light + thrown)
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:
