@@ -17,6 +17,7 @@ from tactograph.graph.declare.ports import Port
 from tactograph.nodes.stored import Stored
 
 F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
 I4 = NDArray[np.int32]
 U1 = NDArray[np.uint8]
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tactograph.graph import node
-from tactograph.nodes import F4, U1, Metrics, PixelSize
+from tactograph.nodes import F4, F8, U1, Metrics, PixelSize
 from tactograph.nodes.marker.find_markers import Markers, find_markers
 from tactograph.nodes.marker.marker_darkness import Darkness
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.stream.touch import MarkerTracks, Shifts
 
 NEIGHBOUR_PITCHES = 1.6

@@ -15,11 +15,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tactograph.nodes import F4
-
-F8 = NDArray[np.float64]
+from tactograph.nodes import F4, F8
 
 DEGREE = 4
 TERMS = 15

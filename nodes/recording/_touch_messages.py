@@ -11,7 +11,7 @@ import time as clock
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes import Labels, Light
+from tactograph.nodes import F8, Labels, Light
 from tactograph.nodes.files.ros_messages import (
     MM,
     Message,
@@ -20,7 +20,6 @@ from tactograph.nodes.files.ros_messages import (
     image_message,
     text_message,
 )
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.stream.touch import Touch
 
 FILM_FRAME = "film"

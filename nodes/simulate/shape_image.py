@@ -9,7 +9,8 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.array_files import load_array
-from tactograph.nodes.optics.shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
+from tactograph.nodes import F8
+from tactograph.nodes.optics.shape import PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 
 @node

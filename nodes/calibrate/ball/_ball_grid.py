@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.near_light import places
 
 SEARCH_RADIUS_PX = 6.0
 """Radius in px of a ball in the reduced image that is searched."""

@@ -11,12 +11,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-from tactograph.nodes import F4
-
-F8 = NDArray[np.float64]
+from tactograph.nodes import F4, F8
 
 MIN_LIT_LIGHT = 0.06
 """Light below this counts as shadow: neither the ball's shading nor the film at rest."""
@@ -144,10 +141,10 @@ def _products(lit: F8, u: F8, v: F8, radius: float, inside: F8, outside: F8) -> 
 def _symmetric(upper: Sequence[F8]) -> F8:
     """Return the matrix (n x n x ...) whose upper triangle is given row by row."""
     n = int((np.sqrt(8 * len(upper) + 1) - 1) / 2)
-    made = np.empty((n, n, *upper[0].shape))
+    products = np.empty((n, n, *upper[0].shape))
     for i, j, each in zip(*np.triu_indices(n), upper, strict=True):
-        made[i, j] = made[j, i] = each
-    return made
+        products[i, j] = products[j, i] = each
+    return products
 
 
 def _explained_everywhere(normal: F8, right: F8, damping: F8) -> F8:

@@ -6,11 +6,10 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 from scipy import ndimage, optimize
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes import F4, F8, Light, PixelSize
 from tactograph.nodes.calibrate.ball._ball_search import (
     CONTACT_SHARES,
     MAX_CONTACT_DIAGONALS,
@@ -22,8 +21,6 @@ from tactograph.nodes.calibrate.ball._ball_search import (
     search_ball,
     share_of,
 )
-
-F8 = NDArray[np.float64]
 
 MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, U1, Light, PixelSize
+from tactograph.nodes import F4, F8, U1, Light, PixelSize
 from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.capture.read_presses import PressImages
@@ -20,7 +20,6 @@ from tactograph.nodes.light.coarsen_pixel import coarsen_pixel
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.optics.reflectance_map import (
     DEGREE,
-    F8,
     RIDGE,
     SHADES,
     TERMS,

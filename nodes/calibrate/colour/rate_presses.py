@@ -9,7 +9,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
+from tactograph.nodes import F4, F8, U1, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     Bench,
@@ -23,7 +23,6 @@ from tactograph.nodes.calibrate.rating.advise_press import REGIONS
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.calibrate.rating.verdict import advice_after, of_heldout_error, verdict_of
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.optics.reflectance_map import F8
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""

@@ -9,7 +9,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import Light, Metrics, PixelSize
+from tactograph.nodes import F8, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate import FOLDS, MAX_ERROR_RATIO, MAX_INDEPENDENT, SLICES, Circles
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     RIM_ROUNDS,
@@ -23,7 +23,6 @@ from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.reflectance_map import (
     DEGREE,
-    F8,
     SHADES,
     ball_pixels,
     ball_shape,

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.nodes import F8
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.optics.film import rest_below, turned
-from tactograph.nodes.optics.near_light import F8
 
 NORMAL_STEPS = 4
 """Iterations for a normal, which start from the ball's own."""

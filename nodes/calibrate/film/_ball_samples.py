@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, U1, Film
+from tactograph.nodes import F4, F8, U1, Film
 from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, SLICES
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
@@ -16,7 +16,7 @@ from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
-from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.sheet import cut
 
 FITTED_RADIUS_SHARE = 0.95

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import Film
+from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, ball_height
 from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.near_light import F8
 
 MIN_EDGE_RATIO, MAX_EDGE_RATIO = 0.8, 1.25
 """Radii between which the edge is searched for, relative to the known one."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.nodes import Film
+from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.film._film_unknowns import (
     UNKNOWNS_OF_TOUCH_ALONE,
     owners_of,
     stepped,
 )
-from tactograph.nodes.calibrate.film.balls_on_film import F8, Fitted
+from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.film import GRAZING, rest_light

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
-from tactograph.nodes.optics.near_light import F8
 
 MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""
@@ -124,10 +123,10 @@ def unevenness(held: list[Held], pixel: float) -> float:
     for part in held:
         film, balls = part.fitted.film, part.balls
         seen = predicted(balls, part.fitted)
-        made = seen - balls.thrown(part.fitted.shifts, film)
-        lit = made > film.diffuse[:, None] + MIN_DIRECT_LIGHT
-        left, made = np.where(lit, balls.light - seen, 0), np.where(lit, made, 0)
-        brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), MIN_DIRECT_LIGHT)
+        direct = seen - balls.thrown(part.fitted.shifts, film)
+        lit = direct > film.diffuse[:, None] + MIN_DIRECT_LIGHT
+        left, direct = np.where(lit, balls.light - seen, 0), np.where(lit, direct, 0)
+        brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_DIRECT_LIGHT)
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel

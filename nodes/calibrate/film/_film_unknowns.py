@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactograph.nodes import USUAL_RIM_MM, Film
-from tactograph.nodes.calibrate.film.balls_on_film import F8, Fitted
+from tactograph.nodes import F8, USUAL_RIM_MM, Film
+from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import matt_film
 

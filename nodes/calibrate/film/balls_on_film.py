@@ -9,11 +9,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Film
+from tactograph.nodes import F4, F8, Film
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import at_rest, predict
 
-F8 = NDArray[np.float64]
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
 
@@ -135,8 +134,8 @@ def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | N
         )
         thrown, rest = thrown[one], None if rest is None else rest[one]
     n, x, y, z = balls.seen(fitted.shifts, film.camera)
-    made = predict(film, n, x, y, _touched(z, film), rest)
-    return np.asarray(made + thrown)
+    own_light = predict(film, n, x, y, _touched(z, film), rest)
+    return np.asarray(own_light + thrown)
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:

@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
     EMISSION_UNKNOWN,
@@ -28,7 +28,6 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     stepped,
 )
 from tactograph.nodes.calibrate.film.balls_on_film import (
-    F8,
     MIN_WEIGHT_LIGHT,
     Balls,
     Fitted,
@@ -293,10 +292,13 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
-        there, slopes = rest_left(rest, now), by_rest(rest, now, names)
-        flat, firm = slopes.reshape(len(by), -1), (_robust(there / certain) / certain**2).ravel()
-        shared += (flat * firm) @ flat.T
-        right -= flat @ (firm * there.ravel())
+        flat_residual, slopes = rest_left(rest, now), by_rest(rest, now, names)
+        flat, flat_weight = (
+            slopes.reshape(len(by), -1),
+            (_robust(flat_residual / certain) / certain**2).ravel(),
+        )
+        shared += (flat * flat_weight) @ flat.T
+        right -= flat @ (flat_weight * flat_residual.ravel())
     # The flat frame leaves the strengths' common factor free; without one, all of them are free.
     # So a prior holds them.
     strengths = np.arange(3, now.leds.size, UNKNOWNS_PER_LED)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
+    F8,
     Film,
     Light,
     LightPlaces,
@@ -40,7 +41,7 @@ from tactograph.nodes.calibrate.film._film_search import (
     without_bad,
 )
 from tactograph.nodes.calibrate.film._film_unknowns import PARTS
-from tactograph.nodes.calibrate.film.balls_on_film import F8, Balls, predicted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import CELLS
@@ -211,18 +212,18 @@ def pressed_slope(balls: Balls, steepest: float) -> float:
 def _properties(best: Model, rest: Rest | None) -> Metrics:
     """Figures: the light left over, and properties of the sensor for which the model has a part."""
     film = best.fitted.film
-    said: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
+    figures: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
     if film.diffuse.any():
-        said["diffuse_percent"] = float(100 * film.diffuse.mean())
-        said["touched_gain"] = film.gain
+        figures["diffuse_percent"] = float(100 * film.diffuse.mean())
+        figures["touched_gain"] = film.gain
     if film.refraction > 1:
-        said["coat_roughness"], said["coat_index"] = film.roughness, film.refraction
+        figures["coat_roughness"], figures["coat_index"] = film.roughness, film.refraction
     if film.albedo > 0:
-        said["film_albedo"], said["film_rim_mm"] = film.albedo, film.rim
+        figures["film_albedo"], figures["film_rim_mm"] = film.albedo, film.rim
     if film.camera > 0:
-        said["camera_mm"] = 1 / film.camera
-    said["film_residual_percent"] = 100 * best.fitted.scale
+        figures["camera_mm"] = 1 / film.camera
+    figures["film_residual_percent"] = 100 * best.fitted.scale
     if rest is not None:
         left = rest_left(rest, best.fitted)
-        said["flat_residual_percent"] = 100 * float(np.sqrt(np.square(left).mean()))
-    return said
+        figures["flat_residual_percent"] = 100 * float(np.sqrt(np.square(left).mean()))
+    return figures

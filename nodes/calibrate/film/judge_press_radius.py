@@ -84,7 +84,7 @@ def judge_press_radius(
     tried = try_radii(balls, flat, pixel, _directions(balls), strength, shift_px, COARSE_FACTORS, 0)
     doubt = doubt_of_radius(tried, radius_mm)
     figures = {"diffuse_percent": 100 * as_given(tried).diffuse}
-    return RadiusVerdict(figures, [doubt.said] if doubt.said else [])
+    return RadiusVerdict(figures, [doubt.sentence] if doubt.sentence else [])
 
 
 def _directions(balls: Balls) -> F4:

@@ -76,7 +76,7 @@ class Tried(NamedTuple):
 class Doubt(NamedTuple):
     """A sentence against a radius, empty if there is none; whether the light contradicts it."""
 
-    said: str
+    sentence: str
     is_clear: bool
 
 
@@ -133,9 +133,9 @@ def judge_radius(
     trials = try_radii(balls, flat, pixel, lights, strength, shift_px)
     first = float(radius[used[0]])
     doubt = doubt_of_radius(trials, first, _left(fitted))
-    doubts = [doubt.said] if doubt.said else []
+    doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
-        raise InputError(doubt.said + HOW_TO_FORCE)
+        raise InputError(doubt.sentence + HOW_TO_FORCE)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
@@ -230,11 +230,11 @@ def _try(
     """Fit the plain film to balls of other radii and the same contacts."""
     radius = balls.radius * factor
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
-    got = fit(other, rest, PLAIN_PARTS, start, shift_mm, width_mm)
-    flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, got)).mean()))
-    distance = float(np.linalg.norm(got.film.lights, axis=1).mean())
-    diffuse = float(got.film.diffuse.mean())
-    return Tried(factor, float(np.hypot(got.scale, flat)), got.scale, distance, diffuse)
+    fitted = fit(other, rest, PLAIN_PARTS, start, shift_mm, width_mm)
+    flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, fitted)).mean()))
+    distance = float(np.linalg.norm(fitted.film.lights, axis=1).mean())
+    diffuse = float(fitted.film.diffuse.mean())
+    return Tried(factor, float(np.hypot(fitted.scale, flat)), fitted.scale, distance, diffuse)
 
 
 def _best(trials: list[Tried]) -> Tried:
@@ -259,11 +259,14 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tr
     if abs(found_mm / given_mm - 1) < DISTANCE_TOLERANCE:
         return []
     agreeing = [each for each in tried if abs(each.distance / given_mm - 1) < DISTANCE_TOLERANCE]
-    said = f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
+    contradiction = (
+        f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
+    )
     if agreeing and abs((best := _best(agreeing)).factor - 1) > RADIUS_TOLERANCE:
-        return [said + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
+        return [contradiction + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
     share = given_mm / found_mm
     return [
-        said + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
+        contradiction
+        + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
         "large; or led_distance_mm is wrong"
     ]

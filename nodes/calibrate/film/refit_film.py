@@ -10,7 +10,7 @@ from annotated_types import Gt
 from scipy.optimize import least_squares
 
 from tactograph.graph import SizeLimit, node, warn
-from tactograph.nodes import F4, Film, Light, Metrics, Misfit, Noise, PixelSize
+from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     FOLDS,
     MAX_ERROR_RATIO,
@@ -32,7 +32,6 @@ from tactograph.nodes.calibrate.lights.light_fit import (
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.optics.film import rest_light
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import SheetLight
 
 CHECK_SAMPLES = 400

@@ -10,7 +10,7 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, U1, Light, PixelSize
+from tactograph.nodes import F4, F8, U1, Light, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import Placed, place_leds, residual_of, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     DIM_LIGHT,
@@ -22,7 +22,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     sample,
     unreached,
 )
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import hadamard
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
-from tactograph.nodes.optics.near_light import F8, irradiance_ratio
+from tactograph.nodes.optics.near_light import irradiance_ratio
 
 LIGHT_DEVIATION = 0.006
 """Expected standard deviation of the light; beyond twice that, a pixel is an outlier."""

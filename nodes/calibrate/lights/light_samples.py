@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, map_coordinates
 
-from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
+from tactograph.nodes import F4, F8, U1, Height, Labels, Light, Mask, Slope
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.sheet import cut
 
 FLAT_BLOCKS = 32

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F4, U1, Light, Metrics
+from tactograph.nodes import F4, F8, U1, Light, Metrics
 from tactograph.nodes.calibrate.rating.verdict import advice_after
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
 REGIONS = (

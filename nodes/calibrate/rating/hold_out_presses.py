@@ -125,7 +125,7 @@ def hold_out_presses(
     everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
     percent = []
     for i in kept:
-        others = [there for j, there in objects.items() if j != i]
+        others = [other for j, other in objects.items() if j != i]
         placed = place_leds(others, rest, shift_px, width_mm, start=everything)
         shift = shift_of(objects[i], placed, shift_px)
         sigma = light_noise(cut(image, rows)[i], flat, noise)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4
-from tactograph.nodes.optics.reflectance_map import F8, ball_shape
+from tactograph.nodes import F4, F8
+from tactograph.nodes.optics.reflectance_map import ball_shape
 
 JUDGED_RADIUS_SHARE = 0.9
 """Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
-from tactograph.nodes.optics.near_light import F8
 
 MIN_CORRELATION = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""

@@ -10,12 +10,11 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import F4, Height, Light, PixelSize
+from tactograph.nodes import F4, F8, Height, Light, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, TiltResponse
 from tactograph.nodes.calibrate.recheck._led_order import other_order
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.film_drift import terms
-from tactograph.nodes.optics.near_light import F8
 
 MAX_FIT_WIDTH_PX = 160
 """Most pixels along the image's width to which the smooth part is fitted."""

@@ -157,17 +157,18 @@ def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
             f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
             f"{1e3 * deepest:.0f} um: take the capture of the untouched film again"
         )
-    said = []
+    sentences = []
     if deepest:
-        said.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
+        sentences.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
     if scratch.number:
-        said.append(
+        sentences.append(
             f"{scratch.number} marks or scratches, the strongest of {100 * scratch.depth:+.0f} % "
             f"at {scratch.x},{scratch.y} px"
         )
-    if said:
+    if sentences:
         return (
-            " and ".join(said) + ": wipe the film; if it stays, recalibrate with a new flat frame"
+            " and ".join(sentences)
+            + ": wipe the film; if it stays, recalibrate with a new flat frame"
         )
     return "right: no dents, no scratches"
 

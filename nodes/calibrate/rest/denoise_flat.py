@@ -49,15 +49,15 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
     ndarray
         K x H x W.
     """
-    made = flat.copy()
-    for plane, sheet, result in zip(flat, image, made, strict=True):
+    denoised = flat.copy()
+    for plane, sheet, result in zip(flat, image, denoised, strict=True):
         if np.ptp(plane) > 0:
             log_flat, *presses = (
                 np.log(np.maximum(part, MIN_FLAT_LIGHT))
                 for part in (plane, *cut(sheet, len(plane)))
             )
             np.copyto(result, np.exp(_confirmed(log_flat, presses)), where=plane > MIN_FLAT_LIGHT)
-    return made
+    return denoised
 
 
 def _confirmed(flat: F4, presses: list[F4]) -> F4:
