@@ -16,7 +16,7 @@ $compare table1 table1_no_shadow shot_noise=true read_noise=10 \
 SLANTS="--sweep lights.slant_deg=15..60:7"
 $compare table1 table1_no_shadow $SLANTS --out "$OUT/ball"
 for shape in teapot cat; do
-    $compare "$HERE/ablation/$shape.yaml" "$HERE/ablation/${shape}_no_shadow.yaml" \
+    $compare "$HERE/ablation/$shape.yaml" "$HERE/ablation/$shape.yaml/no_shadow" \
         $SLANTS --out "$OUT/$shape"
 done
 "${PYTHON:-python3}" "$HERE/ablation_pictures.py" "$OUT" "$HERE/../docs/pictures"

@@ -19,7 +19,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from importlib import resources
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -32,7 +31,7 @@ from literal import Literal
 
 from tactograph.graph import load
 from tactograph.graph.backends.devices import find_devices
-from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 
 SIZES = "320x240,640x480,1640x1232,4928x3264"
@@ -98,9 +97,7 @@ def former(file: Path) -> dict[tuple[str, int, str, str], dict[str, Any]]:
 def takers() -> list[str]:
     """The pipelines that ship and want nothing but a capture and a calibration."""
     needed = {"capture", "calibration"}
-    files = resources.files("tactograph.pipelines").iterdir()
-    names = sorted(f.name.removesuffix(".yaml") for f in files if f.name.endswith(".yaml"))
-    params = {name: read_graph(name).params for name in names}
+    params = {name: read_graph(name).params for name in shipped_names()}
     return [n for n, p in params.items() if {k for k, v in p.items() if v.required} == needed]
 
 

@@ -33,7 +33,12 @@ from PIL import Image
 
 from tactograph.graph import Provenance, Session
 from tactograph.graph.command import main as tactograph
-from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.files.graph_places import (
+    shipped_graphs,
+    shipped_overlays,
+    shipped_studies,
+)
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
@@ -44,7 +49,7 @@ MOST_BYTES = 2 * 2**30
 ROUND = 10
 """Examples of a kind between two looks at the clock."""
 NOBODY = Provenance({}, None, [], {}, {}, [], [])
-PIPELINES = Path(sys.modules[read_graph.__module__].__file__ or "").parents[2] / "pipelines"
+SHIPPED = [*shipped_graphs().values(), *shipped_studies().values(), *shipped_overlays().values()]
 RUNNABLE = ("reconstruct", "paper", "paper_no_shadow")
 
 NUMBERS = st.sampled_from(
@@ -153,17 +158,17 @@ def _examples(test: Callable[[], None], number: int, end: float) -> None:
 
 
 def graphs(fuzz: Fuzz) -> Callable[[], None]:
-    """Text of a graph that ships, with pieces taken out, doubled, or put in."""
+    """Text of a graph, study or overlay that ships, with pieces taken out, doubled, or put in."""
 
     @given(
-        st.sampled_from(shipped_names()),
+        st.sampled_from(SHIPPED),
         EDITS,
         st.lists(st.tuples(SHARE, WORDS | NUMBERS), max_size=2),
     )
     def test(
-        name: str, edits: list[tuple[str, float, bytes]], words: list[tuple[float, str]]
+        shipped: Path, edits: list[tuple[str, float, bytes]], words: list[tuple[float, str]]
     ) -> None:
-        content = (PIPELINES / f"{name}.yaml").read_bytes()
+        content = shipped.read_bytes()
         for place, word in words:
             tokens = list(TOKEN.finditer(content))
             token = tokens[int(place * len(tokens))]
@@ -172,8 +177,6 @@ def graphs(fuzz: Fuzz) -> Callable[[], None]:
         if not words:
             content = spoilt(content, edits)
         file = fuzz.fresh() / "graph.yaml"
-        for other in PIPELINES.glob("*.yaml"):
-            shutil.copy(other, file.parent)
         file.write_bytes(content)
         fuzz.run("graph", ["check", str(file)])
 

@@ -25,7 +25,7 @@ RIGS = ("ideal", "perspective", "lens", "discs", "gloss", "bounce")
 SCENES = ("calibration", "calibration_off", "sphere_film", "corner_film", "teapot_film", "cat_film")
 GRAPH = """
 format: 1
-extends: {base}
+extends: simulate_hand
 patch:
   - replace: shape
     op: shape_image
@@ -92,8 +92,7 @@ def rendered(height: Path, facts: dict[str, Any]) -> dict[str, Any]:
     bounce = facts["albedo"] if facts.get("bounces") else 0
     with tempfile.TemporaryDirectory() as folder:
         graph = Path(folder) / "rig.yaml"
-        base = ROOT / "pipelines/simulate_hand.yaml"
-        graph.write_text(GRAPH.format(base=base, file=height, disks=str(disc > 0).lower()))
+        graph.write_text(GRAPH.format(file=height, disks=str(disc > 0).lower()))
         pipeline = load(
             str(graph),
             out=Path(folder) / "out",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from typing import TYPE_CHECKING, Any
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
 
 
 def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
-    """Print, with what a terminal would obey made visible: names and titles come from files."""
+    """Print text with control characters made visible: names and titles come from files."""
     click.echo(printable(text), err=err, nl=nl)
 
 
-_WORDS = f"{__name__}.words"
-"""Where a context keeps the words behind a command."""
+_WORDS_KEY = f"{__name__}.words"
+"""The key of a context's entry for the words after a command."""
 
 
 class GraphCommand(click.Command):
-    """A command that runs a graph; behind the graph's name, --help lists its params."""
+    """A command that runs a graph; after the graph's name, --help lists its params."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
-        # --help is dealt with before the other words are.
-        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS]))
+        # --help is handled before the other words.
+        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS_KEY]))
         if not isinstance(words.get("graph"), str):
             return
-        from tactograph.graph.files.read_graph import read_graph
+        from tactograph.graph.files.read_graph import read_graph, with_overlays
 
-        graph = read_graph(words["graph"])
+        graph = with_overlays(read_graph(words["graph"]), words.get("overlays") or ())
         with formatter.section(f"Params of {graph.name}"):
             rows = graph.params.items()
             formatter.write_dl(
@@ -51,14 +51,17 @@ class GraphCommand(click.Command):
             )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta[_WORDS] = [*args]
+        ctx.meta[_WORDS_KEY] = [*args]
         return super().parse_args(ctx, args)
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2
-    """A graph file, or the name of a pipeline that ships."""
+    """A graph file, or the name of a pipeline that ships; with `studies`, of a study too."""
 
     name = "graph"
+
+    def __init__(self, *, studies: bool = False) -> None:
+        self.studies = studies
 
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         return "Name one that ships, of 'tactograph graphs', or a file of your own."
@@ -68,7 +71,7 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
     ) -> list[CompletionItem]:
         from tactograph.graph.commands.completion import complete_graph
 
-        return complete_graph(incomplete)
+        return complete_graph(incomplete, studies=self.studies)
 
 
 def _complete_value(
@@ -76,31 +79,80 @@ def _complete_value(
 ) -> list[CompletionItem]:
     from tactograph.graph.commands.completion import complete_value
 
-    return complete_value(ctx.params.get("graph"), ctx.params.get("values") or (), incomplete)
+    overlays, values = (ctx.params.get(name) or () for name in ("overlays", "values"))
+    return complete_value(ctx.params.get("graph"), overlays, values, incomplete)
+
+
+def _complete_overlay(
+    ctx: click.Context, param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    from tactograph.graph.commands.completion import complete_overlay
+
+    # Click takes no word for the graph where an option still lacks its value.
+    graph = next((word for word in ctx.meta.get(_WORDS_KEY, ()) if not word.startswith("-")), None)
+    return complete_overlay(graph, incomplete)
 
 
 graph_argument = click.argument("graph", type=GraphName())
-values_argument = click.argument(
-    "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
-)
+
+
+def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
+    """Decorate a function as a command that takes a graph and values for its params."""
+    values = click.argument(
+        "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
+    )
+
+    def make(function: Callable[..., None]) -> click.Command:
+        command = click.command(name, cls=GraphCommand, short_help=short_help)
+        return command(graph_argument(values(function)))
+
+    return make
+
+
+with_option = click.option(
+    "--with", "overlays", multiple=True, metavar="OVERLAY", shell_complete=_complete_overlay,
+    help="Lay an overlay, or a variant of the graph, over it; in order, before --set.",
+)  # fmt: skip
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
+    help="Change a parameter of a node.",
+)  # fmt: skip
+
+
+def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> Graph:
+    """Apply ``--with`` and ``--set`` to a graph."""
+    from tactograph.graph.files.changes import with_changes
+    from tactograph.graph.files.read_graph import with_overlays
+    from tactograph.graph.run.typed_values import read_settings
+
+    return with_changes(with_overlays(graph, overlays), read_settings(settings))
+
+
+def run_shipped(graph: str, given: Mapping[str, Any]) -> None:
+    """Run a graph that ships, whose sink prints."""
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.run.open_pipeline import open_pipeline
+
+    with open_pipeline(read_graph(graph), given) as pipeline:
+        for _ in pipeline.items():
+            pass
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What the options of a command that plans a graph were set to."""
+    """The options of a command that plans a graph."""
 
+    overlays: tuple[str, ...]
     settings: tuple[str, ...]
     backend: str | None
     device: str | None
     strict: bool
 
     def read(self, graph: str) -> Graph:
-        """Read a graph with ``--set`` worked in."""
-        from tactograph.graph.files.changes import with_changes
+        """Read a graph and apply ``--with`` and ``--set``."""
         from tactograph.graph.files.read_graph import read_graph
-        from tactograph.graph.run.typed_values import read_settings
 
-        return with_changes(read_graph(graph), read_settings(self.settings))
+        return changed(read_graph(graph), self.overlays, self.settings)
 
     def open(
         self,
@@ -109,8 +161,9 @@ class RunOptions:
         *,
         sinks: bool = True,
         cache: Cache | None = None,
+        outputs: Mapping[str, str] | None = None,
     ) -> Pipeline:
-        """Plan and compile a graph where the options say."""
+        """Plan and compile a graph as the options say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(
@@ -121,14 +174,13 @@ class RunOptions:
             strict=self.strict,
             sinks=sinks,
             cache=cache,
+            outputs=outputs,
         )
 
 
 _RUN_OPTIONS = (
-    click.option(
-        "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
-        help="Change a parameter of a node.",
-    ),
+    with_option,
+    set_option,
     click.option(
         "--backend", type=click.Choice(BACKENDS),
         help="Run on this back end instead of the graph's preference.",
@@ -143,12 +195,12 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(function)
     def with_options(
-        *, settings: tuple[str, ...], backend: str | None, device: str | None, strict: bool,
-        **rest: Any,
+        *, overlays: tuple[str, ...], settings: tuple[str, ...], backend: str | None,
+        device: str | None, strict: bool, **rest: Any,
     ) -> None:  # fmt: skip
-        function(options=RunOptions(settings, backend, device, strict), **rest)
+        function(options=RunOptions(overlays, settings, backend, device, strict), **rest)
 
-    found: Callable[..., None] = with_options
+    decorated: Callable[..., None] = with_options
     for option in reversed(_RUN_OPTIONS):
-        found = option(found)
-    return found
+        decorated = option(decorated)
+    return decorated

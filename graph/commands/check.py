@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import graph_argument, say
+from tactograph.graph.commands import GraphName, changed, say, set_option, with_option
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
@@ -15,18 +15,22 @@ if TYPE_CHECKING:
 
 
 @click.command("check", short_help="Verify a graph without running it.")
-@graph_argument
-@click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
-def command(graph: str, settings: tuple[str, ...]) -> None:
-    """Read GRAPH, resolve it, compare types, units and sizes, and list its params."""
-    from tactograph.graph.backends.device_backend import open_device
-    from tactograph.graph.files.changes import with_changes
-    from tactograph.graph.files.groups import alike, uses_of
-    from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.run.typed_values import read_settings
+@click.argument("graph", metavar="GRAPH|STUDY", type=GraphName(studies=True))
+@with_option
+@set_option
+def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
+    """Resolve GRAPH, or each of STUDY, compare types, units and sizes, and list the params."""
+    from tactograph.graph.files.read_graph import read_graphs
 
-    read = with_changes(read_graph(graph), read_settings(settings))
+    for read in read_graphs(graph):
+        _check(changed(read, overlays, settings))
+
+
+def _check(read: Graph) -> None:
+    from tactograph.graph.backends.device_backend import open_device
+    from tactograph.graph.files.groups import alike, uses_of
+    from tactograph.graph.plan.make_plan import make_plan
+
     bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
     device, reason = open_device(bound)
     # `check` does not say where nodes run, so it need not load a device.
@@ -37,7 +41,7 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
     for line in _written(read, plan):
         say(f"writes: {line}")
     for unused in plan.unused:
-        # A use of a group need not want all that the group makes.
+        # A use of a group may leave outputs unread.
         if not any(node in plan.tasks for node in alike(read, unused)):
             say(f"not used by any output: {unused}")
     for group in read.groups:
@@ -49,8 +53,8 @@ def command(graph: str, settings: tuple[str, ...]) -> None:
 
 
 def _written(graph: Graph, plan: Plan) -> list[str]:
-    """Where the graph's sinks write, and nodes that take one of its places for results."""
-    found = []
+    """Settings that name places to write to, with those places."""
+    written = []
     for task in plan.tasks.values():
         for name, parameter in task.node.parameters.items():
             setting = task.entry.settings.get(name, parameter.default)
@@ -59,5 +63,5 @@ def _written(graph: Graph, plan: Plan) -> list[str]:
             param = graph.params.get(str(setting)[1:]) if str(setting).startswith("$") else None
             if task.node.sink or setting == "$out":
                 default = "" if param is None or param.default is None else f" ({param.default})"
-                found.append(f"{task.id}.{name} to {setting}{default}")
-    return found
+                written.append(f"{task.id}.{name} to {setting}{default}")
+    return written

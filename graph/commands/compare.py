@@ -6,11 +6,11 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import GraphName, say
+from tactograph.graph.commands import GraphName, say, with_option
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
-@click.argument("words", nargs=-1, metavar="GRAPH... [NAME=VALUE]...", type=GraphName())
+@click.argument(
+    "words", nargs=-1, metavar="GRAPH|STUDY... [NAME=VALUE]...", type=GraphName(studies=True)
+)
 @click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
+@with_option
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option(
@@ -41,19 +44,11 @@ if TYPE_CHECKING:
     help="Folder for results, tables and report.  [default: report]",
 )  # fmt: skip
 def command(
-    words: tuple[str, ...],
-    over: tuple[str, ...],
-    backends: str | None,
-    device: str | None,
-    sweeps: tuple[str, ...],
-    seed: str | None,
-    repeats: int,
-    again: Path | None,
-    out: Path | None,
+    words: tuple[str, ...], again: Path | None, out: Path | None, repeats: int, **choices: Any
 ) -> None:
-    """Run every GRAPH on every capture on every back end.
+    """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
-    NAME=VALUE goes to every variant.  Folders among the words, as a shell makes them from
+    NAME=VALUE and --with go to every graph.  Folders among the words, as a shell makes them from
     DIR/*, are further captures.  What was finished before is not run again.
     """
     from tactograph.graph.compare.comparison_record import (
@@ -67,10 +62,10 @@ def command(
 
     if again is None:
         values = [word for word in words if "=" in word]
-        study = _read_study(words, over, backends, device, sweeps, seed, repeats)
+        study = _read_study(words, repeats=repeats, **choices)
         _compare(study, values, out or Path("report"))
         return
-    if words or over or backends or device or sweeps or seed or repeats > 1:
+    if words or any(choices.values()) or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
     then = read_record(again)
     former = read_rows(again)
@@ -82,48 +77,64 @@ def command(
 
 
 def _read_study(
-    words: tuple[str, ...],
-    over: tuple[str, ...],
+    words: Sequence[str],
+    *,
+    over: Sequence[str],
+    overlays: Sequence[str],
     backends: str | None,
     device: str | None,
-    sweeps: tuple[str, ...],
+    sweeps: Sequence[str],
     seed: str | None,
     repeats: int,
 ) -> Study:
-    from tactograph.graph.backends import BACKENDS
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
     from tactograph.graph.files.captures_in import captures_in
-    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.run.typed_values import read_words
 
-    missing = [word for word in over if not Path(word).is_dir()]
-    if missing:
-        raise InputError(f"--over {missing[0]}: there is no such folder")
-    folders = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
-    captures = [capture for folder in folders for capture in captures_in(folder)]
-    names = [w for w in words if "=" not in w and not Path(w).is_dir()]
+    values = [word for word in words if "=" in word]
+    others = [word for word in words if "=" not in word]
+    folders = _folders(others, over)
+    names = [word for word in others if not Path(word).is_dir()]
     if not names:
         raise InputError(
             "compare needs at least one graph; 'tactograph graphs' lists those that ship"
         )
-    wanted: list[str | None] = list(backends.split(",")) if backends else [None]
-    for backend in wanted:
-        if backend not in (*BACKENDS, None):
-            raise InputError(f"--backends {backends}: there are {', '.join(BACKENDS)}")
-    graphs = [read_graph(name) for name in names]
-    values = [word for word in words if "=" in word]
+    graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
     return Study(
         graphs=graphs,
         given={graph.name: read_words(graph, values) for graph in graphs},
-        captures=captures,
-        backends=wanted,
+        captures=[capture for folder in folders for capture in captures_in(folder)],
+        backends=_read_backends(backends),
         device=device,
         sweeps=[read_sweep(word) for word in sweeps],
         seed=seed,
         repeats=repeats,
     )
+
+
+def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
+    """The folders of captures, those of ``--over`` first."""
+    from tactograph.graph.errors import InputError
+
+    for word in over:
+        if not Path(word).is_dir():
+            raise InputError(f"--over {word}: there is no such folder")
+    return [Path(word) for word in (*over, *words) if Path(word).is_dir()]
+
+
+def _read_backends(text: str | None) -> list[str | None]:
+    from tactograph.graph.backends import BACKENDS
+    from tactograph.graph.errors import InputError
+
+    if not text:
+        return [None]
+    names = text.split(",")
+    if not {*names} <= {*BACKENDS}:
+        raise InputError(f"--backends {text}: there are {', '.join(BACKENDS)}")
+    return [*names]
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import click
 
-from tactograph.graph.commands import graph_argument, say
+from tactograph.graph.commands import changed, graph_argument, say, set_option, with_option
 
 
 @click.command("resolve", short_help="Print the flat graph behind a variant.")
 @graph_argument
-@click.option("--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE")
-def command(graph: str, settings: tuple[str, ...]) -> None:
+@with_option
+@set_option
+def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
     """Print GRAPH with 'extends' and 'patch' worked in: a graph file by itself."""
-    from tactograph.graph.files.changes import with_changes
     from tactograph.graph.files.dump_graph import dump_graph
     from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.run.typed_values import read_settings
 
-    read = with_changes(read_graph(graph), read_settings(settings))
-    say(dump_graph(read), nl=False)
+    say(dump_graph(changed(read_graph(graph), overlays, settings)), nl=False)

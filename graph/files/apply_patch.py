@@ -17,11 +17,10 @@ from tactograph.graph.files.patch_groups import (
     put_use,
 )
 from tactograph.graph.files.patch_verbs import VERBS, Change, Places
-from tactograph.graph.files.strict_yaml import Place
 
 _ALLOWED: dict[str, tuple[set[str], set[str]]] = {
     # verb: (required keys, optional keys)
-    "set": ({"settings"}, set()),
+    "set": (set(), {"inputs", "settings"}),
     "replace": (set(), {"op", "group", "inputs", "settings"}),
     "insert": (set(), {"op", "group", "inputs", "settings", "after"}),
     "remove": (set(), set()),
@@ -48,7 +47,7 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
             f"this one has {' and '.join(verbs) or 'none'}"
         )
     verb = verbs[0]
-    _check_keys(verb, change, place)
+    _check_keys(verb, change, places)
     target = str(change[verb])
     group, dot, inner = target.partition(".")
     if dot and group in graph.groups:
@@ -68,12 +67,18 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     return VERBS[verb](graph, target, flat_change(graph, change, places, ""), places)
 
 
-def _check_keys(verb: str, change: Change, place: Place) -> None:
+def _check_keys(verb: str, change: Change, places: Places) -> None:
+    place = places[""]
     given = set(change) - {verb}
     required, optional = _ALLOWED[verb]
     for key in sorted(required - given):
         raise GraphError(f"{place}: {verb} needs '{_IN_FILE.get(key, key)}'")
     for key in sorted(given - required - optional):
         raise GraphError(f"{place}: {verb} takes no '{_IN_FILE.get(key, key)}'")
+    if verb == "set" and not given:
+        raise GraphError(f"{place}: set needs 'with' or 'in'")
+    for port, reference in change.get("inputs", {}).items():
+        if reference is None and verb != "set":
+            raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
     if "op" in optional and len(given & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")

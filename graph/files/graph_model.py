@@ -1,8 +1,8 @@
-"""What a graph file may say, as pydantic models: for reading it, and for its JSON schema."""
+"""Pydantic models of graph files: they check what is read, and give the JSON schema."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -13,17 +13,17 @@ from pydantic import (
     StringConstraints,
     Tag,
     ValidationError,
+    WithJsonSchema,
 )
 
 from tactograph.graph.backends import Backend
+from tactograph.graph.disk.strict_yaml import Document, Path_
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.flat_graph import FORMAT
-from tactograph.graph.files.strict_yaml import Document, Path_
 
+FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
-
 _WANTED = {
     "model_type": "a mapping is needed",
     "dict_type": "a mapping is needed",
@@ -35,10 +35,24 @@ _WANTED = {
 
 
 def _whole(value: Any) -> Any:
-    """Keep `true` and 1.0, which equal 1 to Python, from passing for it."""
+    """Refuse `true` and 1.0, which Python holds equal to 1."""
     if type(value) is not int:
         raise ValueError("a whole number is needed")
     return value
+
+
+Format = Annotated[
+    Literal[1],
+    BeforeValidator(_whole),
+    Field(description="The version of this file format."),
+]
+Names = Annotated[
+    list[str],
+    Field(min_length=1),
+    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
+]
+"""One name, or a list of them."""
 
 
 class _Strict(BaseModel):
@@ -96,7 +110,7 @@ AnyNode = Annotated[
 
 
 class GroupInputModel(_Strict):
-    """What nodes of a group read from around it."""
+    """Input of a group: a value that its nodes read from outside."""
 
     help: str = Field("", description="One line for people.")
     default: Reference | None = Field(
@@ -130,6 +144,33 @@ class GroupModel(_Strict):
     )
 
 
+class GroupFileModel(GroupModel):
+    """A file that holds one group."""
+
+    format: Format
+
+
+class SharedGroupModel(_Strict):
+    """A group that is read from a file, with changes made here."""
+
+    extends: str = Field(description="The file of the group.")
+    patch: list[PatchModel] = Field([], description="Changes to its nodes.")
+
+
+_FROM_FILE, _HERE = "(extends)", "(nodes)"
+
+
+def _file_or_here(value: Any) -> str:
+    return _FROM_FILE if isinstance(value, dict) and "extends" in value else _HERE
+
+
+_TAGS = (_AN_OP, _A_GROUP, _FROM_FILE, _HERE)
+AnyGroup = Annotated[
+    Annotated[SharedGroupModel, Tag(_FROM_FILE)] | Annotated[GroupModel, Tag(_HERE)],
+    Discriminator(_file_or_here),
+]
+
+
 class PatchModel(_Strict):
     """One change to the graph that is extended; exactly one verb.
 
@@ -137,7 +178,9 @@ class PatchModel(_Strict):
     """
 
     set: Reference | None = Field(
-        None, description="Change parameters (`with`) of this node, or of a use of a group."
+        None,
+        description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
+        "parameters of a use of a group.",
     )
     replace: Reference | None = Field(None, description="Put another node in this one's place.")
     insert: Reference | None = Field(None, description="Add a node, `after` a reference if given.")
@@ -146,7 +189,7 @@ class PatchModel(_Strict):
     neutral: Reference | None = Field(None, description="Let this node's neutral value stand in.")
     op: Name | None = None
     group: Name | None = Field(None, description="In place of `op`: use this group.")
-    inputs: dict[Name, Reference] | None = Field(None, alias="in")
+    inputs: dict[Name, Reference | None] | None = Field(None, alias="in")
     settings: dict[Name, Any] | None = Field(None, alias="with")
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."
@@ -154,49 +197,77 @@ class PatchModel(_Strict):
     to: Backend | None = None
 
 
-class GraphModel(_Strict):
-    """A graph file, or, with `extends`, a change to another one."""
+class ChangeModel(_Strict):
+    """Keys that graph files and variants share."""
 
-    format: Annotated[Literal[1], BeforeValidator(_whole)] = Field(
-        description="The version of this file format."
-    )
     title: str = ""
-    extends: str | None = Field(None, description="Another graph file, or a shipped one's name.")
     params: dict[Name, ParamModel] = {}
     prefer: Annotated[list[Backend], Field(min_length=1)] | None = Field(
         None, description="Back ends in order of preference."
     )
-    groups: dict[Name, GroupModel] = Field(
+    groups: dict[Name, AnyGroup] = Field(
         {}, description="Nodes that are defined once and used several times."
     )
-    nodes: dict[Reference, AnyNode] | None = None
     patch: list[PatchModel] | None = None
     outputs: dict[Name, Reference | None] = Field(
-        {}, description="null, with `extends`: the other graph's output is not wanted."
+        {}, description="null, in a change: the other graph's output is not wanted."
     )
 
 
-def validate(document: Document) -> GraphModel:
-    """What a document says.
+class VariantModel(ChangeModel):
+    """A named change to a graph."""
+
+    base: str | None = Field(None, description="A graph in place of that of the file.")
+    extends: Names = Field([], description="Overlays that are laid over the graph first.")
+
+
+class GraphModel(ChangeModel):
+    """A graph file; with `extends`, a change to another graph; without nodes, an overlay."""
+
+    format: Format
+    extends: Names = Field(
+        [],
+        description="Another graph's file or name, then overlays that are laid over it in order.",
+    )
+    nodes: dict[Reference, AnyNode] | None = None
+    variants: dict[Name, VariantModel] = Field(
+        {}, description="Named changes: GRAPH_NAME is this graph with the change NAME."
+    )
+
+
+class StudyModel(_Strict):
+    """Variants of one graph, to be compared."""
+
+    format: Format
+    title: str = ""
+    base: str = Field(description="The graph that the variants change.")
+    variants: Annotated[dict[Name, VariantModel], Field(min_length=1)]
+
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def validate(document: Document, model: type[Model]) -> Model:
+    """Check a document against its model.
 
     Raises
     ------
     GraphError
-        With the place of the first thing that no graph file may say.
+        With the place of the first thing that no file of this kind may say.
     """
     if not isinstance(document.data, dict):
         raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")
     try:
-        return GraphModel.model_validate(document.data)
+        return model.model_validate(document.data)
     except ValidationError as error:
-        raise GraphError(_first_error(error, document)) from None
+        raise GraphError(_first_error(error, document, model)) from None
 
 
-def _first_error(error: ValidationError, document: Document) -> str:
+def _first_error(error: ValidationError, document: Document, whole: type[BaseModel]) -> str:
     first = error.errors()[0]
     kind = first["type"]
-    model = _model_at(first["loc"])
-    path: Path_ = tuple(part for part in first["loc"] if part not in (_AN_OP, _A_GROUP))
+    model = _model_at(whole, first["loc"])
+    path: Path_ = tuple(part for part in first["loc"] if part not in _TAGS)
     if path[-1] == "[key]" and kind != "extra_forbidden":
         path = path[:-1]
     place = document.place(path)
@@ -223,15 +294,17 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _model_at(loc: Path_) -> type[BaseModel]:
-    """What stands at a place where something is wrong."""
+def _model_at(whole: type[BaseModel], loc: Path_) -> type[BaseModel]:
+    """Return the model at the place of an error."""
     if _A_GROUP in loc:
         return UseModel
     if _AN_OP in loc:
         return NodeModel
-    whole: type[BaseModel] = GraphModel
+    if loc[0] == "variants" and len(loc) > 2:
+        return _model_at(VariantModel, loc[2:])
+    if loc[0] == "groups" and len(loc) > 3:
+        return _model_at(SharedGroupModel if loc[2] == _FROM_FILE else GroupModel, loc[3:])
     parts: dict[str | int, type[BaseModel]] = {"params": ParamModel, "patch": PatchModel}
-    if loc[0] == "groups":
-        loc, whole = loc[2:], GroupModel
+    if issubclass(whole, GroupModel):
         parts = {"inputs": GroupInputModel, "params": GroupParamModel}
     return parts.get(loc[0], whole) if len(loc) > 1 else whole

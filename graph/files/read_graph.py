@@ -1,105 +1,73 @@
-"""Read a graph file: strict YAML, `extends` followed, patches applied, all errors placed."""
+"""Read a graph: strict YAML, `extends` followed, overlays laid over it, all errors placed."""
 
 from __future__ import annotations
 
-import importlib.util
 import os
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
-from importlib import resources
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.backends import PREFERRED
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.apply_patch import apply_patch
-from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
-from tactograph.graph.files.graph_model import (
-    GraphModel,
-    GroupInputModel,
-    GroupParamModel,
-    NodeModel,
-    ParamModel,
-    UseModel,
-    validate,
+from tactograph.graph.files.flat_graph import Graph, split_previous, split_reference
+from tactograph.graph.files.graph_model import GraphModel, VariantModel, validate
+from tactograph.graph.files.graph_places import (
+    find_file,
+    shipped_graphs,
+    shipped_overlays,
+    shipped_studies,
 )
-from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.lay_over import alone, blamed_on, laid_over
+from tactograph.graph.files.layer import Layer, read_layer
 from tactograph.graph.files.plain_data import as_document
-from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
-GROUP = "tactograph.pipelines"
+Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
+"""A graph by name, by path, as plain data, or as it is."""
+Chain = tuple[str, ...]
+"""The files and variants whose `extends` led here."""
+_OVERLAYS = "overlays, for --with"
 
 
 def shipped_names() -> list[str]:
-    """The bare names of the pipelines that ship."""
-    folder = resources.files("tactograph.pipelines")
-    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".yaml"))
+    """Bare names of the shipped graphs, variants included."""
+    folders = shipped_titles()
+    del folders[_OVERLAYS]
+    return sorted(name for titles in folders.values() for name in titles)
 
 
-def graph_file(name: str, beside: Path | None = None) -> Path:
-    """Resolve a path, a bare name or ``package/name`` to a graph file.
+def shipped_titles() -> dict[str, dict[str, str]]:
+    """Titles of what ships, by folder and name; variants of a study stand under the study."""
+    found: dict[str, dict[str, str]] = {}
+    for name, file in {**shipped_graphs(), **shipped_studies()}.items():
+        layer = read_layer(file)
+        heading = f"study {name}, for compare" if layer.base else file.parent.name
+        titles = found.setdefault(heading, {})
+        if not layer.base:
+            titles[name] = layer.model.title
+        for key, variant in layer.variants(layer.base or name).items():
+            titles[f"{variant.base}_{key}"] = variant.model.title
+    overlays = shipped_overlays().items()
+    return {**found, _OVERLAYS: {name: read_layer(file).model.title for name, file in overlays}}
 
-    A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
-    point's name is what is said before the slash, its value the package with the files.
+
+def graph_file(name: str) -> Path:
+    """Return the file that holds the graph of that name.
 
     Raises
     ------
     InputError
         If there is neither such a file nor a shipped pipeline of that name.
     """
-    package, slash, graph = name.partition("/")
-    if slash and "/" not in graph and (folder := _plugin_folder(package)) is not None:
-        if (folder / f"{graph}.yaml").is_file():
-            return folder / f"{graph}.yaml"
-        known = sorted(file.stem for file in folder.glob("*.yaml"))
-        raise InputError(
-            f"the package {package} brings no pipeline '{graph}'{did_you_mean(graph, known)}"
-            f" (it brings: {', '.join(known) or 'none'})"
-        )
-    if name.endswith((".yaml", ".yml")) or "/" in name:
-        path = Path(name)
-        if beside is not None and not path.is_absolute():
-            path = beside / path
-        if _is_file(path):
-            return path
-        if path.name == name and name.removesuffix(".yaml") in shipped_names():
-            return Path(str(resources.files("tactograph.pipelines") / name))
-        raise InputError(f"{path}: there is no such graph file")
-    if name not in shipped_names():
-        hint = did_you_mean(name, shipped_names())
-        there = f" (the shipped ones are: {', '.join(shipped_names())})"
-        raise InputError(
-            f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint or there}"
-        )
-    return Path(str(resources.files("tactograph.pipelines") / f"{name}.yaml"))
-
-
-def _plugin_folder(package: str) -> Path | None:
-    """The folder of pipelines that an installed package brings under a name."""
-    for point in entry_points(group=GROUP, name=package):
-        spec = importlib.util.find_spec(point.value)
-        for place in (spec and spec.submodule_search_locations) or ():
-            return Path(place)
-        raise InputError(
-            f"the pipelines of {package} should lie in {point.value}; it is no package"
-        )
-    return None
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that no file can have
-        return False
-
-
-Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
-"""A graph by name, by path, as plain data, or as it is."""
+    file = find_file(_file_and_variant(name)[0], None, shipped_graphs())
+    return file or Path(read_graph(name).places[""].file)
 
 
 def read_graph(source: Source) -> Graph:
-    """Read a graph: a path, the bare name of a shipped pipeline, or plain data like a file's.
+    """Read a graph: a path, the name of a shipped pipeline, or plain data like a file's.
+
+    ``FILE.yaml/NAME`` is a variant of a file of one's own, ``GRAPH_NAME`` one of a shipped graph,
+    or the graph with a shipped overlay.
 
     Raises
     ------
@@ -111,155 +79,229 @@ def read_graph(source: Source) -> Graph:
     if isinstance(source, Graph):
         return source
     if isinstance(source, Mapping):
-        return _resolved(as_document(source), "graph", Path(), ())
-    return _read(graph_file(os.fspath(source)), ())
+        document = as_document(source)
+        return _graph_of(
+            Layer(validate(document, GraphModel), document, "graph", Path("graph")), ()
+        )
+    return _named(os.fspath(source), None, ())
 
 
-def _read(file: Path, chain: tuple[Path, ...]) -> Graph:
-    if file.resolve() in chain:
-        loop = " -> ".join(p.name for p in (*chain, file))
-        raise GraphError(f"{file}: 'extends' runs in a loop: {loop}")
-    return _resolved(read_yaml(file), file.stem, file.parent, (*chain, file.resolve()))
+def read_graphs(name: str) -> list[Graph]:
+    """The graph of that name; of a study, its base and all its variants."""
+    file = None
+    with suppress(InputError):  # which `read_graph` tells
+        file = find_file(name, None, shipped_studies())
+    if file is None or not (layer := read_layer(file)).base:
+        return [read_graph(name)]
+    base = _graph_of(layer, ())
+    return [base, *(_lay(base, variant, ()) for variant in base.variants.values())]
 
 
-def _resolved(document: Document, name: str, folder: Path, chain: tuple[Path, ...]) -> Graph:
-    """The graph of a document that lies in `folder`, with `extends` followed."""
-    model = validate(document)
-    if model.extends is None:
-        return _flat(model, document, name)
+def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:
+    """Lay overlays over a graph, in order: its own variants, shipped ones, or files.
+
+    Raises
+    ------
+    InputError
+        If there is no such overlay, or it does not fit the graph.
+    """
+    for name in names:
+        graph = _overlaid(graph, name, None, (), whole=True)
+    return graph
+
+
+def _file_and_variant(name: str) -> tuple[str, str]:
+    """Split ``FILE.yaml/NAME``."""
+    file, _, key = name.rpartition("/")
+    return (file, key) if file.endswith((".yaml", ".yml")) else (name, "")
+
+
+def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
+    file_name, key = _file_and_variant(name)
+    try:
+        file = find_file(file_name, beside, shipped_graphs())
+    except InputError:
+        # A shipped variant may be named FILE.yaml, as a shipped graph may.
+        if _shipped_variant(name.removesuffix(".yaml")) is None:
+            raise
+        file, name = None, name.removesuffix(".yaml")
+    if file is None:
+        return _composed(name, chain)
+    layer = read_layer(file)
+    graph = _graph_of(layer, chain)
+    if not key:
+        if layer.base:
+            raise InputError(_of_a_study(name, graph))
+        return graph
+    if key not in graph.variants:
+        known = graph.variants
+        hint = did_you_mean(key, known) or f" (it has: {', '.join(known) or 'none'})"
+        raise InputError(f"{file}: there is no variant '{key}'{hint}")
+    return _lay(graph, graph.variants[key], chain)
+
+
+def _composed(name: str, chain: Chain) -> Graph:
+    """A shipped graph whose name is followed by those of variants or overlays."""
+    variant = _shipped_variant(name)
+    if variant is not None:
+        return _lay(_named(variant.base, None, chain), variant, chain)
+    for first, rest in _splits(name):
+        if first in shipped_graphs():
+            graph = _named(first, None, chain)
+            overlays = _in_words(rest, graph.variants)
+            if overlays:
+                return with_overlays(graph, overlays)
+    if name in shipped_studies():
+        raise InputError(_of_a_study(name, read_graphs(name)[0]))
+    if name in shipped_overlays():
+        raise InputError(
+            f"'{name}' is an overlay; lay it over a graph: 'tactograph run GRAPH --with {name}'"
+        )
+    hint = did_you_mean(name, shipped_names())
+    there = f" (the shipped ones are: {', '.join(shipped_names())})"
+    raise InputError(
+        f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint or there}"
+    )
+
+
+def _of_a_study(name: str, base: Graph) -> str:
+    graphs = ", ".join(f"{base.name}_{key}" for key in base.variants)
+    return f"'{name}' is a study; 'tactograph compare {name}' runs all its graphs: {graphs}"
+
+
+def _shipped_variant(name: str) -> Layer | None:
+    """The shipped variant that ``GRAPH_VARIANT`` names, if there is one."""
+    graphs = shipped_graphs()
+    files = [graphs[first] for first, _ in _splits(name) if first in graphs]
+    for file in (*files, *shipped_studies().values()):
+        layer = read_layer(file)
+        for key, variant in layer.variants(layer.base or layer.name).items():
+            if name == f"{variant.base}_{key}":
+                return variant
+    return None
+
+
+def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
+    """Overlays and variants whose names are joined in a text; empty if a part is neither."""
+
+    def is_known(name: str) -> bool:
+        known = name in variants or name in shipped_overlays()
+        return known or _shipped_variant(name) is not None
+
+    if is_known(text):
+        return (text,)
+    for first, rest in _splits(text):
+        if is_known(first) and (others := _in_words(rest, variants)):
+            return (first, *others)
+    return ()
+
+
+def _splits(words: str) -> Iterator[tuple[str, str]]:
+    return ((words[:at], words[at + 1 :]) for at, c in enumerate(words) if c == "_")
+
+
+def _further(chain: Chain, layer: Layer) -> Chain:
+    """Add a file or variant to the chain; refuse one that is already in it."""
+    if layer.id in chain:
+        loop = " -> ".join(Path(each).name for each in (*chain, layer.id))
+        raise GraphError(f"{layer.file}: 'extends' runs in a loop: {loop}")
+    return (*chain, layer.id)
+
+
+def _graph_of(layer: Layer, chain: Chain) -> Graph:
+    """The graph of a file, with `extends` followed; of a study, its base."""
+    model, chain = layer.model, _further(chain, layer)
+    assert isinstance(model, GraphModel)
+    if not model.extends:
+        return replace(alone(layer), variants=layer.variants(layer.name))
     if model.nodes is not None:
         raise GraphError(
-            f"{document.place(('nodes',))}: a file that extends another has no 'nodes'; "
+            f"{layer.document.place(('nodes',))}: a file that extends another has no 'nodes'; "
             "add one with '- insert: ID' under 'patch'"
         )
+    with blamed_on(layer.place(0)):
+        graph = _named(model.extends[0], layer.file.parent, chain)
+    if layer.base:
+        return replace(graph, variants=layer.variants(graph.name))
+    for index, name in enumerate(model.extends[1:], start=1):
+        with blamed_on(layer.place(index)):
+            graph = _overlaid(graph, name, layer.file.parent, chain)
+    # A variant with its own base is a variant of that graph alone.
+    inherited = {key: each for key, each in graph.variants.items() if _base_of(each) is None}
+    return replace(
+        laid_over(graph, layer),
+        name=layer.name,
+        title=model.title or graph.title,
+        variants={**inherited, **layer.variants(layer.name)},
+    )
+
+
+def _base_of(layer: Layer) -> str | None:
+    return layer.model.base if isinstance(layer.model, VariantModel) else None
+
+
+def _overlaid(
+    graph: Graph, name: str, beside: Path | None, chain: Chain, *, whole: bool = False
+) -> Graph:
+    """Lay an overlay or a variant over a graph.
+
+    With `whole`, nothing follows that could give it what it lacks then.
+    """
+    layer = _overlay(graph.variants, name, beside, chain)
     try:
-        parent_file = graph_file(model.extends, beside=folder)
-    except InputError as error:
-        raise GraphError(f"{document.place(('extends',))}: {error}") from None
-    parent = _read(parent_file, chain)
-    _refuse_taken(model.groups, {*parent.nodes, *parent.uses}, parent.groups, document)
-    merged = Graph(
-        name=name,
-        title=model.title or parent.title,
-        params={**parent.params, **_params(model.params, document, ("params",))},
-        prefer=tuple(model.prefer) if model.prefer is not None else parent.prefer,
-        nodes=parent.nodes,
-        outputs=_wanted({**parent.outputs, **model.outputs}),
-        places={**parent.places, **_places(document, ())},
-        groups={**parent.groups, **_groups(model, document)},
-        uses=parent.uses,
-    )
-    merged = _flat_outputs(merged)
-    for index, change in enumerate(model.patch or []):
-        places = _places(document, ("patch", index))
-        stated = {name: getattr(change, name) for name in change.model_fields_set}
-        merged = apply_patch(merged, stated, places)
-    return _flat_outputs(merged)
+        laid = _lay(graph, layer, chain)
+        if whole:
+            _refuse_gaps(graph, laid)
+    except GraphError as error:
+        raise InputError(f"'{name}' does not fit {graph.name}: {error}") from None
+    return laid
 
 
-def _flat(model: GraphModel, document: Document, name: str) -> Graph:
-    if model.patch is not None:
-        raise GraphError(f"{document.place(('patch',))}: 'patch' needs 'extends'")
-    if not model.nodes:
-        raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")
-    _refuse_taken(model.groups, model.nodes, (), document)
-    for node_id in model.nodes:
-        inside = {node_id[:at] for at, letter in enumerate(node_id) if letter == "."}
-        for outer in sorted(inside & model.nodes.keys()):
-            raise GraphError(
-                f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
-            )
-    graph = Graph(
-        name=name,
-        title=model.title,
-        params=_params(model.params, document, ("params",)),
-        prefer=tuple(model.prefer if model.prefer is not None else PREFERRED),
-        nodes={},
-        outputs=_wanted(model.outputs),
-        places=_places(document, ()),
-        groups=_groups(model, document),
-    )
-    return _flat_outputs(with_nodes(graph, _entries(model.nodes, document, ("nodes",))))
+def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chain: Chain) -> Layer:
+    """One of some variants, an overlay, or a variant of another graph, by its full name.
+
+    A variant extends the overlay of its own name, not itself.
+    """
+    if name in variants and variants[name].id not in chain:
+        return variants[name]
+    file = find_file(name, beside, shipped_overlays())
+    if file is None:
+        variant = _shipped_variant(name)
+        if variant is not None:
+            return replace(variant, name=name)
+        known = [*variants, *shipped_overlays()]
+        hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
+        if name in shipped_graphs():
+            hint = "; it is a graph, and only the first of 'extends' can be one"
+        raise InputError(f"there is no overlay '{name}'{hint}")
+    layer = read_layer(file)
+    for key in ("base", "nodes", "variants"):
+        if key in layer.document.data:
+            raise GraphError(f"{layer.document.place((key,))}: an overlay has no '{key}'")
+    return layer
 
 
-def _flat_outputs(graph: Graph) -> Graph:
-    outputs = {
-        name: flat_reference(graph, reference, "", graph.where(f"outputs.{name}"))
-        for name, reference in graph.outputs.items()
-    }
-    return replace(graph, outputs=_wanted(outputs))
+def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
+    """Lay a variant or an overlay over a graph, after the overlays that it extends."""
+    chain, below, base = _further(chain, layer), graph, _base_of(layer)
+    if base is not None:
+        with blamed_on(layer.document.place(("base",))):
+            if layer.base != graph.name:
+                raise InputError("a graph of its own, which lies over no other")
+            below = _named(base, layer.file.parent, chain)
+    for index, name in enumerate(layer.model.extends):
+        with blamed_on(layer.place(index)):
+            below = _lay(below, _overlay(layer.beside, name, layer.file.parent, chain), chain)
+    title = layer.model.title
+    if layer.base != graph.name or not title:
+        title = ", ".join(filter(None, [graph.title, layer.name if layer.base else title]))
+    return replace(laid_over(below, layer), name=f"{graph.name}_{layer.name}", title=title)
 
 
-def _entries(
-    nodes: Mapping[str, NodeModel | UseModel], document: Document, path: Path_
-) -> dict[str, Entry | Use]:
-    found: dict[str, Entry | Use] = {}
-    for node_id, node in nodes.items():
-        places = _places(document, (*path, node_id))
-        if isinstance(node, UseModel):
-            found[node_id] = Use(node.group, node.inputs, node.settings, places)
-        else:
-            found[node_id] = Entry(
-                node.op, node.inputs, node.settings, node.backend, node.neutral, places
-            )
-    return found
-
-
-def _groups(model: GraphModel, document: Document) -> dict[str, Group]:
-    found: dict[str, Group] = {}
-    for name, stated in model.groups.items():
-        path: Path_ = ("groups", name)
-        entries = _entries(stated.nodes, document, (*path, "nodes"))
-        body = Graph(
-            name=name,
-            title="",
-            params=_params(stated.params, document, (*path, "params")),
-            prefer=(),
-            nodes={n: entry for n, entry in entries.items() if isinstance(entry, Entry)},
-            outputs=stated.outputs,
-            places=_places(document, path),
-            uses={n: use for n, use in entries.items() if isinstance(use, Use)},
-        )
-        found[name] = Group(_params(stated.inputs, document, (*path, "inputs")), body)
-        refuse_idle(name, found[name])
-    return found
-
-
-def _refuse_taken(
-    groups: Iterable[str], nodes: Iterable[str], earlier: Container[str], document: Document
-) -> None:
-    """Refuse a group whose name would not tell it from a node, or from another group."""
-    taken = {node.partition(".")[0] for node in nodes}
-    for name in groups:
-        place = document.place(("groups", name))
-        if name in earlier:
-            raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
-        if name in taken:
-            raise GraphError(f"{place}: a node is called '{name}' too; give another name")
-
-
-def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
-    """The outputs without those that a variant gives as null."""
-    return {name: reference for name, reference in outputs.items() if reference is not None}
-
-
-def _places(document: Document, path: Path_) -> dict[str, Place]:
-    """The places of everything below `path`, by dotted path relative to it."""
-    size = len(path)
-    return {dotted(p[size:]): place for p, place in document.places.items() if p[:size] == path}
-
-
-def _params(
-    stated: Mapping[str, ParamModel | GroupParamModel | GroupInputModel | None],
-    document: Document,
-    path: Path_,
-) -> dict[str, Param]:
-    return {
-        name: Param(
-            param.kind if isinstance(param, ParamModel) else "",
-            param.help if param else "",
-            (*path, name, "default") not in document.places,
-            param.default if param else None,
-        )
-        for name, param in stated.items()
-    }
+def _refuse_gaps(before: Graph, graph: Graph) -> None:
+    """Refuse references of an overlay to what the graph below it does not have."""
+    for name, entry in graph.nodes.items():
+        if name not in before.nodes or before.nodes[name].inputs != entry.inputs:
+            for port, reference in entry.inputs.items():
+                read = split_reference(split_previous(reference)[0], graph.nodes)[0]
+                graph.check_node(read, entry.where(f"in.{port}"))

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
 from tactograph.graph.declare.check_settings import model_of
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
-from tactograph.graph.files.graph_model import GraphModel
+from tactograph.graph.files.graph_model import GraphModel, GroupFileModel, StudyModel
 from tactograph.graph.files.read_graph import shipped_names
 
 
 def make_schema() -> dict[str, Any]:
-    """Return the schema: the file format, and every built-in node with its ports and ranges."""
-    schema = GraphModel.model_json_schema(by_alias=True)
+    """Return the schema: the file formats, and every built-in node with its ports and ranges.
+
+    A file is a study if it has a `base`, a group if it has `inputs`, else a graph.
+    """
+    kinds: list[type[BaseModel]] = [GraphModel, StudyModel, GroupFileModel]
+    _, schema = models_json_schema([(kind, "validation") for kind in kinds], by_alias=True)
     nodes = [find_node(name) for name in builtin_names()]
     definitions = schema["$defs"]
     for each in nodes:
@@ -25,14 +32,21 @@ def make_schema() -> dict[str, Any]:
         {"description": "a node of another package"},
     ]
     entry["allOf"] = [_rule(each) for each in nodes]
-    schema["properties"]["extends"]["description"] += f" Shipped: {', '.join(shipped_names())}."
+    shipped = f" Shipped: {', '.join(shipped_names())}."
+    definitions["GraphModel"]["properties"]["extends"]["description"] += shipped
+    a_group, a_graph = _if_it_has("inputs", "GroupFileModel"), {"$ref": "#/$defs/GraphModel"}
+    schema |= {**_if_it_has("base", "StudyModel"), "else": {**a_group, "else": a_graph}}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "tactograph graph file"
     return schema
 
 
+def _if_it_has(key: str, model: str) -> dict[str, Any]:
+    return {"if": {"required": [key]}, "then": {"$ref": f"#/$defs/{model}"}}
+
+
 def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
-    """A node's parameters, each of which may also be a ``$param`` of the graph."""
+    """Schema of a node's parameters; each may also be a ``$param`` of the graph."""
     model = model_of(node).model_json_schema(ref_template="#/$defs/{model}")
     definitions.update(model.pop("$defs", {}))
     reference = {"type": "string", "pattern": r"^\$[A-Za-z_]\w*$"}
@@ -62,7 +76,7 @@ def _rule(node: Node) -> dict[str, Any]:
                 }
                 for name in node.input_names
             },
-            "additionalProperties": False,
+            "additionalProperties": {"type": "string"} if node.repeated else False,
         },
     }
     return {"if": {"properties": {"op": {"const": node.name}}}, "then": {"properties": properties}}

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node
-from tactograph.graph.files.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
-from tactograph.nodes.files.gelsight_scan import SCAN, is_scan, read_scan
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     Crop,
@@ -33,13 +32,11 @@ from tactograph.nodes.files.image_files import (
     size_of,
 )
 
-SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
-TRUTH = "truth_height_mm.npy"
-TRUE_SLOPE = "truth_slope.npy"
-TRUE_SHADOW = "truth_shadow.png"
-LED_FILES = "led{}"
-"""The images' name without suffix."""
-MIN_LEDS, MOST_LEDS = 3, 8
+IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
+TRUE_HEIGHT_FILE = "truth_height_mm.npy"
+TRUE_SLOPE_FILE = "truth_slope.npy"
+TRUE_SHADOW_FILE = "truth_shadow.png"
+MAX_LEDS = 8
 
 
 class Capture(NamedTuple):
@@ -77,7 +74,7 @@ class Layout:
 
     lights: Lights = "leds"
     leds: tuple[int, ...] | None = None
-    files: str = LED_FILES
+    files: str = "led{}"
     bits: int | None = None
     crop: Crop | None = None
 
@@ -88,7 +85,7 @@ def read_capture(
     folder: Path,
     lights: Lights | None = None,
     leds: Leds | None = None,
-    files: str = LED_FILES,
+    files: str = "led{}",
     crop: Crop | None = None,
     single: bool = False,
     whole: Whole = FRACTIONS,
@@ -100,8 +97,7 @@ def read_capture(
     folder
         Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit grey; PNG, TIFF, PGM or BMP, or JPEG
         with a warning), or one colour image; or holds such folders, which are then read in
-        order of name.  Hidden folders and files are ignored.  Of a scan, which has a
-        ``scan.yaml``, the images that it lists are taken, in that order.
+        order of name.  Hidden folders and files are ignored.
     lights
         "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
         lights in that order.  None: the entry in ``capture.yaml``, else "leds".
@@ -192,9 +188,9 @@ def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole:
     return Capture(
         image,
         name,
-        _true_height(folder / TRUTH, layout.crop, image),
-        _true_slope(folder / TRUE_SLOPE, layout.crop, image),
-        _true_shadow(folder / TRUE_SHADOW, layout.crop, image),
+        _true_height(folder / TRUE_HEIGHT_FILE, layout.crop, image),
+        _true_slope(folder / TRUE_SLOPE_FILE, layout.crop, image),
+        _true_shadow(folder / TRUE_SHADOW_FILE, layout.crop, image),
     )
 
 
@@ -232,9 +228,7 @@ def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -
 
 def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
     if _lights(folder, lights) == "leds":
-        if _lists_images(folder, layout):
-            return True
-        numbers = layout.leds or (*range(1, MOST_LEDS + 1),)
+        numbers = layout.leds or (*range(1, MAX_LEDS + 1),)
         return any(_find(folder, layout.files, numbers).values())
     return bool(_images(folder))
 
@@ -257,9 +251,9 @@ def read_capture_file(folder: Path) -> CaptureFile:
 
 
 def _with_capture_file(folder: Path, layout: Layout) -> Layout:
-    said = read_capture_file(folder)
-    leds = layout.leds or (tuple(said.leds) if said.leds else None)
-    return replace(layout, leds=leds, bits=layout.bits or said.bits)
+    stated = read_capture_file(folder)
+    leds = layout.leds or (tuple(stated.leds) if stated.leds else None)
+    return replace(layout, leds=leds, bits=layout.bits or stated.bits)
 
 
 def _find(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
@@ -282,61 +276,43 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     name = stem.rpartition("/")[2].lower()
-    likely = (s for s in SUFFIXES if listed is None or f"{name}{s}" in listed)
-    there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
-    if len(there) > 1:
-        names = " and ".join(file.name for file in there)
+    likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
+    existing = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
+    if len(existing) > 1:
+        names = " and ".join(file.name for file in existing)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
-    return there[0] if there else None
+    return existing[0] if existing else None
 
 
 def _led_files(folder: Path, layout: Layout) -> list[Path]:
-    if _lists_images(folder, layout):
-        return _listed_files(folder, layout.leds)
     if layout.leds is not None:
         if len(set(layout.leds)) < len(layout.leds):
             raise InputError(f"leds={layout.leds}: an LED is named twice")
-        found = _find(folder, layout.files, layout.leds)
+        by_led = _find(folder, layout.files, layout.leds)
     else:
-        there = _find(folder, layout.files, range(1, MOST_LEDS + 1))
-        last = max((k for k, file in there.items() if file), default=0)
-        found = {k: there[k] for k in range(1, max(last, 1) + 1)}
-    missing = [k for k, file in found.items() if file is None]
+        candidates = _find(folder, layout.files, range(1, MAX_LEDS + 1))
+        last = max((k for k, file in candidates.items() if file), default=0)
+        by_led = {k: candidates[k] for k in range(1, max(last, 1) + 1)}
+    missing = [k for k, file in by_led.items() if file is None]
     if missing:
         name = layout.files.format(missing[0])
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
-    if not MIN_LEDS <= len(found) <= MOST_LEDS:
+    if not 3 <= len(by_led) <= MAX_LEDS:
         raise InputError(
-            f"{folder}: {len(found)} LED images; a slope needs from {MIN_LEDS} to {MOST_LEDS} "
-            "of them"
+            f"{folder}: {len(by_led)} LED images; a slope needs from 3 to {MAX_LEDS} of them"
         )
-    return [file for file in found.values() if file is not None]
-
-
-def _lists_images(folder: Path, layout: Layout) -> bool:
-    """Whether a scan's file says which images are the LEDs'; a pattern of one's own counts more."""
-    return layout.files == LED_FILES and is_scan(folder)
-
-
-def _listed_files(folder: Path, leds: Sequence[int] | None) -> list[Path]:
-    """The images of a scan, in its order or in that of `leds`."""
-    images = read_scan(folder).images
-    numbers = leds or range(1, len(images) + 1)
-    if len(numbers) < MIN_LEDS or max(numbers) > len(images):
-        raise InputError(
-            f"{folder / SCAN}: lists {len(images)} images; a slope needs from {MIN_LEDS} to "
-            f"{MOST_LEDS} of them (a single colour image: lights=rgb)"
-        )
-    return [images[number - 1] for number in numbers]
+    return [file for file in by_led.values() if file is not None]
 
 
 def _images(folder: Path) -> list[Path]:
-    files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not _is_hidden(f))
+    files = (
+        f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(f)
+    )
     return sorted(files)
 
 
 def _is_hidden(path: Path) -> bool:
-    """Whether it is hidden: the remains of a killed writer (`atomic_files`), or a system file."""
+    """Tell a hidden file: of a system, or what a killed writer left (`atomic_files`)."""
     return path.name.startswith(".")
 
 

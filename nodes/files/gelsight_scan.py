@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.graph.files.strict_yaml import parse_yaml
+from tactograph.graph.disk.strict_yaml import parse_yaml
 from tactograph.nodes import F4
 
 SCAN = "scan.yaml"

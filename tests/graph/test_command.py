@@ -20,6 +20,7 @@ from ruamel.yaml import YAML
 from tactograph.graph import command
 from tactograph.graph.backends.devices import how_to_get_one
 from tactograph.graph.commands.run import _in_rows
+from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
@@ -36,15 +37,12 @@ nodes:
   height: {op: read_height, with: {file: $file}}
   pixel:  {op: pixel_size, with: {mm: 0.1}}
   score:  {op: evaluate_height, in: {height: height, pixel: pixel, truth: frames.truth}}
+  touch:
+    op: join_touch
+    in: {height: height, image: frames.image, pixel: pixel, frames: frames, shadow: lit}
   save:
     op: write_result
-    in:
-      height: height
-      shadow: lit
-      image: frames.image
-      pixel: pixel
-      metrics: score
-      name: frames.name
+    in: {touch: touch, metrics: score}
     with: {folder: $out, mesh: false, pictures: false}
 outputs: {score: score}
 """
@@ -538,11 +536,16 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
         assert words in page
 
 
-def test_graphs_lists_every_graph_that_ships_with_its_title(tactograph: Command) -> None:
+def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -> None:
     lines = tactograph("graphs").out.splitlines()
-    assert [line.split()[0] for line in lines] == shipped_names()
-    assert any(re.fullmatch(rf"paper +{read_graph('paper').title}", line) for line in lines)
-    assert all(len(line.split()) > 1 for line in lines), "each has a title"
+    headings = [line.removesuffix(":") for line in lines if not line.startswith(" ")]
+    folders = ["calibrate", "export", "live", "reconstruct", "record", "simulate"]
+    assert headings[: len(folders)] == folders
+    assert headings[-1] == "overlays, for --with"
+    listed = {line.split()[0]: line.split(None, 1)[1] for line in lines if line.startswith(" ")}
+    assert listed.keys() == {*shipped_names(), *shipped_overlays()}
+    assert listed["paper"] == read_graph("paper").title
+    assert listed["reconstruct_no_shadow"] == read_graph("reconstruct_no_shadow").title
 
 
 @pytest.mark.parametrize("name", ["run", "check", "compare"])
@@ -783,4 +786,4 @@ def test_ctrl_c_says_how_to_go_on(
     monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", stop)
     done = tactograph("check", write(SLOPES))
     assert done.code == 130
-    assert done.err.strip() == command.STOPPED
+    assert done.err.strip() == command.STOPPED_MESSAGE

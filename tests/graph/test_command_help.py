@@ -1,4 +1,4 @@
-"""What the command line tells of itself: help on graphs, near misses, completion in a shell."""
+"""Help of the command line: on graphs, on near misses, and by completion in a shell."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_help_on_a_graph_that_is_not_there_says_so(tactograph: Command) -> None:
 
 
 def completed(shell: str, words: str, number: int) -> list[str]:
-    """What a shell is told, with the words behind the command's name and the number of the last."""
+    """The completions for words after the command's name, and the number of the last word."""
     asked = words if shell != "fish" else words.rpartition(" ")[2]
     told = {
         "COMP_WORDS": f"tactograph {words}",
@@ -91,6 +91,13 @@ def completed(shell: str, words: str, number: int) -> list[str]:
         ("run live ambient = fa", 5, {"plain,false"}),
         ("run nowhere x", 3, set()),
         ("compare paper paper_no_f", 3, {"plain,paper_no_flat"}),
+        ("compare precise_abl", 2, {"plain,precise_ablation"}),
+        ("check precise_abl", 2, {"plain,precise_ablation"}),
+        ("run precise_abl", 2, {"file,precise_abl"}),
+        ("run live --with r", 4, {"plain,record", "plain,rerun", "plain,ros2"}),
+        ("run reconstruct --with no_", 4, {"plain,no_flat"}),
+        ("run gelsight_mini --with follow_", 4, {"file,follow_"}),
+        ("run live --with ros2 names", 5, {"plain,namespace="}),
     ],
 )
 def test_bash_completes_graphs_params_and_values(

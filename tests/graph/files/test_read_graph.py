@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names
 from tests.graph.conftest import SLOPES, Write
 
 BACKENDS = "'numpy' or 'opencl' is needed"
@@ -37,8 +37,10 @@ def test_a_shipped_graph_is_found_by_its_bare_name(name: str) -> None:
     assert read_graph(name).name == name
 
 
-def test_a_shipped_graph_is_found_by_its_file_name_too() -> None:
-    assert read_graph("paper.yaml").hash == read_graph("paper").hash
+@pytest.mark.parametrize("name", ["paper", "paper_no_shadow", "reconstruct_no_shadow"])
+def test_a_shipped_graph_is_found_by_its_file_name_too(name: str) -> None:
+    assert read_graph(f"{name}.yaml").hash == read_graph(name).hash
+    assert [graph.hash for graph in read_graphs(f"{name}.yaml")] == [read_graph(name).hash]
 
 
 def test_a_misspelt_name_is_met_with_the_one_that_was_meant() -> None:

@@ -12,9 +12,9 @@ import jsonschema
 import pytest
 
 from tactograph.graph.declare.find_node import builtin_names
-from tactograph.graph.files.read_graph import graph_file, shipped_names
+from tactograph.graph.disk.strict_yaml import parse_yaml, read_yaml
+from tactograph.graph.files.read_graph import graph_file
 from tactograph.graph.files.schema import make_schema
-from tactograph.graph.files.strict_yaml import parse_yaml, read_yaml
 from tests.graph.conftest import SLOPES
 
 
@@ -32,19 +32,22 @@ def test_the_schema_is_a_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(make_schema())
 
 
-@pytest.mark.parametrize("name", shipped_names())
-def test_a_shipped_graph_tells_editors_where_the_schema_is(name: str) -> None:
-    first = Path(graph_file(name)).read_text().partition("\n")[0]
-    assert first == "# yaml-language-server: $schema=pipeline.schema.json"
+SHIPPED = sorted(graph_file("paper").parents[1].glob("*/*.yaml"))
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_a_shipped_file_tells_editors_where_the_schema_is(file: Path) -> None:
+    first = file.read_text().partition("\n")[0]
+    assert first == "# yaml-language-server: $schema=../pipeline.schema.json"
 
 
 def test_the_schema_is_the_same_every_time() -> None:
     assert make_schema() == make_schema()
 
 
-@pytest.mark.parametrize("name", shipped_names())
-def test_a_shipped_graph_passes(name: str) -> None:
-    validator().validate(read_yaml(Path(graph_file(name))).data)
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_a_shipped_file_passes(file: Path) -> None:
+    validator().validate(read_yaml(file).data)
 
 
 def test_a_small_graph_passes() -> None:

@@ -15,8 +15,8 @@ import pytest
 from annotated_types import Gt
 
 from tactograph.graph import GraphError, InputError, NodeError, load, node, parity
-from tactograph.graph.files import read_graph as read
-from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files import graph_places
+from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write
 
@@ -202,16 +202,18 @@ def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     folder.mkdir()
     (folder / "__init__.py").touch()
     (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
+    (folder / "nap.yaml").write_text("format: 1\npatch: [{neutral: shadow}]\n")
     monkeypatch.syspath_prepend(tmp_path)
-    point = EntryPoint("felt", "felt_pipelines", read.GROUP)
+    point = EntryPoint("felt", "felt_pipelines", graph_places.GROUP)
     monkeypatch.setattr(
-        read,
+        graph_places,
         "entry_points",
-        lambda group, name: [point] if (group, name) == (read.GROUP, "felt") else [],
+        lambda group, name: [point] if (group, name) == (graph_places.GROUP, "felt") else [],
     )
     assert read_graph("felt/soft").nodes["shadow"].neutral
     variant = read_graph({"format": 1, "extends": "felt/soft", "title": "softer"})
     assert variant.hash == read_graph("felt/soft").hash
+    assert with_overlays(read_graph("paper"), ["felt/nap"]).hash == variant.hash
     with pytest.raises(InputError, match="felt brings no pipeline 'sotf'; did you mean 'soft'"):
         read_graph("felt/sotf")
 

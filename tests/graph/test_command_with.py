@@ -1,0 +1,99 @@
+"""``--with`` on the command line, and studies among its graphs."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph.files.read_graph import read_graph
+from tests.graph.conftest import STREAM, Command, Write
+
+FEW = "format: 1\ntitle: one touch\nparams: {count: {kind: integer, default: 1}}"
+STUDY = """
+format: 1
+title: How many touches
+base: graph.yaml
+variants:
+  dim: {patch: [{insert: dim, op: dimmed, in: {image: frames.image}}]}
+  one: {extends: few.yaml}
+"""
+
+
+@pytest.fixture
+def stream(write: Write, toys: list[str]) -> str:
+    write(FEW, "few.yaml")
+    return write(STREAM)
+
+
+@pytest.mark.parametrize("command", ["check", "explain"])
+def test_what_an_overlay_makes_of_a_graph_is_shown(tactograph: Command, command: str) -> None:
+    done = tactograph(command, "live", "--with", "no_flat", "--with", "ros2")
+    assert done.code == 0, done.err
+    assert "live_no_flat_ros2" in done.out
+    assert read_graph("live_no_flat_ros2").hash in done.out
+
+
+def test_an_overlay_is_worked_into_the_resolved_graph_before_what_is_set(
+    tactograph: Command, write: Write
+) -> None:
+    words = ("live", "--with", "ros2", "--set", "publish.points_step=5")
+    done = tactograph("resolve", *words)
+    assert read_graph(write(done.out)).nodes["publish"].settings["points_step"] == 5
+    assert tactograph("draw", *words).out.startswith('digraph "live_ros2"')
+
+
+def test_help_lists_the_params_of_an_overlay(tactograph: Command) -> None:
+    assert "namespace=TEXT" in tactograph("run", "live", "--with", "ros2", "--help").out
+
+
+def test_an_overlay_that_does_not_fit_ends_in_one_line(tactograph: Command) -> None:
+    done = tactograph("run", "gelsight_mini", "--with", "follow_drift")
+    assert done.code == 2
+    assert done.err.startswith("tactograph: 'follow_drift' does not fit gelsight_mini: ")
+    assert done.err.count("\n") == 1
+
+
+def test_a_graph_is_run_with_an_overlay_of_ones_own(
+    tactograph: Command, stream: str, toys: list[str]
+) -> None:
+    assert tactograph("run", stream, "--with", str(Path(stream).with_name("few.yaml"))).code == 0
+    assert [line for line in toys if line.startswith("noted")] == ["noted 1"]
+
+
+def test_a_study_is_checked_graph_by_graph(tactograph: Command, stream: str, write: Write) -> None:
+    done = tactograph("check", write(STUDY.replace("dimmed", "noted"), "study.yaml"))
+    heads = [line.partition(":")[0] for line in done.out.splitlines() if "[" in line]
+    assert heads == ["graph", "graph_dim", "graph_one"]
+
+
+def test_a_study_is_compared_variant_by_variant(
+    tactograph: Command, stream: str, write: Write, tmp_path: Path
+) -> None:
+    study = write(STUDY.replace("dimmed", "noted"), "study.yaml")
+    done = tactograph("compare", study, "--backends", "numpy", "--out", str(tmp_path / "report"))
+    assert done.code == 0, done.err
+    with (tmp_path / "report" / "table.csv").open() as table:
+        assert {row["variant"] for row in csv.DictReader(table)} == {
+            "graph", "graph_dim", "graph_one",
+        }  # fmt: skip
+
+
+def test_compare_lays_an_overlay_over_every_graph(
+    tactograph: Command, stream: str, write: Write, tmp_path: Path
+) -> None:
+    few, out = str(Path(stream).with_name("few.yaml")), tmp_path / "report"
+    other = write(STREAM, "other.yaml")
+    done = tactograph("compare", stream, other, "--with", few, "--out", str(out))
+    assert done.code == 0, done.err
+    rows = json.loads((out / "table.json").read_text())
+    assert "graph_few" in json.dumps(rows)
+    assert "other_few" in json.dumps(rows)
+
+
+def test_a_study_is_not_run(tactograph: Command) -> None:
+    done = tactograph("run", "reconstruct_ablation")
+    assert done.code == 2
+    assert "is a study; 'tactograph compare reconstruct_ablation' runs all its graphs" in done.err
