@@ -54,7 +54,7 @@ def test_a_calibration_shows_verdict_settings_values_and_picture(
     assert "lights=bgr" in told
     assert "date: 20" in told
     assert "entries  50" in told
-    assert "pixel_size   0.07  [mm/px]" in told
+    assert "0.07  [mm/px]" in told
     picture = cv2.imread(str(tmp_path / "drawn" / "cal.png"))
     assert picture is not None
     assert np.ptp(picture) > 200
