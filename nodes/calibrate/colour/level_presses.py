@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.nodes import Light
+from tactograph.nodes import Light, Mask
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.light.coarsen import coarsen
@@ -35,6 +35,8 @@ def level_presses(
     degree, rough
         As for `film_drift`.
     """
+    if area is not None:
+        image = np.where(area != 0, image, flat)
     rest = np.maximum(flat, MIN_FLAT_LIGHT)
     levelled = []
     for press in image:

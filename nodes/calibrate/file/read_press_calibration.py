@@ -54,7 +54,8 @@ def read_press_calibration(
     quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts)
+    area = arrays.get("area", np.ones(film.shape[1:], np.uint8))
+    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts, area)
 
 
 def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:
