@@ -20,6 +20,7 @@ from tactograph.nodes.light.level_light import level_light
 def level_presses(
     image: PressImages,
     flat: Light,
+    area: Mask | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
@@ -32,6 +33,8 @@ def level_presses(
     ----------
     image, flat
         P x K x H x W presses and the K x H x W film at rest.
+    area
+        H x W, 1 where the frame shows film; elsewhere the presses get the light of film at rest.
     degree, rough
         As for `film_drift`.
     """

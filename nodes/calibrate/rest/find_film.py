@@ -17,6 +17,8 @@ BESIDE = 0.5
 """Light over that of film close by, which marks the blurred rim of a dark part."""
 SMALLEST, LEAST_RIM = 0.005, 0.05
 """Shares of the frame and of its border that a dark part has, if it is no marker there."""
+BEYOND = 1.5
+"""How far beyond the light on the film it may go on."""
 FEW = 20000
 """Pixels that say enough of how light falls off."""
 
@@ -98,5 +100,6 @@ def _continued(plane: F4, area: U1) -> F4:
     low, high = np.percentile(light, [1, 99])
     logs = np.log(np.clip(light, max(low, 1e-4), None))
     found = np.linalg.lstsq(terms.reshape(6, -1)[:, inside].T, logs, rcond=None)[0]
-    logs = np.clip(np.tensordot(found, terms, axes=1), np.log(max(low, 1e-4)), np.log(high))
-    return np.asarray(np.exp(logs), np.float32)
+    logs = np.tensordot(found, terms, axes=1)
+    light = np.exp(np.clip(logs, *np.log([max(low, 1e-4) / BEYOND, high * BEYOND])))
+    return np.asarray(light, np.float32)
