@@ -56,6 +56,7 @@ def drawn(value: Value) -> np.ndarray | float:
 
 FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()})
 FILM = FILM._replace(lights=random(4, 3))
+AREA = np.ones((6, 8), np.uint8)
 NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
 
 
@@ -71,7 +72,7 @@ def write(
 ) -> None:
     quality = {"entries": 50.0}
     write_calibration(
-        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [],
+        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [], AREA,
         file=target, provenance=replace(MADE, given={"lights": lights}),
     )  # fmt: skip
 
