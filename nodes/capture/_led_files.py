@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tactograph.graph import InputError, warn
+from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
 from tactograph.nodes.files.image_files import MAX_LEDS
 
 SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
@@ -34,6 +35,8 @@ def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> boo
     """Return whether a folder holds images that are one LED's each."""
     if pattern != USUAL:
         return any(_by_pattern(folder, pattern, leds or range(1, MAX_LEDS + 1)).values())
+    if is_scan(folder):
+        return True
     groups = _by_name(folder)
     return (USUAL.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
 
@@ -42,7 +45,8 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> li
     """Return the image of each LED, in the order of `leds`, or of their numbers.
 
     With the usual pattern, images of any one name with numbers are taken in the order of these,
-    and this is said; images of other names with numbers are named as left out.
+    and this is said; images of other names with numbers are named as left out.  Of a scan, those
+    that its ``scan.yaml`` lists are taken, in that order.
 
     Raises
     ------
@@ -72,6 +76,8 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> li
 
 def _numbered_leds(folder: Path) -> Named:
     """The images of one name by LED, counted from 1."""
+    if is_scan(folder):
+        return dict(enumerate(read_scan(folder).images, start=1))
     groups = _by_name(folder)
     usual = USUAL.format(""), ""
     likely = [usual] if usual in groups else [n for n, g in groups.items() if _may_be_leds(g)]
