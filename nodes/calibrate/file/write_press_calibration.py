@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Mask, Metrics, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration
@@ -60,7 +58,7 @@ def write_press_calibration(
             "flat": flat,
             "pixel_size": pixel,
             "reflectance": reflectance,
-            "area": np.ones(flat.shape[1:], np.uint8) if area is None else area,
+            "area": area,
         },
         {
             "quality": quality,

@@ -58,6 +58,7 @@ FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()
 FILM = FILM._replace(lights=random(4, 3))
 AREA = np.ones((6, 8), np.uint8)
 NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
+AREA = RNG.integers(0, 2, (6, 8)).astype(np.uint8)
 
 
 @pytest.fixture
@@ -90,6 +91,15 @@ def change(file: Path, **arrays) -> None:
         kept = dict(archive)
     kept.update(arrays)
     np.savez(file, **{name: array for name, array in kept.items() if array is not None})
+
+
+def test_a_file_from_before_it_was_kept_shows_film_everywhere(file: Path) -> None:
+    assert np.array_equal(read_calibration(file=file).area, AREA)
+    change(file, area=None)
+    area = read_calibration(file=file).area
+    assert area.dtype == np.uint8
+    assert (area == 1).all()
+    assert area.shape == AREA.shape
 
 
 def test_what_was_written_is_read(file: Path) -> None:
