@@ -95,7 +95,7 @@ def read_balls(
         _radius(folder / name, about, usual)
         for name, about, usual in zip(names, said, _spread(folder, names, radius_mm), strict=True)
     ]
-    known = [_known(about, center_px, contact_px) for about in said]
+    known = [known_circle(about, center_px, contact_px) for about in said]
     return BallPresses(
         np.concatenate([capture.image for capture in captures], axis=1),
         first,
@@ -131,8 +131,11 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
     return radius
 
 
-def _known(
-    about: CaptureFile, center_px: tuple[float, float] | None, contact_px: float | None
+def known_circle(
+    about: CaptureFile,
+    center_px: tuple[float, float] | None = None,
+    contact_px: float | None = None,
 ) -> tuple[float, float, float]:
+    """Return x, y and contact radius in px as a press's ``capture.yaml`` gives them, else NaN."""
     x, y = about.ball_center_px or center_px or (np.nan, np.nan)
     return x, y, about.ball_contact_px or contact_px or np.nan

@@ -11,7 +11,13 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture.read_capture import Layout, read_capture, read_images
+from tactograph.nodes.capture.read_balls import KnownCircles, known_circle
+from tactograph.nodes.capture.read_capture import (
+    Layout,
+    read_capture,
+    read_capture_file,
+    read_images,
+)
 from tactograph.nodes.files.image_files import Crop, channels, cropped, normalised, read_image
 
 PressImages = Annotated[F4, Port("P K H W", "1")]
@@ -19,11 +25,12 @@ PressImages = Annotated[F4, Port("P K H W", "1")]
 
 
 class Presses(NamedTuple):
-    """The captures, the film at rest, and the captures' folders."""
+    """The captures, the film at rest, the captures' folders, and known contacts."""
 
     image: PressImages
     flat: Light
     names: list[str]
+    circle: KnownCircles
 
 
 @node
@@ -57,7 +64,8 @@ def read_presses(
     Returns
     -------
     Presses
-        Images P x K x H x W, flat K x H x W, the names of the P folders.
+        Images P x K x H x W, flat K x H x W, the names of the P folders, and the contacts that
+        their ``capture.yaml`` give (``ball_center_px``, ``ball_contact_px``), P x 3 in px.
 
     Raises
     ------
@@ -66,7 +74,7 @@ def read_presses(
     """
     film = read_film(flat, lights, smooth_px, crop)
     if folder is None:
-        return Presses(film[None], film, [])
+        return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
     captures = list(read_capture(folder=folder, lights=lights, crop=crop))
     for capture in captures:
         if capture.image.shape != film.shape:
@@ -74,7 +82,10 @@ def read_presses(
                 f"{folder / capture.name}: {capture.image.shape[2]} x {capture.image.shape[1]} "
                 f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
             )
-    return Presses(np.stack([c.image for c in captures]), film, [c.name for c in captures])
+    names = [capture.name for capture in captures]
+    circles = [known_circle(read_capture_file(folder / name)) for name in names]
+    images = np.stack([capture.image for capture in captures])
+    return Presses(images, film, names, np.asarray(circles, np.float32))
 
 
 def read_film(

@@ -190,3 +190,12 @@ def test_presses_can_be_cropped(tmp_path: Path) -> None:
         found.image[0], COLOURS[0, 3:8, 2:10].transpose(2, 0, 1) / np.float32(255)
     )
     assert found.flat.shape == (3, 5, 8)
+    assert np.isnan(found.circle).all()
+
+
+def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
+    folder = write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
+    (folder / "capture.yaml").write_text("ball_center_px: [7.5, 5]\nball_contact_px: 3\n")
+    write(tmp_path, ["film.png"], COLOURS[1:])
+    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png")
+    assert found.circle.tolist() == [[7.5, 5, 3]]
