@@ -11,7 +11,7 @@ from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
 from tactograph.nodes.files.image_files import MAX_LEDS
 
 SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
-FEWEST_LEDS = 3
+MIN_LEDS = 3
 USUAL = "led{}"
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: what comes before its last number, the number, what comes behind."""
@@ -66,9 +66,9 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> li
     if missing:
         name = pattern.format(missing[0])
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
-    if not FEWEST_LEDS <= len(wanted) <= MAX_LEDS:
+    if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
         raise InputError(
-            f"{folder}: {len(wanted)} LED images; a slope needs from {FEWEST_LEDS} to {MAX_LEDS} "
+            f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
             "of them (if the channels of one colour image are the lights, say lights=bgr)"
         )
     return [there[led] for led in wanted]
@@ -109,7 +109,7 @@ def _numbered_leds(folder: Path) -> Named:
 
 
 def _may_be_leds(group: Named) -> bool:
-    return len(group) >= FEWEST_LEDS
+    return len(group) >= MIN_LEDS
 
 
 def _by_name(folder: Path) -> dict[tuple[str, str], Named]:

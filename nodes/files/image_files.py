@@ -29,7 +29,7 @@ HIGHEST = 1e4
 """Largest absolute value of a height map in mm."""
 MAX_SATURATED = 1e-3
 """Share of saturated pixels that raises a warning."""
-PLATEAU, BESIDE = 0.9, 0.97
+MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
 """Share of full scale above which a plateau at the largest value is saturation, and of that value
 above which light that was not cut off has at most as many pixels."""
 ORIENTATION = 0x0112
@@ -325,12 +325,12 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
 
     Some cameras end before: 12 bits at the top of 16, or video's 235 of 255.
     """
-    if most < PLATEAU * full:
+    if most < MIN_PLATEAU_SHARE * full:
         return 0.0
     share = np.count_nonzero(plane == most) / plane.size
     if most == full or share <= MAX_SATURATED:
         return share
-    beside = np.count_nonzero(plane > BESIDE * most) / plane.size - share
+    beside = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
     return share if 0 < beside < share else 0.0
 
 

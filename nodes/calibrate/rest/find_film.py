@@ -11,15 +11,15 @@ from annotated_types import Interval
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, U1, Light, Mask
 
-BRIGHT = 95
+FILM_PERCENTILE = 95
 """Percentile of the light that stands for film."""
-BESIDE = 0.5
+RIM_LIGHT_SHARE = 0.5
 """Light over that of film close by, which marks the blurred rim of a dark part."""
-SMALLEST, LEAST_RIM = 0.005, 0.05
+MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
 """Shares of the frame and of its border that a dark part has, if it is no marker there."""
-BEYOND = 1.5
+MAX_CONTINUED_RATIO = 1.5
 """How far beyond the light on the film it may go on."""
-FEW = 20000
+MAX_FIT_PIXELS = 20000
 """Pixels that say enough of how light falls off."""
 
 
@@ -73,16 +73,16 @@ def _area(flat: Light, dark: float, margin_px: int) -> U1:
     brightest = flat.max(axis=0)
     side = 2 * margin_px + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    missing = brightest < dark * np.percentile(brightest, BRIGHT)
-    missing |= brightest < BESIDE * cv2.dilate(brightest, disc)
+    missing = brightest < dark * np.percentile(brightest, FILM_PERCENTILE)
+    missing |= brightest < RIM_LIGHT_SHARE * cv2.dilate(brightest, disc)
     _, parts, stats, _ = cv2.connectedComponentsWithStats(missing.astype(np.uint8), connectivity=4)
     ring = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
     large = [
         part
         for part in np.unique(ring)
         if part
-        and stats[part, cv2.CC_STAT_AREA] >= SMALLEST * missing.size
-        and np.count_nonzero(ring == part) >= LEAST_RIM * ring.size
+        and stats[part, cv2.CC_STAT_AREA] >= MIN_PART_SHARE * missing.size
+        and np.count_nonzero(ring == part) >= MIN_RIM_SHARE * ring.size
     ]
     if not large:
         return np.ones(missing.shape, np.uint8)
@@ -95,11 +95,13 @@ def _continued(plane: F4, area: U1) -> F4:
     y, x = np.mgrid[:height, :width] / np.float64(max(height, width)) - 0.5
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
     inside = np.flatnonzero(area)
-    inside = inside[:: 1 + inside.size // FEW]
+    inside = inside[:: 1 + inside.size // MAX_FIT_PIXELS]
     light = plane.ravel()[inside]
     low, high = np.percentile(light, [1, 99])
     logs = np.log(np.clip(light, max(low, 1e-4), None))
     found = np.linalg.lstsq(terms.reshape(6, -1)[:, inside].T, logs, rcond=None)[0]
     logs = np.tensordot(found, terms, axes=1)
-    light = np.exp(np.clip(logs, *np.log([max(low, 1e-4) / BEYOND, high * BEYOND])))
+    light = np.exp(
+        np.clip(logs, *np.log([max(low, 1e-4) / MAX_CONTINUED_RATIO, high * MAX_CONTINUED_RATIO]))
+    )
     return np.asarray(light, np.float32)
