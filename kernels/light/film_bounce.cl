@@ -17,13 +17,12 @@ LANED __kernel void interpolate(
     const int H, const int W,
     const int factor,
     const int h, const int w,
-    const float missed,
     const float share)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H;
     floats found =
-        extrapolated(bounced, of_larger, missed, k, y, x, count, factor, h, w);
+        extrapolated(bounced, of_larger, k, y, x, count, factor, h, w);
     const int i = line * W + x;
     if (before) {
         const floats earlier = load_floats(before + i, count);

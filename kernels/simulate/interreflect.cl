@@ -47,12 +47,11 @@ LANED __kernel void add_light(
     __global float *restrict out,
     const int H, const int W,
     const int factor,
-    const int h, const int w,
-    const float missed)
+    const int h, const int w)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
     const floats added =
-        extrapolated(bounced, of_larger, missed, k, y, x, count, factor, h, w);
+        extrapolated(bounced, of_larger, k, y, x, count, factor, h, w);
     store_floats(load_floats(light + i, count) + load_floats(rest + i, count) * added, out + i, count);
 }

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactograph.nodes import F4, Film
+from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.coated_bounce import coated, source_rows
 from tactograph.nodes.optics.radiosity import Cells, Grid
-from tactograph.nodes.optics.sweep import Sight, arriving, azimuths, matt
+from tactograph.nodes.optics.sweep import Sight, arriving, matt
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -42,7 +43,7 @@ def bounce(
     sources[frame] *= light
     matt_film = film.refraction == 1
     law = matt(sources) if matt_film else coated(film, cells, sources, grid, from_above)
-    found = arriving(seen, azimuths(film.refraction), law, len(light), grid)
+    found = arriving(seen, law, len(light), grid)
     return np.float32(film.albedo) * found / cells.rest[frame]
 
 
@@ -58,7 +59,7 @@ def launch_cells(
     """Return a table of the cells of `light` and of the node's height (`radiosity.clh`)."""
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     every, of = math.prod(grid.whole), run.inputs
-    table = run.scratch((6 + 2 * count, every))
+    table = run.scratch((7 + 2 * count, every))
     shape = *size, grid.factor, grid.rows, grid.columns, grid.rim
     arguments = light, of["height"], slope, lights, of["pixel"], table, *shape, camera
     run.kernel("lay_out", (every,), *arguments, local=(run.group,), constants=constants)
@@ -80,6 +81,9 @@ def launch_bounce(
     `coat` holds the LEDs, then the properties of the film's coat; `COATED` says if it has one.
     """
     every, sources = math.prod(grid.whole), None
+    leds, diffuse, base, roughness, refraction, pupil = coat
+    curve = upload_curve(run, roughness, refraction)
+    coat = leds, diffuse, curve, base, roughness, refraction, pupil
     if constants["COATED"]:
         sources = run.scratch((source_rows(run.sizes["K"]), every))
         work = run.in_lanes(every)
