@@ -103,16 +103,15 @@ def film_bounce(
         return None
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope)
-    found = extrapolated(on_cells, grid)
+    found = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
     return found if before is None else before + np.float32(share) * (found - before)
 
 
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
-    """The bounced light, computed on the cells of one grid and interpolated at the pixels."""
+    """The bounced light of the cells of one grid."""
     of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
     seen = partial(sight, of, grid, film.camera)
-    planes = bounce(means(light, grid.factor), film, of, grid, seen)
-    return between_cells(planes, height.shape, grid.factor)
+    return bounce(means(light, grid.factor), film, of, grid, seen)
 
 
 @film_bounce.idle
@@ -129,21 +128,23 @@ def _launch(run: Launch) -> None:
     film = of["film.rim"], of["film.refraction"]
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
     constants = {"LEDS": count, "COATED": int(film[1] != 1), "AZIMUTHS": grid.azimuths}
-    fine, coarse = (_launch_on_cells(run, on, constants) for on in (grid, larger_cells(grid)))
-    arguments = fine, coarse, of.get("before"), out, *size, grid.factor, grid.rows, grid.columns
-    arguments = *arguments, settings["share"]
+    larger = _launch_on_cells(run, larger_cells(grid), constants)
+    bounced = _launch_on_cells(run, grid, constants, larger)
+    arguments = bounced, of.get("before"), out, *size, grid.factor, grid.rows, grid.columns
     work = run.in_row_lanes(count, *size)
-    run.kernel("interpolate", work, *arguments, constants=constants)
+    run.kernel("interpolate", work, *arguments, settings["share"], constants=constants)
 
 
-def _launch_on_cells(run: Launch, grid: Grid, constants: dict[str, int]) -> DeviceArray:
-    """Do what `_on_cells` does, except for the interpolation."""
+def _launch_on_cells(
+    run: Launch, grid: Grid, constants: dict[str, int], larger: DeviceArray | None = None
+) -> DeviceArray:
+    """Do what `_on_cells` does, and extrapolate by the result on `larger` cells."""
     of, camera = run.inputs, run.inputs["film.camera"]
     film = of["light"], of.get("slope"), of["film.lights"], camera
     table = launch_cells(run, grid, constants, *film)
     bounced = run.scratch((run.sizes["K"], grid.rows, grid.columns))
     coat = [of[f"film.{name}"] for name in COAT]
-    launch_bounce(run, grid, constants, table, coat, camera, of["film.albedo"], bounced)
+    launch_bounce(run, grid, constants, table, coat, camera, of["film.albedo"], bounced, larger)
     return bounced
 
 

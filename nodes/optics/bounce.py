@@ -62,7 +62,7 @@ def launch_cells(
     table = run.scratch((7 + 2 * count, every))
     shape = *size, grid.factor, grid.rows, grid.columns, grid.rim
     arguments = light, of["height"], slope, lights, of["pixel"], table, *shape, camera
-    run.kernel("lay_out", (every,), *arguments, local=(run.group,), constants=constants)
+    run.kernel("lay_out", run.in_row_lanes(*grid.whole), *arguments, constants=constants)
     return table
 
 
@@ -75,10 +75,12 @@ def launch_bounce(
     camera: float,
     albedo: float,
     out: DeviceArray,
+    larger: DeviceArray | None = None,
 ) -> None:
     """Enqueue what `bounce` does: from a table of cells to `out`, K x rows x columns.
 
     `coat` holds the LEDs, then the properties of the film's coat; `COATED` says if it has one.
+    `larger` is the result on cells twice as large, by which this one is extrapolated.
     """
     every, sources = math.prod(grid.whole), None
     leds, diffuse, base, roughness, refraction, pupil = coat
@@ -90,5 +92,5 @@ def launch_bounce(
         run.kernel("coat", work, table, sources, *coat, every, constants=constants)
     shape = grid.rows, grid.columns, grid.rim, grid.width, grid.film
     work = run.in_row_lanes(grid.rows, grid.columns)
-    arguments = table, sources, out, *coat, *shape, camera, albedo
+    arguments = table, sources, out, *coat, *shape, camera, albedo, larger
     run.kernel("throw_light", work, *arguments, local=(run.group,), constants=constants)

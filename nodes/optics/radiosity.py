@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.nodes import F4
+from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.slope.height_slopes import difference
 
 FARTHEST = 64
@@ -104,9 +105,9 @@ def larger_cells(grid: Grid) -> Grid:
 
 
 def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid) -> F4:
-    """Return the result on cells, extrapolated by that on cells twice as large (Richardson)."""
-    found, coarse = on_cells(grid), on_cells(larger_cells(grid))
-    return found + np.float32(MISSED) * (found - coarse)
+    """Return the result on cells, with what they miss, by that on cells twice as large (Richardson)."""
+    found, larger = on_cells(grid), on_cells(larger_cells(grid))
+    return found + np.float32(MISSED) * (found - between_cells(larger, found.shape[-2:], 2))
 
 
 def cells_of(
