@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def launch_bounce(
     grid: Grid,
     constants: Mapping[str, int],
     table: DeviceArray,
-    coat: Sequence[DeviceArray | float],
+    coat: Sequence[Any],
     camera: float,
     albedo: float,
     out: DeviceArray,

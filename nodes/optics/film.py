@@ -30,7 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import Film
-from tactograph.nodes.optics.coat import GRAZING, beckmann, fresnel, let_in_by, let_in_curve, masking
+from tactograph.nodes.optics.coat import (
+    GRAZING,
+    beckmann,
+    fresnel,
+    let_in_by,
+    let_in_curve,
+    masking,
+)
 from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]

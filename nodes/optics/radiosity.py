@@ -105,7 +105,7 @@ def larger_cells(grid: Grid) -> Grid:
 
 
 def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid) -> F4:
-    """Return the result on cells, with what they miss, by that on cells twice as large (Richardson)."""
+    """Return the result on cells, extrapolated by that on cells twice as large (Richardson)."""
     found, larger = on_cells(grid), on_cells(larger_cells(grid))
     return found + np.float32(MISSED) * (found - between_cells(larger, found.shape[-2:], 2))
 

@@ -184,7 +184,8 @@ def _risen(
     here, step = here[order], step[order]
     far = np.minimum(steps.longest.ravel()[here], steps.length.astype(np.float32)[step])
     z = np.concatenate(heights)[order]
-    return step, here, far * np.float32(grid.width), z / (1 + camera * z)
+    z /= 1 + camera * z
+    return step, here, far * np.float32(grid.width), z
 
 
 def arriving(seen: Callable[[int], Sight], law: Law, lights: int, grid: Grid) -> F4:
