@@ -30,7 +30,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.optics.film import to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid
 
-GROWTH = 4
+GROWTH = 6
 """Cells of distance after which a step is one cell longer, ..."""
 LONGEST = 8
 """... and the longest step."""
