@@ -115,5 +115,6 @@ def _when(step: Step, task: Task | None) -> str:
 
     if step.stream:
         return "every item"
-    on_host = task is not None and not step.on_device and not task.looks_outside
-    return "once, unless on disk" if on_host and has_stored(task.node) else "once"
+    if task is None or step.on_device or task.looks_outside or not has_stored(task.node):
+        return "once"
+    return "once, unless on disk"

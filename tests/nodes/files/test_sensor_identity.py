@@ -40,8 +40,9 @@ def calibrated(tmp_path: Path) -> Calibrated:
     def make(name: str | None, serial: str | None = None, **made: object) -> Path:
         file = tmp_path / f"{name}.npz"
         film = (random(4, *SIZE), random(*SIZE), *ARRAYS[2:], FILM)
+        area = np.ones(SIZE, np.uint8)
         write_calibration(
-            *film, NOISE, 1.5, LENS, MISFIT, {}, [], serial,
+            *film, NOISE, 1.5, LENS, MISFIT, {}, [], area, serial,
             file=file, sensor=name, provenance=replace(MADE, **made),
         )  # fmt: skip
         return file
