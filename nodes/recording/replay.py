@@ -181,6 +181,7 @@ class _Recording:
 
     def __init__(self, path: Path, check: Callable[[Path, SensorIdentity], None]) -> None:
         self.path, self._check = path, check
+        self._sensor = SensorIdentity()
         self._files = _files(path)
         # From this computer's monotonic clock to the time of day.
         self._offset = time.time_ns() - time.monotonic_ns()
@@ -217,7 +218,10 @@ class _Recording:
                 f"{RECORDING_FORMAT}"
             )
         self.leds = int(file.about["leds"])
-        self._check(file.path, identity_in(file.about))
+        sensor = identity_in(file.about)
+        if sensor != self._sensor:
+            self._check(file.path, sensor)
+        self._sensor = sensor
 
     def _frame(self, path: Path, message: Read) -> RawFrame:
         topic = IMAGE_TOPIC.fullmatch(message.topic)

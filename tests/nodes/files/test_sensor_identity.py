@@ -192,6 +192,21 @@ def test_a_store_of_another_sensor_is_refused_by_both_names(
     assert "another content of calibration, for sensor 'left' and not 'right'" in outcome.err
 
 
+def test_a_store_from_before_it_kept_sensors_goes_on(
+    tmp_path: Path, graph: Path, calibrated: Calibrated, tactograph: Command
+) -> None:
+    write_images(tmp_path / "touches" / "1", IMAGES)
+    words = ("batch", graph, f"calibration={calibrated('left')}", "--out", tmp_path / "all.zarr")
+    words += ("--over", tmp_path / "touches" / "*")
+    assert tactograph(*words).code == 0
+    file = tmp_path / "all.zarr" / "zarr.json"
+    said = json.loads(file.read_text())
+    del said["attributes"]["tactograph"]["job"]["files"]
+    file.write_text(json.dumps(said))
+    assert tactograph(*words).code == 0
+    assert "captures: 1, done 1" in tactograph("show", tmp_path / "all.zarr").out
+
+
 def test_results_name_the_calibration_they_were_made_with(
     tmp_path: Path, calibration: Callable[[str], str], raytraced: Path, tactograph: Command
 ) -> None:
