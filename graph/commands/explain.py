@@ -14,7 +14,7 @@ from tactograph.graph.commands import RunOptions, graph_command, run_options, sa
 if TYPE_CHECKING:
     from tactograph.graph.plan.draft import Task
     from tactograph.graph.plan.plan import Plan, Step
-    from tactograph.graph.show.last_times import LastTimes
+    from tactograph.graph.run.last_times import LastTimes
 
 
 @graph_command("explain", short_help="Say what would run, where, why and how long.")
@@ -64,7 +64,7 @@ def command(
 def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
     """The times at a place, or those of the last result in the graph's own folder."""
     from tactograph.graph.errors import InputError
-    from tactograph.graph.show.last_times import find_last_times
+    from tactograph.graph.run.last_times import find_last_times
 
     if place is not None:
         return find_last_times(plan, place, same_graph=False)
