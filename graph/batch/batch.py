@@ -61,8 +61,8 @@ def open_batch(
         store.add_maps(types)
     elif store.identity != identity:
         raise InputError(
-            f"{place}: was made with {_differences(store.identity, identity)}; "
-            "give another --out, or remove it"
+            f"{place}: was made with {_differences(store.identity, identity)}"
+            f"{_other_sensors(store.job, job)}; give another --out, or remove it"
         )
     elif chunk and chunk != store.chunk:
         raise InputError(f"{place}: was made with --chunk {store.chunk}; leave --chunk out")
@@ -152,6 +152,13 @@ def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str,
         except TactographError as error:
             reason = str(error)
     raise InputError(f"none of the first {len(tried)} captures can be processed: {reason}")
+
+
+def _other_sensors(then: Job, now: Job) -> str:
+    """Name the sensors of a store and of a command, where these differ."""
+    pairs = [(then.files.get(name, {}), known) for name, known in now.files.items()]
+    named = [(a["sensor"], b["sensor"]) for a, b in pairs if "sensor" in a and "sensor" in b]
+    return "".join(f", for sensor '{a}' and not '{b}'" for a, b in named if a != b)
 
 
 def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
 from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
@@ -33,6 +34,8 @@ class Job:
         The folder for result folders; None if maps go into the store.
     below
         The folder whose layout the result folders mirror; "" for the root.
+    files
+        What the ``.npz`` files among the inputs say of themselves.
     """
 
     graph: str
@@ -47,6 +50,7 @@ class Job:
     strict: bool = False
     folders: str | None = None
     below: str = ""
+    files: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 def identity_of(job: Job, origin: Origin) -> dict[str, Any]:
@@ -107,6 +111,7 @@ def make_job(
         strict=strict,
         folders=folders,
         below="" if folders is None else below,
+        files=identities(read),
     )
 
 

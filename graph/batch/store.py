@@ -79,7 +79,8 @@ class Store:
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
             typed = {"maps": tuple(map(str, job["maps"])), "given": dict(job["given"])}
-            self.job = Job(**{**job, **typed})
+            files = {str(n): dict(said) for n, said in dict(job.get("files", {})).items()}
+            self.job = Job(**{**job, **typed, "files": files})
             self.origin = Origin(**about["origin"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{group.store_path}: no store of a batch ({error})") from None

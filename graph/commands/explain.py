@@ -1,8 +1,10 @@
-"""``tactograph explain``: what will run where, and why."""
+"""``tactograph explain``: what would run where and why, how long it took, and what is kept."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -10,19 +12,29 @@ import click
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
+    from tactograph.graph.plan.draft import Task
     from tactograph.graph.plan.plan import Plan, Step
+    from tactograph.graph.run.last_times import LastTimes
 
 
-@graph_command("explain", short_help="Say where each node would run, and why.")
+@graph_command("explain", short_help="Say what would run, where, why and how long.")
 @click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
+@click.option(
+    "--times", "place", type=click.Path(exists=True, path_type=Path),
+    help="An earlier result, or what 'bench --out' wrote.  [default: the results in out=]",
+)  # fmt: skip
 @run_options
 def command(
     graph: str,
     values: tuple[str, ...],
     transfers: bool,
+    place: Path | None,
     options: RunOptions,
 ) -> None:
-    """Print the plan of GRAPH.  Params that are not given do not matter to the plan."""
+    """Print the plan of GRAPH, and how long its steps took before.  No node runs.
+
+    Params that are not given do not matter to the plan.
+    """
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
@@ -30,7 +42,11 @@ def command(
     plan = options.open(read, given).plan
     moves = [step for step in plan.steps if step.is_transfer]
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
-    _print_steps(title, plan, [step for step in plan.steps if transfers or step not in moves])
+    last = _last_times(plan, place)
+    known = last.ms if last else {}
+    shown = [step for step in plan.steps if transfers or not step.is_transfer]
+    _print_steps(title, plan, shown, known)
+    say(_duration(plan, last))
     if moves and not transfers:
         each = sum(step.stream for step in moves)
         click.echo(
@@ -45,18 +61,60 @@ def command(
         say(f"fallback: {line}")
 
 
-def _print_steps(title: str, plan: Plan, steps: Iterable[Step]) -> None:
+def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
+    """The times at a place, or those of the last result in the graph's own folder."""
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.run.last_times import find_last_times
+
+    if place is not None:
+        return find_last_times(plan, place, same_graph=False)
+    param = plan.graph.params.get("out")
+    out = plan.given.get("out", param.default if param else None)
+    with suppress(InputError):
+        if isinstance(out, str | Path):
+            return find_last_times(plan, Path(out), same_graph=True)
+    return None
+
+
+def _duration(plan: Plan, last: LastTimes | None) -> str:
+    """How long an item took, in one line."""
+    from tactograph.graph.errors import a_few
+
+    if last is None or not last.ms:
+        return "how long: not known; run it, or give an earlier result or bench with --times"
+    each, once = (
+        sum(last.ms.get(step.name, 0.0) for step in plan.steps if step.stream == stream)
+        for stream in (True, False)
+    )
+    unknown = [name for name in plan.tasks if name not in last.ms]
+    rest = f"; not known: {a_few(unknown, 3)}" if unknown else ""
+    return f"how long: {each:.1f} ms an item and {once:.1f} ms once, as {last.file} says{rest}"
+
+
+def _print_steps(title: str, plan: Plan, steps: Iterable[Step], known: Mapping[str, float]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title)
-    for heading in ("node", "op", "back end", "when", "why"):
+    for heading in ("node", "op", "back end", "when", "last ms", "why"):
         table.add_column(heading, overflow="fold")
     for step in steps:
-        op = plan.tasks[step.name].node.name if step.name in plan.tasks else step.kind
-        when = "every item" if step.stream else "once"
-        table.add_row(step.name, op, step.backend, when, step.why)
+        task = plan.tasks.get(step.name)
+        op = task.node.name if task else step.kind
+        took = f"{known[step.name]:.2f}" if step.name in known else "-"
+        table.add_row(step.name, op, step.backend, _when(step, task), took, step.why)
     console = Console(markup=False)
     if not console.is_terminal:
         console.width = 120
     console.print(table)
+
+
+def _when(step: Step, task: Task | None) -> str:
+    """When a step runs, and whether an earlier result may stand for it."""
+    from tactograph.graph.run.store import has_stored
+
+    if step.stream:
+        return "every item"
+    if task is None or step.on_device or task.looks_outside or not has_stored(task.node):
+        return "once"
+    return "once, unless on disk"

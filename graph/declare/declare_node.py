@@ -174,7 +174,9 @@ def _arguments(
         fields = record_fields(record)
         hints |= fields
         for field in fields:
-            yield field, inspect.Parameter(field, inspect.Parameter.POSITIONAL_ONLY)
+            default = record._field_defaults.get(field, inspect.Parameter.empty)
+            kind = inspect.Parameter.POSITIONAL_ONLY
+            yield field, inspect.Parameter(field, kind, default=default)
 
 
 def _fields_as_parameters(record: type) -> list[Parameter]:

@@ -37,12 +37,15 @@ class Provenance:
     fallbacks: list[str]
     given: dict[str, Any] = field(default_factory=dict)
     """The values of the graph's params, given or by default."""
+    inputs: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Of the ``.npz`` files among these: hash, and sensor, serial and date if known."""
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "format": 1,
             "graph": self.graph,
             "given": self.given,
+            "inputs": self.inputs,
             "device": self.device,
             "nodes": self.nodes,
             "sizes": self.sizes,

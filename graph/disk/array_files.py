@@ -31,8 +31,8 @@ def load_array(file: Path) -> NDArray[Any]:
         return _checked(stream, file.stat().st_size)
 
 
-def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
-    """Read an ``.npz``.
+def load_arrays(file: Path, only: str | None = None) -> dict[str, NDArray[Any]]:
+    """Read an ``.npz``, or of it the array `only`, if it is there.
 
     Raises
     ------
@@ -48,8 +48,10 @@ def load_arrays(file: Path) -> dict[str, NDArray[Any]]:
             if unpacked > MAX_BYTES:
                 raise ValueError(f"its arrays are {unpacked} bytes, {MAX_BYTES} are allowed")
             for member in archive.infolist():
+                name = member.filename.removesuffix(".npy")
+                if only not in (None, name):
+                    continue
                 with archive.open(member) as stream:
-                    name = member.filename.removesuffix(".npy")
                     arrays[name] = _checked(stream, member.file_size)
     except (OSError, ValueError, MemoryError):
         raise

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.graph.declare.provenance import Provenance, versions
+from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known
 
@@ -15,7 +16,8 @@ def make_provenance(
     plan: Plan, times: Mapping[str, float], known: Known, warnings: list[str]
 ) -> Provenance:
     """Describe the run so far, for a sink that writes it down."""
-    params = plan.graph.params
+    given = {n: plan.given.get(n, p.default) for n, p in plan.graph.params.items()}
+    paths = [n for n, p in plan.graph.params.items() if p.kind == "path"]
     sizes: dict[str, int] = {}
     for (_, symbol), bound in known.items():
         sizes.setdefault(symbol, bound.size)
@@ -27,7 +29,8 @@ def make_provenance(
         versions=versions(),
         warnings=list(warnings),
         fallbacks=plan.fallbacks,
-        given={name: _plain(plan.given.get(name, p.default)) for name, p in params.items()},
+        given={name: _plain(value) for name, value in given.items()},
+        inputs=identities({name: given[name] for name in paths}),
     )
 
 

@@ -36,7 +36,7 @@ def recall_or_make(
     if folder is None:
         return make()
     file: Path | None = None
-    if any(folder.glob(f"{node.name}-*{SUFFIX}")):
+    if has_stored(node):
         file = _file(folder, node, settings, arguments)
         stored = _read(file, node)
         if stored is not None:
@@ -52,6 +52,12 @@ def recall_or_make(
     if not told and 1e3 * (time.perf_counter() - start) > MIN_STORED_MS:
         _write(file or _file(folder, node, settings, arguments), node, made)
     return made
+
+
+def has_stored(node: Node) -> bool:
+    """Whether earlier results of a node are on disk; its inputs decide which one fits."""
+    folder = cache_folder()
+    return folder is not None and any(folder.glob(f"{node.name}-*{SUFFIX}"))
 
 
 def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]) -> Path:

@@ -41,6 +41,7 @@ from tactograph.nodes.files.image_files import (
     read_truth,
     size_of,
 )
+from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
 
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
 TRUE_SLOPE_FILE = "truth_slope.npy"
@@ -64,13 +65,16 @@ Place = Annotated[float, Interval(ge=-1e6, le=1e6)]
 class CaptureFile(BaseModel):
     """Entries of the optional ``capture.yaml`` beside the images.
 
-    The ball's entries are for calibration (`read_balls`).
+    The ball's entries are for calibration (`read_balls`); `sensor` is the sensor's name, `serial`
+    its camera's.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
     lights: Lights | None = None
     leds: list[int] | None = None
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None
+    sensor: str | None = None
+    serial: str | None = None
     ball_radius_mm: Length | None = None
     ball_center_px: Annotated[list[Place], Len(2, 2)] | None = None
     ball_contact_px: Length | None = None
@@ -98,6 +102,8 @@ def read_capture(
     crop: Crop | None = None,
     channel: Channel | None = None,
     single: bool = False,
+    calibration: Path | None = None,
+    another_sensor: bool = False,
     whole: Whole = FRACTIONS,
 ) -> Iterator[Capture]:
     """Yield every capture below `folder`, its light as a fraction of full scale.
@@ -122,6 +128,9 @@ def read_capture(
         Of colour images, one per LED, the channel to read.  None: the mean of all three.
     single
         Refuse a folder of captures.
+    calibration, another_sensor
+        A capture whose ``capture.yaml``, or that of the folder around it, names another `sensor`
+        or `serial` than the calibration is refused, or taken with a warning.
     whole
         Whether images may remain the camera's integers.
 
@@ -135,12 +144,13 @@ def read_capture(
     ------
     InputError
         Naming the folder or file, for anything that is missing, ambiguous, damaged, too dark
-        to measure, of a different size or depth than its neighbours, or not grey; and for an
-        image whose pixels are not plain, see `read_image`.
+        to measure, of a different size or depth than its neighbours, or not grey; for an image
+        whose pixels are not plain, see `read_image`; for a capture of another sensor.
     """
     layout = Layout(lights or "leds", leds, files, None, crop, channel)
     _check_folder(folder)
     if _is_capture(folder, layout, lights):
+        _check_sensor(folder, calibration, another_sensor)
         yield _read(folder, layout, lights, "", whole)
         return
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
@@ -153,6 +163,7 @@ def read_capture(
             f"give one of them, such as {inside[0]}"
         )
     for one in inside:
+        _check_sensor(one, calibration, another_sensor)
         yield _read(one, layout, lights, one.name, whole)
 
 
@@ -197,6 +208,16 @@ def _check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: is a file; give the folder that holds the images")
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
+
+
+def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) -> None:
+    """Refuse a capture of another sensor, which it names itself or the folder around it does."""
+    if calibration is None:
+        return
+    for place in (folder, folder.absolute().parent):
+        if any(said := identity_in(read_capture_file(place).model_dump())):
+            check_sensor(place, said, calibration, another_sensor)
+            return
 
 
 def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole: Whole) -> Capture:

@@ -15,7 +15,9 @@ from tactograph.graph import InputError, Provenance, warn
 from tactograph.graph.declare.ports import make_record, record_ports, record_values
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.disk.file_identity import ABOUT, about_in
 from tactograph.graph.errors import one_line
+from tactograph.nodes.files.sensor_identity import identity_in
 from tactograph.nodes.stored import Value, stored_values, with_older
 
 R = TypeVar("R")
@@ -163,12 +165,14 @@ class About(NamedTuple):
     """What a calibration says of itself.
 
     `quality` holds its figures, `doubts` what speaks against it, a sentence each.  `lights` is how
-    its images held the lights, as for `read_capture`; None where that is not known.
+    its images held the lights, as for `read_capture`; None where that is not known.  `serial` is
+    the camera's serial number, if it has one.
     """
 
     quality: dict[str, float]
     doubts: list[str]
     lights: str | None
+    serial: str | None = None
 
 
 def read_about(file: Path) -> About:
@@ -181,7 +185,7 @@ def read_about(file: Path) -> About:
     InputError
         If the figures are not numbers by name, or the doubts are not sentences.
     """
-    head = head_of(load_arrays(file))
+    head = about_in(load_arrays(file, only=ABOUT))
     quality, doubts = head.get("quality", {}), head.get("doubts", [])
     if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
         raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
@@ -192,7 +196,8 @@ def read_about(file: Path) -> About:
         lights = lights.get(name) if isinstance(lights, dict) else None
     figures = {name: float(value) for name, value in quality.items()}
     sentences = [one_line(doubt) for doubt in doubts]
-    return About(figures, sentences, lights if isinstance(lights, str) else None)
+    serial = identity_in(head).serial or None
+    return About(figures, sentences, lights if isinstance(lights, str) else None, serial)
 
 
 def check_use(file: Path, about: About, lights: str | None) -> None:
@@ -241,7 +246,7 @@ def is_of_kind(file: Path, kind: FileKind) -> bool:
     InputError
         If there is no such file, or it holds no arrays.
     """
-    return bool(head_of(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
+    return bool(about_in(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
 
 
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
@@ -254,17 +259,8 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         raise InputError(f"{file}: the calibration is refused: {why}") from None
 
 
-def head_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """What a file says of itself; empty if that cannot be read."""
-    try:
-        head = json.loads(str(arrays["about"]))
-    except (KeyError, ValueError, RecursionError):
-        return {}
-    return head if isinstance(head, dict) else {}
-
-
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
-    head = head_of(arrays)
+    head = about_in(arrays)
     name, version = head.get("kind"), head.get("format")
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")

@@ -13,6 +13,7 @@ from tactograph.graph import Provenance, Session, node
 from tactograph.nodes import Light
 from tactograph.nodes.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.nodes.files.ros_messages import Message, image_message, text_message
+from tactograph.nodes.files.sensor_identity import identity_from
 from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame
 
 RECORDING_FORMAT = "1"
@@ -44,6 +45,9 @@ def record(
     followed by its name and the camera's state as JSON on ``/touch``.  Once this function
     returns, killing the program loses none of the touch, unless the disk has not taken it within
     a quarter of a second.  A power cut loses what has not yet been synced, see `sync_ms`.
+
+    The files' metadata keep the sensor's name and serial number, as calibration and camera tell
+    them, and the calibration's hash and date.
 
     A disk that is slow, full or gone does not stop the stream: touches are left out, with one
     warning and a count, and recording resumes when the disk does.
@@ -94,6 +98,7 @@ def record(
                 wait=wait,
             ),
             leds=image.shape[0],
+            state=state,
             provenance=provenance,
         )
     )
@@ -104,7 +109,15 @@ def record(
 class _Recording:
     """The log, and the offset from the camera's clock to the time of day."""
 
-    def __init__(self, folder: Path, limits: Limits, *, leds: int, provenance: Provenance) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        limits: Limits,
+        *,
+        leds: int,
+        state: LiveState | None,
+        provenance: Provenance,
+    ) -> None:
         self._offset = time.time_ns() - time.monotonic_ns()
         about = {
             "format": RECORDING_FORMAT,
@@ -112,6 +125,7 @@ class _Recording:
             "clock_offset_ns": str(self._offset),
             "graph": json.dumps(provenance.graph),
             "versions": json.dumps(provenance.versions),
+            **_sensor(state, provenance),
         }
         self.log = McapLog(folder, about, limits)
 
@@ -135,3 +149,12 @@ class _Recording:
 
     def close(self) -> None:
         self.log.close()
+
+
+def _sensor(state: LiveState | None, provenance: Provenance) -> dict[str, str]:
+    """Return the sensor, by the camera's serial number if it has one, and its calibration."""
+    known = identity_from(provenance)
+    serial = str((state.settings if state else {}).get("serial") or known.serial)
+    inputs = json.dumps(provenance.inputs) if provenance.inputs else ""
+    said = {"sensor": known.name, "serial": serial, "inputs": inputs}
+    return {name: text for name, text in said.items() if text}

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain, islice, pairwise
 from pathlib import Path
 from statistics import median
@@ -23,6 +24,7 @@ from tactograph.nodes.files.image_files import MAX_LEDS, MOST_PIXELS
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile, Read
 from tactograph.nodes.files.ros_messages import read_image
+from tactograph.nodes.files.sensor_identity import SensorIdentity, check_sensor, identity_in
 from tactograph.nodes.recording.record import RECORDING_FORMAT
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.colour_planes import planes_of
@@ -41,6 +43,7 @@ def replay(
     *,
     recording: Path,
     calibration: Path | None = None,
+    another_sensor: bool = False,
     speed: Annotated[float, Ge(0)] = 1.0,
     refresh: Refresh = "rolling",
 ) -> Iterator[LiveFrames]:
@@ -54,8 +57,11 @@ def replay(
     recording
         An ``.mcap`` file of `record`, or the folder of such files, which are read in order.
     calibration
-        For recordings that hold frames with all LEDs off: gives the camera's own dark image,
-        which the graph subtracts by itself.
+        A recording of another sensor than the calibration's is refused.  Of recordings with
+        frames with all LEDs off it gives the camera's own dark image, which the graph subtracts
+        by itself.
+    another_sensor
+        Take a recording of another sensor on purpose, with a warning.
     speed
         1: at the recorded pace; 2: twice as fast; 0: as fast as possible.
     refresh
@@ -70,9 +76,12 @@ def replay(
     Raises
     ------
     InputError
-        If there is no recording, or a file was not written by `record`.
+        If there is no recording, a file was not written by `record`, or it is of another sensor
+        than the calibration.
     """
-    source = _Recording(recording)
+    source = _Recording(
+        recording, partial(check_sensor, calibration=calibration, another_sensor=another_sensor)
+    )
     frames = source.frames()
     first = list(islice(frames, RATE_FRAMES))
     if not first:
@@ -170,8 +179,9 @@ class _Recording:
         The camera's settings, as far as they have been read.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, check: Callable[[Path, SensorIdentity], None]) -> None:
+        self.path, self._check = path, check
+        self._sensor = SensorIdentity()
         self._files = _files(path)
         # From this computer's monotonic clock to the time of day.
         self._offset = time.time_ns() - time.monotonic_ns()
@@ -185,7 +195,8 @@ class _Recording:
             count = 0
             for message in file.messages():
                 if IMAGE_TOPIC.fullmatch(message.topic):
-                    self._learn(file)
+                    if not count:
+                        self._learn(file)
                     count += 1
                     yield self._frame(path, message)
                 elif message.topic == "/touch":
@@ -207,6 +218,10 @@ class _Recording:
                 f"{RECORDING_FORMAT}"
             )
         self.leds = int(file.about["leds"])
+        sensor = identity_in(file.about)
+        if sensor != self._sensor:
+            self._check(file.path, sensor)
+        self._sensor = sensor
 
     def _frame(self, path: Path, message: Read) -> RawFrame:
         topic = IMAGE_TOPIC.fullmatch(message.topic)

@@ -76,6 +76,7 @@ def write_mcap(
         wait=wait,
     )
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
+    about |= {"inputs": json.dumps(provenance.inputs)}
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
     stamp = export.stamps.of(touch.time)
     export.log.put(touch_messages(stamp, touch, points_step, provenance))

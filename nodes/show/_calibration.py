@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.array_files import load_arrays
+from tactograph.graph.disk.file_identity import ABOUT, about_in
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import (
     FileKind,
-    head_of,
     is_of_kind,
     read_about,
     read_arrays,
@@ -46,7 +46,7 @@ def show_calibration(file: Path) -> Shown:
     if kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
     arrays = read_arrays(file, kind)
-    about, head = read_about(file), head_of(load_arrays(file))
+    about, head = read_about(file), about_in(load_arrays(file, only=ABOUT))
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
     if kind is not CAMERA and "doubts" not in head:
         verdict = "not kept, the file is older; calibrate again"
@@ -55,7 +55,7 @@ def show_calibration(file: Path) -> Shown:
     others = [line for line in warnings if line.strip() not in about.doubts]
     lines = [
         f"{file}: {kind.name}, format {kind.format}",
-        *_words(head, "sensor", "date"),
+        *_words(head, "sensor", "serial", "date"),
         *origin(made),
         *([f"verdict: {verdict}"] if kind is not CAMERA else []),
         *first(sentences(about.doubts)),

@@ -56,7 +56,17 @@ def origin(made: Any) -> list[str]:
     lines = [f"made by: graph {graph['name']} [{graph.get('hash', '')}]"] if "name" in graph else []
     if "tactograph" in versions:
         lines[-1:] = [f"{line}, version {versions['tactograph']}" for line in lines[-1:]]
-    return [*lines, *given_params(given)]
+    return [*lines, *given_params(given), *input_files(made.get("inputs"))]
+
+
+def input_files(inputs: Any) -> list[str]:
+    """Return a line for each file that a graph was given: its sensor, date and hash."""
+    files = inputs.items() if isinstance(inputs, dict) else ()
+    return [
+        f"{name}: {', '.join(f'{what} {text}' for what, text in known.items())}"
+        for name, known in files
+        if isinstance(known, dict) and known
+    ]
 
 
 def given_params(given: Mapping[str, Any]) -> list[str]:

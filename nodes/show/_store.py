@@ -8,7 +8,7 @@ from pathlib import Path
 from tactograph.graph import InputError
 from tactograph.graph.batch.entry import DONE, PENDING
 from tactograph.graph.batch.store import open_store
-from tactograph.nodes.show._shown import Shown, first, given_params, section
+from tactograph.nodes.show._shown import Shown, first, given_params, input_files, section
 
 
 def show_store(file: Path) -> Shown:
@@ -36,6 +36,7 @@ def show_store(file: Path) -> Shown:
         f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
         f"pending {status[PENDING]}",
         *given_params(store.job.given),
+        *input_files(store.job.files),
         f"maps: {', '.join(store.job.maps) or 'none'}",
         *section("failed", first(reasons)),
         *section("warnings", first([f"  {n} x {text}" for text, n in warned.most_common()])),

@@ -34,6 +34,7 @@ class PressCalibration(NamedTuple):
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
     area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
+    serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
 
 
 PRESS_CALIBRATION = FileKind(

@@ -45,4 +45,5 @@ def read_calibration(
             f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
             "leave out; calibrate again"
         )
-    return record_of(Calibration, {**arrays, "quality": about.quality, "doubts": about.doubts})
+    said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
+    return record_of(Calibration, {**arrays, **said})

@@ -55,7 +55,8 @@ def read_press_calibration(
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
     area = arrays.get("area", np.ones(film.shape[1:], np.uint8))
-    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts, area)
+    said = quality, about.doubts, area, about.serial
+    return PressCalibration(film, dark, size, reflectance, misfit, *said)
 
 
 def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:

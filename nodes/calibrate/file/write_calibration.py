@@ -7,6 +7,7 @@ from typing import Unpack
 from tactograph.graph import Provenance, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION, Calibration, NewCalibration
 from tactograph.nodes.files.calibration_file import write_record
+from tactograph.nodes.files.sensor_identity import identity_from
 
 
 @node(former={"pixel": "it is called 'pixel_size'"})
@@ -25,7 +26,8 @@ def write_calibration(
     file
         The file; it is replaced as a whole.
     sensor
-        The sensor's name, for people.
+        The sensor's name.  None: that in the calibration that this one is made from.  What is
+        used with it and names another sensor is refused.
 
     Raises
     ------
@@ -33,5 +35,5 @@ def write_calibration(
         If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
         cannot be written.
     """
-    about = {"sensor": sensor, "made": provenance}
+    about = {"sensor": sensor or identity_from(provenance).name or None, "made": provenance}
     write_record(file, CALIBRATION, Calibration(*values), about)

@@ -6,6 +6,7 @@ from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Mask, Metrics, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration
 from tactograph.nodes.files.calibration_file import write_arrays
+from tactograph.nodes.files.sensor_identity import identity_from
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 
@@ -18,6 +19,7 @@ def write_press_calibration(
     advice: str,
     doubts: list[str] | None = None,
     area: Mask | None = None,
+    serial: str | None = None,
     *,
     file: NewPressCalibration,
     sensor: str | None = None,
@@ -40,10 +42,12 @@ def write_press_calibration(
         repeats it.
     area
         H x W, where the frame shows film; None: everywhere.
+    serial
+        The camera's serial number.
     file
         The file; it is replaced as a whole.
     sensor
-        The sensor's name, for people.
+        As for `write_calibration`.
 
     Raises
     ------
@@ -64,7 +68,8 @@ def write_press_calibration(
             "quality": quality,
             "advice": advice,
             "doubts": doubts or [],
-            "sensor": sensor,
+            "sensor": sensor or identity_from(provenance).name or None,
+            "serial": serial,
             "made": provenance,
         },
     )

@@ -11,6 +11,7 @@ from tactograph.graph import InputError
 CAMERA_FOLDER = Path("/sys/class/video4linux")
 """Folder in which the kernel lists cameras."""
 SERIAL_PREFIX = "serial:"
+GENICAM_PREFIX = "genicam:"
 DEVICE_FILE = re.compile(r"/dev/video(\d+)")
 
 
@@ -57,6 +58,15 @@ def device_of(camera: str) -> str:
         )
     path = Path(camera)
     return str(path.resolve()) if camera.startswith("/dev/") and path.is_symlink() else camera
+
+
+def serial_of(camera: str) -> str:
+    """The serial number of a camera as users name it; empty if it has none, or is no device."""
+    for prefix in (SERIAL_PREFIX, GENICAM_PREFIX):
+        if camera.startswith(prefix):
+            return camera.removeprefix(prefix)
+    device = f"/dev/video{camera}" if camera.isdecimal() else device_of(camera)
+    return next((each.serial for each in named_cameras() if each.device == device), "")
 
 
 def _read(file: Path) -> str:

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.graph.extras import need
-from tactograph.nodes.live.camera._camera_names import NamedCamera
+from tactograph.nodes.live.camera._camera_names import GENICAM_PREFIX, NamedCamera
 
-GENICAM_PREFIX = "genicam:"
 PRODUCER_VARIABLE = "GENICAM_GENTL64_PATH"
 WAIT_S = 1.0
 """Time without a frame after which the camera counts as lost."""

@@ -6,6 +6,8 @@ from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Gt, Interval
 
+from tactograph.nodes.files.sensor_identity import SensorIdentity, UsedCalibration, check_sensor
+from tactograph.nodes.live.camera._camera_names import serial_of
 from tactograph.nodes.live.camera.open_camera import CameraSettings, Library
 
 
@@ -55,7 +57,23 @@ class CameraParams(NamedTuple):
         return float(2**self.bits - 1) if self.bits else 0.0
 
     @property
+    def serial(self) -> str:
+        """The camera's serial number; empty if it has none."""
+        return serial_of(str(self.camera))
+
+    @property
     def noted(self) -> dict[str, Any]:
         """The settings that a recording keeps."""
-        kept = self._asdict() | {"camera": str(self.camera)}
+        kept = self._asdict() | {"camera": str(self.camera), "serial": self.serial}
         return {name: value for name, value in kept.items() if name != "timeout_s"}
+
+    def check_calibration(self, used: UsedCalibration) -> None:
+        """Refuse the calibration of a camera of another serial number, as far as both are known.
+
+        Raises
+        ------
+        InputError
+            If it is another's and not taken on purpose.
+        """
+        here = SensorIdentity(serial=self.serial)
+        check_sensor(f"camera={self.camera}", here, *used)

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes.live.camera._camera_names import DEVICE_FILE, device_of
+from tactograph.nodes.live.camera._camera_names import DEVICE_FILE, GENICAM_PREFIX, device_of
 from tactograph.nodes.live.camera._genicam_camera import (
-    GENICAM_PREFIX,
     GenicamCapture,
     check_genicam,
 )

@@ -43,12 +43,16 @@ REFIT_PRESSES = 10
 
 
 class GuidedColourPresses(NamedTuple):
-    """The P presses so far as from `read_presses`, and their circles as from `find_presses`."""
+    """The P presses so far as from `read_presses`, and their circles as from `find_presses`.
+
+    `serial` is the camera's serial number, if it has one.
+    """
 
     image: PressImages
     flat: Light
     names: list[str]
     circle: Circles
+    serial: str | None = None
 
 
 @node(endless=True)
@@ -122,7 +126,8 @@ def guide_colour_presses(
         watch = Watch(film, stream, guide.still_s, guide.patience_s)
         circle_in = partial(_circle, flat=flat, pixel=pixel, radius_mm=guide.ball_radius_mm)
         presses = islice(watch.presses(circle_in), presses_at_most)
-        yield from _finer_and_finer(presses, folder, flat, guide, pixel)
+        for pressed in _finer_and_finer(presses, folder, flat, guide, pixel):
+            yield pressed._replace(serial=driver.serial or None)
 
 
 def _finer_and_finer(

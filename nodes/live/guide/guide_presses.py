@@ -37,7 +37,10 @@ MIN_CONTACT_PX = 10.0
 
 
 class GuidedPresses(NamedTuple):
-    """The P presses so far as from `read_balls`, and the film as from `read_flat`."""
+    """The P presses so far as from `read_balls`, and the film as from `read_flat`.
+
+    `serial` is the camera's serial number, if it has one.
+    """
 
     image: SheetLight
     first: Light
@@ -46,6 +49,7 @@ class GuidedPresses(NamedTuple):
     names: list[str]
     flat: Light
     dark: Dark
+    serial: str | None = None
 
 
 @node(endless=True)
@@ -109,7 +113,8 @@ def guide_presses(
             frames = {frame.led: frame.data for frame in press.new}
             _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
             tell(f"Press {count} is taken: let go.")
-            yield GuidedPresses(*read_balls(folder=pressed), *film)
+            taken = GuidedPresses(*read_balls(folder=pressed), *film)
+            yield taken._replace(serial=driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "

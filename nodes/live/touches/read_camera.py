@@ -12,6 +12,7 @@ from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node
 from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
+from tactograph.nodes.files.sensor_identity import UsedCalibration
 from tactograph.nodes.live.camera.camera_params import CameraParams
 from tactograph.nodes.live.touches.sensor import open_sensor
 from tactograph.nodes.live.touches.touch_stream import Stream
@@ -26,7 +27,7 @@ def read_camera(
     *,
     driver: CameraParams,
     port: str | None = None,
-    calibration: Path,
+    used: UsedCalibration,
     refresh: Refresh = "rolling",
     ambient: bool = False,
     motion: Literal["report", "skip"] = "report",
@@ -49,8 +50,6 @@ def read_camera(
         The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
         software controller.  ``none``: the LEDs flash by themselves, and the image alone
         decides.
-    calibration
-        The sensor's calibration; its flat frame shows the film at rest.
     refresh
         "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
         a touch whenever all LEDs are new.
@@ -77,12 +76,13 @@ def read_camera(
     ------
     InputError
         If at the start the calibration, the camera or the controller cannot be opened, or the
-        camera's image size differs from the calibration's; if the calibration is of a one-shot
-        sensor.
+        camera's image size or serial number differs from the calibration's; if the calibration
+        is of a one-shot sensor.
     """
-    flat, dark, one_shot = calibrated_film(calibration)
+    flat, dark, one_shot = calibrated_film(used.calibration)
     if one_shot:
-        raise InputError(f"{calibration}: {_ONE_SHOT}, not by read_camera")
+        raise InputError(f"{used.calibration}: {_ONE_SHOT}, not by read_camera")
+    driver.check_calibration(used)
     height, width = dark.shape
     sensor = open_sensor(
         driver.camera,

@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import InputError, node
 from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
+from tactograph.nodes.files.sensor_identity import UsedCalibration
 from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.nodes.live.camera.camera_params import CameraParams
 from tactograph.nodes.live.touches.colour_stream import ColourStream, open_colour_sensor
@@ -24,7 +25,7 @@ def read_colour_camera(
     *,
     driver: CameraParams,
     sensor: str | None = None,
-    calibration: Path,
+    used: UsedCalibration,
     lights: Order | None = None,
     queue: Annotated[int, Interval(ge=1, le=64)] = 8,
     seconds: Annotated[float, Gt(0)] | None = None,
@@ -41,8 +42,6 @@ def read_colour_camera(
         The sensor's kind, "gelsight_mini" or "digit", or a file of your own.  It gives the
         camera's settings, how its pictures are rotated, cropped and scaled down, and the order
         of its colours.  Start from a copy of ``nodes/files/sensors/gelsight_mini.yaml``.
-    calibration
-        The sensor's calibration; its flat frame shows the film at rest.
     lights
         "bgr" or "rgb": the colours that are the lights, in the calibration's order.  None: that
         of `sensor`, else "bgr".
@@ -60,10 +59,11 @@ def read_colour_camera(
     ------
     InputError
         If at the start the calibration or the camera cannot be opened, or the camera's image
-        size differs from the calibration's; if there is no such sensor, its colours are in
-        another order, or the calibration is not of three lights.
+        size or serial number differs from the calibration's; if there is no such sensor, its
+        colours are in another order, or the calibration is not of three lights.
     """
-    flat, dark, _ = calibrated_film(calibration)
+    flat, dark, _ = calibrated_film(used.calibration)
+    driver.check_calibration(used)
     height, width = dark.shape
     preset = None if sensor is None else read_preset(sensor)
     order = lights or (preset.lights if preset else "bgr")
@@ -73,7 +73,7 @@ def read_colour_camera(
         )
     if len(flat) != len(order):
         raise InputError(
-            f"{calibration}: is of {len(flat)} LEDs, but a colour picture holds {len(order)} "
+            f"{used.calibration}: is of {len(flat)} LEDs, but a colour picture holds {len(order)} "
             "lights; LEDs that flash are read by 'op: read_camera'"
         )
     camera = open_colour_sensor(

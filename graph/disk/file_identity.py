@@ -1,0 +1,57 @@
+"""What tells the files that a graph is given apart: their content, and what they say of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from tactograph.graph.disk.array_files import load_arrays
+from tactograph.graph.disk.content_hash import content_hash
+from tactograph.graph.errors import one_line
+
+ABOUT = "about"
+"""The array of an ``.npz`` that is text: JSON about the others."""
+KEPT = ("sensor", "serial", "date")
+
+
+def about_in(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return what a file says of itself; nothing if that cannot be read."""
+    try:
+        head = json.loads(str(arrays[ABOUT]))
+    except (KeyError, ValueError, RecursionError):
+        return {}
+    return head if isinstance(head, dict) else {}
+
+
+def file_identity(file: Path) -> dict[str, str]:
+    """Return hash, sensor, serial and date of an ``.npz``, as far as it says them.
+
+    Nothing for other files, which may be large or change with every item.
+    """
+    if file.suffix != ".npz" or not file.is_file():
+        return {}
+    return {"hash": (key := content_hash(file)), **_said(file, key)}
+
+
+@cache
+def _said(file: Path, key: str) -> Mapping[str, str]:
+    try:
+        head = about_in(load_arrays(file, only=ABOUT))
+    except (OSError, ValueError):
+        return {}
+    said = {name: head.get(name) for name in KEPT}
+    return {name: one_line(text) for name, text in said.items() if isinstance(text, str) and text}
+
+
+def identities(paths: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return the identities of the files among a graph's params, by name; ``out`` is no input."""
+    return {
+        name: known
+        for name, path in paths.items()
+        if name != "out" and path is not None and (known := file_identity(Path(path)))
+    }
