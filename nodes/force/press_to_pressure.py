@@ -92,8 +92,8 @@ def press_to_pressure(
     solve = partial(_solve, weight=weight / weight.max(), inside=inside, steps=steps)
     pressure = solve(inside * _filtered(np.nan_to_num(height), to_load))
     figures = _figures(pressure, contact, pixel)
-    for number in range(1, int(contact.max(initial=0)) + 1):
-        if error is not None:
+    if error is not None:
+        for number in np.unique(contact[inside]):
             functional = _filtered(solve(np.where(contact == number, 1.0, 0.0)), to_load)
             chance = N * pixel**2 * _deviation(functional * np.nan_to_num(error), k)
             force = figures[f"contact_force_n/c{number}"]
@@ -137,7 +137,7 @@ def _deviation(sensitivity: Array, k: Array) -> float:
 
 def _figures(pressure: Array, contact: Contacts, pixel: float) -> Metrics:
     figures: Metrics = {}
-    for number in range(1, int(contact.max(initial=0)) + 1):
+    for number in np.unique(contact[contact > 0]):
         y, x = np.nonzero(contact == number)
         part = pressure[y, x]
         total = float(part.sum())
